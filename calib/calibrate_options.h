@@ -8,6 +8,7 @@
 
 #include "calib/bundle/bundle.h"
 #include "core/choice/auto_on_off.h"
+#include "core/choice/option_group.h"
 #include "core/fields.h"
 #include "geometry/lens/camera.h"
 
@@ -89,24 +90,32 @@ struct CalibrateOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, CalibrateOptions& o) {
+  StartGroup(visit, "Lenses");
   visit("model", o.model, "a lens model (docs/formulation.md), or auto: the simplest that held-out boards justify");
   visit("share-intrinsics", o.share_intrinsics,
         "one lens for several cameras: auto (if held-out boards say so), none, all, or a,b;c,d");
+  StartGroup(visit, "Board");
   visit("warp", o.warp, "two numbers for the bend of the board: auto (if held-out boards say so), on or off");
   visit("stretch", o.stretch, "two numbers for shear and aspect of the board: auto (if held-out boards say so), on or off");
+  StartGroup(visit, "Rig");
   visit("time-offset", o.time_offset, "constant offsets in time between cameras: auto (if held-out frames say so), on or none");
   visit("world", o.world, "camera, camera:NAME, or board:FRAME (board lying face up: z up, x along its columns)");
-  visit(
-      "holdout", o.holdout,
-      "every:N keeps every Nth time step out of the solution and checks the rig on it; every:N:K begins with time step K (from 0)");
+  StartGroup(visit, "Held-out boards");
+  visit("holdout", o.holdout,
+        "every:N keeps every Nth time step out of the solution and checks the rig on it; every:N:K begins with time step K "
+        "(from 0)");
+  StartGroup(visit, "Lenses");
   visit("intrinsics-only", o.intrinsics_only, "calibrate the lenses alone");
+  StartGroup(visit, "Held-out boards");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
   visit("holdout-views", o.holdout_views, "maximum number of views per camera in the held-out error");
+  StartGroup(visit, "Rig");
   visit("split-at", o.split_at,
         "CAMERA:FRAME: from this frame on the camera stands elsewhere and counts as another one, CAMERA@FRAME, with the same "
         "lens; CAMERA:FRAME:lens when the lens changed (repeatable)");
   visit("motions", o.motions, "look for cameras that moved, or whose lens changed, while the boards were filmed");
   visit("fix", o.fix, "keep as in the given calibration: lenses, poses, or lenses:NAME,NAME (repeatable)");
+  StartGroup(visit, "Adjustment");
   visit("engine", o.engine, "mvstudio, or mrcal: the joint adjustment by libmrcal, as a second opinion");
   VisitFields(visit, o.bundle);
 }

@@ -230,6 +230,7 @@ class Demo {
   Words TriangulateWords() const {
     Words words = {"triangulate", "--calib", o_.out + "/calibration.json", "--skeleton", "body25", "--out", o_.out + "/pose3d"};
     AddPerCamera(words, "--pose2d", "pose2d/take1", "");
+    AddPerCamera(words, "--video", "raw/take1", ".mp4");
     return words;
   }
   Words BuildWords() const {

@@ -38,7 +38,8 @@ void PrintForPerson(const CommandResult& result) {
   for (const Notice& notice : result.warnings) PrintNotice("warning " + notice.code + ": " + WithHint(notice));
   std::string written;
   for (const auto& output : result.outputs) {
-    if (output.role != "heldout-picture") written += OneLine("Wrote " + output.path) + "\n";
+    const bool small = output.role == "heldout-picture" || output.role == "board-view" || output.role == "joint-view";
+    if (!small) written += OneLine("Wrote " + output.path) + "\n";
   }
   PrintOut(written);
 }

@@ -50,7 +50,7 @@ CommandResult RunReport(report::ReportOptions options, const std::string& run, c
   result.metrics["html_bytes"] = page.html.size();
   result.outputs = {{html_path, "report"}, {json_path, "report"}};
   for (const report::ReportNotice& notice : page.warnings) result.warnings.push_back({notice.code, notice.text, notice.hint});
-  result.inputs = {run};
+  result.inputs = Joined({run}, options.with);
   result.text = "Report: " + std::filesystem::absolute(html_path).lexically_normal().string();
   return result;
 }

@@ -1,12 +1,12 @@
 #include "exports/take.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <set>
 
 #include "core/error.h"
 #include "core/format.h"
+#include "core/text/shortest_text.h"
 #include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {
@@ -226,11 +226,7 @@ std::vector<std::string> SafeNames(const std::vector<std::string>& names) {
   return safe;
 }
 
-std::string Num(double value) {
-  char text[32];
-  const auto end = std::to_chars(text, text + sizeof text, value).ptr;
-  return std::string(text, end);
-}
+std::string Num(double value) { return ShortestText(value); }
 
 std::string Numbered(const std::string& prefix, int number, int digits, const std::string& suffix) {
   return prefix + Format("%0*d", digits, number) + suffix;

@@ -1,22 +1,16 @@
 #include "markers/bvh.h"
 
 #include <cctype>
-#include <charconv>
 #include <cmath>
 #include <set>
 
+#include "core/text/shortest_text.h"
 #include "core/units.h"
 
 namespace mvstudio::markers {
 namespace {
 
 constexpr double kCmPerM = 100;
-
-/// Shortest text that parses to the same double.
-std::string ShortestText(double value) {
-  char buffer[32];
-  return {buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr};
-}
 
 /// The joints' names without blanks, each once.
 std::vector<std::string> BvhNames(const std::vector<std::string>& joints) {

@@ -1,28 +1,15 @@
-#include <charconv>
-
 #include "core/csv.h"
 #include "core/fields.h"
+#include "core/text/shortest_text.h"
 #include "markers/marker_files.h"
 
 namespace mvstudio::markers {
 namespace {
 
-/// Shortest text that parses to the same double.
-void AppendNumber(double value, std::string* text) {
-  char digits[32];
-  text->append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
-}
-
-std::string Number(double value) {
-  std::string text;
-  AppendNumber(value, &text);
-  return text;
-}
-
 constexpr ChoiceWords<TrcUnit, 2> kTrcUnits = {{{TrcUnit::kMillimetre, "mm"}, {TrcUnit::kMetre, "m"}}};
 
 std::string TrcHeader(const MarkerTake& take, const std::string& file_name, TrcUnit unit) {
-  const std::string rate = Number(take.rate_hz), count = std::to_string(take.num_frames());
+  const std::string rate = ShortestText(take.rate_hz), count = std::to_string(take.num_frames());
   std::string text = "PathFileType\t4\t(X/Y/Z)\t" + file_name +
                      "\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames\n" +
                      rate + "\t" + rate + "\t" + count + "\t" + std::to_string(take.num_markers()) + "\t" +
@@ -49,12 +36,12 @@ std::string TrcText(const MarkerTake& take, const std::string& file_name, TrcUni
   std::string text = TrcHeader(take, file_name, unit);
   for (int f = 0; f < take.num_frames(); ++f) {
     text += std::to_string(int64_t{take.first_frame} + f + 1) + "\t";
-    AppendNumber(f / take.rate_hz, &text);
+    AppendShortestText(f / take.rate_hz, &text);
     for (int m = 0; m < take.num_markers(); ++m) {
       const size_t i = take.Index(f, m);
       for (const int axis : {1, 2, 0}) {
         text += "\t";
-        if (take.source[i] != Source::kMissing) AppendNumber(per_metre * take.x_in_world[i][axis], &text);
+        if (take.source[i] != Source::kMissing) AppendShortestText(per_metre * take.x_in_world[i][axis], &text);
       }
     }
     text += "\n";
@@ -69,11 +56,11 @@ std::string CsvText(const MarkerTake& take) {
       const size_t i = take.Index(f, m);
       if (take.source[i] == Source::kMissing) continue;
       text += std::to_string(int64_t{take.first_frame} + f) + ",";
-      AppendNumber(f / take.rate_hz, &text);
+      AppendShortestText(f / take.rate_hz, &text);
       text += "," + CsvCell(take.names[static_cast<size_t>(m)]);
-      for (int k = 0; k < 3; ++k) text += ",", AppendNumber(take.x_in_world[i][k], &text);
+      for (int k = 0; k < 3; ++k) text += ",", AppendShortestText(take.x_in_world[i][k], &text);
       text += ",";
-      if (take.sigma_m[i] > 0) AppendNumber(take.sigma_m[i], &text);
+      if (take.sigma_m[i] > 0) AppendShortestText(take.sigma_m[i], &text);
       text += take.source[i] == Source::kFilled ? ",filled\n" : ",measured\n";
     }
   }

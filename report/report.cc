@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include "core/check.h"
 #include "core/disk/files.h"
@@ -49,12 +50,28 @@ Value StagesToValue(const RunData& data) {
   return list;
 }
 
+/// The scored avatars of another folder; the results keep their place by an absolute folder.
+void AddAvatars(const std::string& folder, RunData* data) {
+  RunData other = ScanRun(folder);
+  const fs::path root = fs::weakly_canonical(folder), own = fs::weakly_canonical(data->root);
+  std::set<fs::path> known;
+  for (const Stage& stage : data->stages) known.insert(own / stage.file);
+  for (Stage& stage : other.stages) {
+    if (stage.command != "avatar eval" && stage.command != "avatar train") continue;
+    if (known.count(root / stage.file) > 0) continue;
+    stage.file = (root / stage.file).string(), stage.folder = (root / stage.folder).string();
+    data->stages.push_back(std::move(stage));
+  }
+  for (ReportNotice& warning : other.warnings) data->warnings.push_back(std::move(warning));
+}
+
 }  // namespace
 
 Report BuildReport(const std::string& run_folder, const ReportOptions& options) {
   MVS_CHECK(options.max_heldout_pictures >= 0 && options.max_picture_mb >= 0 && options.max_pictures_total_mb >= 0,
             "limits of images must not be negative");
-  const RunData data = ScanRun(run_folder);
+  RunData data = ScanRun(run_folder);
+  for (const std::string& folder : options.with) AddAvatars(folder, &data);
   SectionContext context{data, options, Value::Object(), {}, 0, {}};
   std::vector<Section> sections = {FootageSection(&context),   CalibrationSection(&context), TriangulationSection(&context),
                                    DatasetSection(&context),   AvatarSection(&context),      TruthSection(&context),

@@ -9,6 +9,7 @@
 namespace mvstudio::report {
 
 struct ReportOptions {
+  std::vector<std::string> with;   ///< further folders whose scored avatars are compared with those of the run
   std::string title;               ///< empty: the run folder's name
   std::string generated_at;        ///< shown as it is; empty: left out (the library reads no clock)
   std::string version;             ///< of the program that writes the report
@@ -19,6 +20,7 @@ struct ReportOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, ReportOptions& o) {
+  visit("with", o.with, "folders of other runs: their scored avatars stand beside those of this one");
   visit("title", o.title, "title of the page; the run folder's name by default");
   visit("max-heldout-pictures", o.max_heldout_pictures, "images shown of each evaluation");
   visit("max-picture-mb", o.max_picture_mb, "MB; a larger image is named instead of embedded");
@@ -40,7 +42,8 @@ struct Report {
 
 /// Reads the files below `run_folder` (four levels deep): `*.result.json`, `calibration.json`, `points.csv`,
 /// `history.csv`, `provenance.jsonl` and the pictures that the results list. An unreadable file becomes a warning of the
-/// report. Throws IoError when the folder is missing or contains nothing to report.
+/// report. Of the folders `with`, only results of `avatar eval` and `avatar train` are taken, with their absolute paths. Throws
+/// IoError when a folder is missing or contains nothing to report.
 Report BuildReport(const std::string& run_folder, const ReportOptions& options = {});
 
 /// Path of a page's numbers: beside it, with the extension .json. Throws UsageError when that is the page itself.

@@ -316,11 +316,16 @@ std::string EvalBody(SectionContext* context, const Stage& stage) {
 
 Section AvatarSection(SectionContext* context) {
   Section section{"avatar", "Avatar", ""};
-  section.body_html += FittedBodies(context);
-  for (const Stage& stage : context->data.stages) {
-    if (stage.command == "avatar eval") section.body_html += EvalBody(context, stage);
+  section.body_html += MethodsSideBySide(context) + FittedBodies(context);
+  const std::vector<const Stage*> evaluations = context->data.All("avatar eval");
+  for (const Stage* stage : evaluations) {
+    const std::string body = EvalBody(context, *stage);
+    section.body_html += evaluations.size() > 1 ? DetailsHtml("Scores and images of " + stage->file, body) : body;
   }
-  for (const CsvFile& history : context->data.histories) section.body_html += Curves(context, history);
+  for (const CsvFile& history : context->data.histories) {
+    const std::string curves = Curves(context, history);
+    section.body_html += context->data.histories.size() > 1 ? DetailsHtml("Training of " + history.file, curves) : curves;
+  }
   for (const Stage& stage : context->data.stages) {
     if (stage.command != "avatar train" && stage.command != "avatar resume") continue;
     section.body_html += Pictures(context, stage, "textures", "Texture atlas", {}, "grid");

@@ -17,8 +17,8 @@ Value WithNames(const Value& objects) {
 
 /// What the fit of a body found; `metrics` of `avatar fit`, or what `avatar train` keeps of its own fit.
 std::string BodyTables(const Value& metrics) {
-  std::string html = ObjectsTable("Steps of the fit, by held-out silhouettes", metrics["stages"]);
-  html += ObjectsTable("Silhouettes of each camera", WithNames(metrics["cameras"]));
+  std::string html = FoldedTable("Steps of the fit, by held-out silhouettes", metrics["stages"]);
+  html += FoldedTable("Silhouettes of each camera", WithNames(metrics["cameras"]));
   const Value& templates = metrics["templates"];
   if (templates.items().size() > 1) html += ObjectsTable("Templates", templates);
   const Value& sigma = metrics["surface_sigma_mm"];

@@ -188,12 +188,13 @@ std::string StageBody(SectionContext* context, const Stage& stage, bool named) {
   const Value& cameras = metrics["cameras"];
   if (!cameras.items().empty()) {
     html += CamerasTable(cameras, calibration);
-    if (!ObjectsTable("", cameras, kShownKeys).empty()) {
-      const std::vector<std::string> all_but_name(kShownKeys.begin() + 1, kShownKeys.end());
-      html += DetailsHtml("More about each camera", ObjectsTable("", cameras, all_but_name));
-    }
-    html += RmsChart(cameras);
+    const std::vector<std::string> all_but_name(kShownKeys.begin() + 1, kShownKeys.end());
+    const bool more = !ObjectsTable("", cameras, kShownKeys).empty(), many = cameras.items().size() > 4;
+    const std::string folded = (many ? RmsChart(cameras) : "") + (more ? ObjectsTable("", cameras, all_but_name) : "");
+    if (!folded.empty()) html += DetailsHtml("More about each camera", folded);
+    if (!many) html += RmsChart(cameras);
   }
+  html += BoardViews(context, stage);
   html += CalibrationMaps(metrics);
   html += ResidualFigures(metrics, calibration);
   const std::string all = NumbersTable("", metrics);
@@ -237,7 +238,7 @@ Section CalibrationSection(SectionContext* context) {
   section.body_html += "<h3>Rig</h3>\n";
   const CsvFile* points = data.points.empty() ? nullptr : &data.points.front();
   section.body_html += RigFigures(file.value, points, points ? SkeletonOf(data, *points) : Value());
-  section.body_html += FileTable(file, summary);
+  section.body_html += stages.empty() ? FileTable(file, summary) : DetailsHtml("Calibration file", FileTable(file, summary));
   if (data.calibrations.size() > 1) {
     std::string others;
     for (size_t i = 1; i < data.calibrations.size(); ++i) others += (i > 1 ? ", " : "") + data.calibrations[i].file;

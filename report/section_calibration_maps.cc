@@ -90,18 +90,21 @@ std::string Covisibility(const Value& metrics) {
 
 std::string FilmNext(const Value& hints) {
   if (hints.items().empty()) return {};
-  std::string html = "<h3>What to film next</h3>\n";
-  for (const Value& hint : hints.items()) html += ParagraphHtml(hint["text"].Text());
-  return html;
+  constexpr size_t kMostOpen = 3;  // the most useful come first
+  std::string open, folded;
+  for (size_t i = 0; i < hints.items().size(); ++i)
+    (i < kMostOpen ? open : folded) += ParagraphHtml(hints.At(i)["text"].Text());
+  if (!folded.empty()) folded = DetailsHtml(std::to_string(hints.items().size() - kMostOpen) + " more", folded);
+  return "<h3>What to film next</h3>\n" + open + folded;
 }
 
 }  // namespace
 
 std::string CameraFigures(const std::string& heading, const std::string& text, const std::vector<std::string>& figures,
-                          size_t num_cameras) {
+                          size_t num_cameras, const char* css_class) {
   constexpr size_t kMostOpen = 4;
   if (figures.empty()) return {};
-  const std::string body = (text.empty() ? "" : ParagraphHtml(text, "muted")) + GridHtml(figures);
+  const std::string body = (text.empty() ? "" : ParagraphHtml(text, "muted")) + GridHtml(figures, css_class);
   const std::string title = "<h3>" + EscapeHtml(heading) + "</h3>\n";
   return title + (num_cameras > kMostOpen ? DetailsHtml("Figures of " + std::to_string(num_cameras) + " cameras", body) : body);
 }

@@ -106,6 +106,11 @@ std::string ObjectsTable(const std::string& caption, const Value& array, const s
   return table.Html();
 }
 
+std::string FoldedTable(const std::string& title, const Value& array) {
+  const std::string table = ObjectsTable("", array);
+  return table.empty() ? "" : DetailsHtml(title, table);
+}
+
 std::string StageHeading(const Stage& stage, bool always_named) {
   if (!always_named) return {};
   return "<h3>" + EscapeHtml(stage.command) + " " + BadgeHtml(stage.verdict) + " <span class=\"unit\">" +

@@ -48,7 +48,7 @@ Section ProvenanceSection(SectionContext* context) {
   }
   Table commands("Commands");
   commands.AddColumn("time (UTC)", "", false);
-  commands.AddColumn("command line", "", false);
+  commands.AddColumn("command", "", false);
   commands.AddColumn("version", "", false);
   commands.AddColumn("exit");
   commands.AddColumn("took");
@@ -58,9 +58,11 @@ Section ProvenanceSection(SectionContext* context) {
   files.AddColumn("path", "", false);
   files.AddColumn("size", "bytes");
   files.AddColumn("SHA-256", "", false);
+  std::string lines;
   Value list = Value::Array();
   for (const Value& entry : entries) {
-    commands.AddRow({entry["time"].Text(kNoNumber), Code(CommandLine(entry)), entry["version"].Text(kNoNumber),
+    lines += "<p><code>" + EscapeHtml(CommandLine(entry)) + "</code></p>\n";
+    commands.AddRow({entry["time"].Text(kNoNumber), entry["command"].Text("?"), entry["version"].Text(kNoNumber),
                      FormatNumber(entry["exit"].Number()), FormatDuration(entry["wall_s"].Number())});
     AddFiles("in", entry, entry["inputs"], &files);
     AddFiles("out", entry, entry["outputs"], &files);
@@ -76,6 +78,7 @@ Section ProvenanceSection(SectionContext* context) {
   }
   section.body_html =
       commands.empty() ? ParagraphHtml("No provenance.jsonl and no saved result in this run.", "muted") : commands.Html();
+  if (!commands.empty()) section.body_html += DetailsHtml("Command lines, as they can be typed again", lines);
   if (!files.empty()) section.body_html += DetailsHtml("Inputs and outputs with their digests", files.Html());
   context->json.Set("provenance", list);
   return section;

@@ -26,6 +26,12 @@ std::string Findings(const Value& metrics) {
   return html;
 }
 
+/// Folded where it is long.
+std::string TableByLength(const std::string& title, const Value& array) {
+  constexpr size_t kMostOpen = 4;
+  return array.items().size() > kMostOpen ? FoldedTable(title, array) : ObjectsTable(title, array);
+}
+
 std::string StageBody(SectionContext* context, const Stage& stage) {
   const Value& metrics = stage.metrics();
   std::string html = StageHeading(stage, true);
@@ -33,12 +39,12 @@ std::string StageBody(SectionContext* context, const Stage& stage) {
   for (const auto& [key, value] : metrics.fields()) {
     if (value.IsArray() && value.At(0).IsObject() && key != "findings" && key != "problems" && key != "issues" &&
         key != "errors") {
-      html += ObjectsTable(key == "cameras" ? "Cameras" : LabelOfKey(key).label, value);
+      html += TableByLength(key == "cameras" ? "Cameras" : LabelOfKey(key).label, value);
     }
     if (!value.IsObject()) continue;
     for (const auto& [inner_key, inner] : value.fields()) {
       if (inner.IsArray() && inner.At(0).IsObject())
-        html += ObjectsTable(LabelOfKey(key).label + ": " + LabelOfKey(inner_key).label, inner);
+        html += TableByLength(LabelOfKey(key).label + ": " + LabelOfKey(inner_key).label, inner);
     }
   }
   const std::string findings = Findings(metrics);

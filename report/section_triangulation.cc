@@ -200,12 +200,14 @@ std::string HoldoutBody(const Value& metrics) {
       text += "; limb lengths vary by " + FormatWithUnit(metrics["limb_std_mm"].Number(), "mm", 3) + " over the take";
     }
     html += ParagraphHtml(text + ".");
-    html += GridHtml({ListChart("Cameras, each left out", "median error (px)", holdout["cameras"], "name", "median_px"),
-                      ListChart("Joints, one camera left out", "median error (px)", holdout["joints"], "joint", "median_px")});
+    html += DetailsHtml(
+        "Left-out error of each camera and joint",
+        GridHtml({ListChart("Cameras, each left out", "median error (px)", holdout["cameras"], "name", "median_px"),
+                  ListChart("Joints, one camera left out", "median error (px)", holdout["joints"], "joint", "median_px")}));
   }
   html += ObjectsTable("Methods compared", metrics["methods"]);
   html += ObjectsTable("Terms that bind joints together, tried", metrics["refinement"]["trials"]);
-  html += ObjectsTable("Limb lengths", metrics["limbs"]);
+  html += FoldedTable("Limb lengths", metrics["limbs"]);
   return html;
 }
 
@@ -214,9 +216,11 @@ std::string TableBody(SectionContext* context, const CsvFile& points, bool with_
   if (stats.joints.empty()) return {};
   std::string html;
   if (with_statuses) html += StatusBar(stats.statuses);
-  html += GridHtml(
-      {JointChart("Reprojection error of each joint", "median RMS (px)", stats.joints, &JointStats::median_rms_px),
-       JointChart("Predicted uncertainty of each joint", "median \u03c3 (mm)", stats.joints, &JointStats::median_sigma_mm)});
+  html += DetailsHtml(
+      "Errors of each joint",
+      GridHtml({JointChart("Reprojection error of each joint", "median RMS (px)", stats.joints, &JointStats::median_rms_px),
+                JointChart("Predicted uncertainty of each joint", "median \u03c3 (mm)", stats.joints,
+                           &JointStats::median_sigma_mm)}));
   html += GridHtml(
       {FigureHtml(Histogram("Reprojection error of all joints", {"RMS over the views (px)", false, false}, stats.rms_px), "")});
   html += Presence(points.table, stats.joints);
@@ -249,8 +253,9 @@ std::string StageBody(SectionContext* context, const Stage& stage, const CsvFile
   std::vector<std::pair<std::string, double>> counts;
   for (const auto& [name, count] : metrics["status_counts"].fields()) counts.emplace_back(name, count.Number());
   html += StatusBar(counts);
+  html += TakeOverlays(context, stage);
   html += CameraTargets(metrics["cameras"]);
-  html += ObjectsTable("Cameras", metrics["cameras"]);
+  html += FoldedTable("Numbers of each camera", metrics["cameras"]);
   html += HoldoutBody(metrics);
   for (const char* key : {"truth", "reference", "trc"}) {
     html += NumbersTable(std::string("Against the ") + (std::string(key) == "trc" ? "reference .trc" : key), metrics[key]);

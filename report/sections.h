@@ -46,6 +46,8 @@ std::string NumbersTable(const std::string& caption, const Value& object);
 /// An array of objects as a table: a column for each key whose values are numbers, texts, flags or short arrays of numbers.
 /// Keys in `skip` are left out.
 std::string ObjectsTable(const std::string& caption, const Value& array, const std::vector<std::string>& skip = {});
+/// The same folded, with `title` as its summary; empty without rows.
+std::string FoldedTable(const std::string& title, const Value& array);
 /// "avatar/avatar_eval.result.json" above the stage's content, with its verdict.
 std::string StageHeading(const Stage& stage, bool always_named);
 /// Brief note for a section without data.
@@ -68,7 +70,15 @@ std::string CalibrationMaps(const Value& metrics);
 
 /// Figures of every camera under a heading; of more than four cameras folded.
 std::string CameraFigures(const std::string& heading, const std::string& text, const std::vector<std::string>& figures,
-                          size_t num_cameras);
+                          size_t num_cameras, const char* css_class = "grid");
+
+/// Boards with their corners and residuals, on the images that the calibration kept; empty without.
+std::string BoardViews(SectionContext* context, const Stage& stage);
+/// Joints reprojected over an image of each camera, beside its keypoints; empty without.
+std::string TakeOverlays(SectionContext* context, const Stage& stage);
+
+/// Scored runs of one protocol in a table and over the same held-out images; empty with fewer than two.
+std::string MethodsSideBySide(SectionContext* context);
 
 /// What the fits of bodies found, with their surfaces; empty when none was run.
 std::string FittedBodies(SectionContext* context);

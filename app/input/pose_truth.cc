@@ -1,31 +1,12 @@
 #include "app/input/pose_truth.h"
 
 #include <filesystem>
-#include <map>
-#include <vector>
 
-#include "core/disk/paths.h"
+#include "app/input/pose3d_input.h"
 #include "core/error.h"
-#include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
 
 namespace mvstudio::app {
-namespace {
-
-std::map<int, std::map<int, dataset::Coco19Pose>> ReadScenes(const std::vector<std::string>& files) {
-  std::map<int, std::map<int, dataset::Coco19Pose>> scenes;
-  for (const std::string& file : files) {
-    const std::string digits = std::filesystem::path(file).stem().string().substr(std::string("body3DScene_").size());
-    if (digits.empty() || digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos) {
-      throw FormatError(file, "", "the file name is not body3DScene_%08d.json");
-    }
-    scenes[std::stoi(digits)] = dataset::ReadBody3dScene(file);
-  }
-  return scenes;
-}
-
-}  // namespace
-
 TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, const TruthOptions& options) {
   const bool align = options.align;
   if (dataset::IsMarkerFile(truth)) {
@@ -36,8 +17,8 @@ TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string&
   }
   namespace fs = std::filesystem;
   const fs::path path(truth);
-  const std::vector<std::string> scenes = FilesNamed(truth, "body3DScene_", ".json");
-  if (!scenes.empty()) return {ComparePose3d(ToCoco19Table(pose), dataset::ToTable(ReadScenes(scenes)), align)};
+  const auto scenes = ReadSceneFiles(truth);
+  if (!scenes.empty()) return {ComparePose3d(ToCoco19Table(pose), dataset::ToTable(scenes), align)};
   const fs::path table = fs::is_directory(path) ? path / "points.csv" : path;
   if (!fs::exists(table))
     throw IoError(

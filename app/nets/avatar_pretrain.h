@@ -2,11 +2,13 @@
 
 #include <string>
 #include <string_view>
+#include <type_traits>
 
 #include "app/nets/pretrain_input.h"
 #include "app/result.h"
 #include "avatar/io/pretrain/pretrain_samples.h"
 #include "avatar/settings/options.h"
+#include "core/choice/option_group.h"
 #include "core/fields.h"
 #include "core/progress.h"
 
@@ -25,14 +27,26 @@ struct PretrainOptions {
   avatar::TrainOptions train;  ///< its initialisation steps are those of the pretraining
 };
 
+/// Passes on the fields that pretraining has a use for.
+template <class Visitor>
+struct OfPretraining {
+  Visitor& visit;
+
+  template <class Value>
+  void operator()(const std::string& name, Value& value, const std::string& help) const {
+    if (IsOfPretraining(name)) visit(name, value, help);
+  }
+  void StartGroup(const char* subject) const { mvstudio::StartGroup(visit, subject); }
+};
+
 template <class Visitor>
 void VisitFields(Visitor&& visit, PretrainOptions& o) {
-  const auto some = [&visit](const std::string& name, auto& value, const std::string& help) {
-    if (IsOfPretraining(name)) visit(name, value, help);
-  };
+  const OfPretraining<std::remove_reference_t<Visitor>> some{visit};
+  StartGroup(visit, "Schedule");
   visit("steps", o.train.init_steps, "steps; each is of option 'batch' new samples");
   visit("samples", o.samples, "samples that are drawn at a time; each is seen once, then others are drawn");
   visit("scored-samples", o.scored, "samples of the poses learned from, and of those held out, that are scored at the end");
+  StartGroup(visit, "Random bodies and cameras");
   VisitFields(visit, o.sample);
   VisitFields(some, o.model);
   VisitFields(some, o.train);

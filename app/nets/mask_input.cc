@@ -5,6 +5,7 @@
 #include <set>
 
 #include "app/input/calib_read.h"
+#include "app/input/pose3d_input.h"
 #include "app/words.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
@@ -23,18 +24,6 @@ std::string SizeText(int width, int height) { return std::to_string(width) + "x"
 
 /// -1: none.
 int NumberOfName(const std::string& path) { return static_cast<int>(dataset::NumberInName(path).value_or(-1)); }
-
-/// points.csv as triangulate writes it, or body3DScene files as Panoptic's datasets hold them.
-std::map<int, People> ReadPoses(const std::string& folder) {
-  if (fs::exists(fs::path(folder) / "points.csv")) return dataset::ToCoco19(dataset::ReadPose3d(folder));
-  std::map<int, People> poses;
-  const fs::path dataset_poses = fs::path(folder) / "hdPose3d_stage1_coco19";
-  const fs::path files = fs::exists(dataset_poses) ? dataset_poses : fs::path(folder);
-  for (const std::string& path : FilesNamed(files.string(), "body3DScene_", ".json"))
-    poses[NumberOfName(path)] = dataset::ReadBody3dScene(path);
-  if (poses.empty()) throw IoError(folder, "holds neither points.csv nor body3DScene_*.json");
-  return poses;
-}
 
 /// The camera as its footage shows it.
 geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::RigCamera& camera, const MaskCamera& taken,
@@ -140,7 +129,7 @@ MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, Comma
   MaskJob job;
   job.mask = arguments.mask, job.hull = arguments.hull, job.run = arguments.run;
   if (!arguments.pose3d.empty()) {
-    job.poses = ReadPoses(arguments.pose3d);
+    job.poses = ReadCoco19Poses(arguments.pose3d);
     result->inputs.push_back(arguments.pose3d);
   }
   job.cameras.resize(take.footage.size());

@@ -3,6 +3,7 @@
 #include <string>
 #include <string_view>
 
+#include "core/choice/option_group.h"
 #include "core/fields.h"
 
 namespace mvstudio::avatar {
@@ -24,6 +25,7 @@ struct GaussianOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, GaussianOptions& o) {
+  StartGroup(visit, "Method gaussians");
   visit("gaussians", o.gaussians,
         "gaussians: their number to begin with; 0: four on each pixel of the body's surface, at most 40000");
   visit("colour-degree", o.colour_degree,

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/choice/option_group.h"
 #include "core/fields.h"
 
 namespace mvstudio::avatar {
@@ -69,6 +70,7 @@ struct ModelOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, ModelOptions& o) {
+  StartGroup(visit, "Network");
   visit("method", o.method,
         "tna: textured neural avatar; direct: the same network predicting colours itself; v2v: that with memory, flow and "
         "discriminators, the essentials of video-to-video translation (both are baselines); gaussians: no network, Gaussians "
@@ -83,6 +85,7 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("head-kernel", o.head_kernel, "kernel of the last convolutions, odd; 7 is the paper's, 3 is much faster");
   visit("skips", o.skips,
         "add the encoder's features to the decoders' at each size: learns much faster; the paper's network has none");
+  StartGroup(visit, "Inputs of the network");
   visit("inputs", o.inputs,
         "input channels: 18 bones of Panoptic's joints with their depth; 21: and both hands and the face; 24: BODY_25's bones; "
         "27: and hands and face; 36: as 18, and the share of each bone that points away from the camera");
@@ -94,16 +97,20 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
   visit("template-colours", o.template_colours,
         "direct and v2v with option 'prior' template: the fitted body in its colours is a further input, and the network "
         "corrects that image; off: it learns the colours");
+  StartGroup(visit, "Network");
   visit("spread-parts", o.spread_parts,
         "tna with option 'prior' template: at each pixel every part has coordinates, and a likelihood that falls with its "
         "distance, so that the network can move the parts' borders and coordinates; off: it holds the visible part fast");
+  StartGroup(visit, "Textures");
   visit("texture-px", o.texture_px,
         "edge of each of the 24 textures, texels; 0: three eighths of the image size, finer ones stay noisy (the paper: 256 "
         "at 512 px)");
+  StartGroup(visit, "Inputs of the network");
   visit("relative-depth", o.relative_depth,
         "bone depth relative to the body's centre, as suits person-centred crops; off: distance to the camera");
   visit("bone-half-width-px", o.bone_half_width_px,
         "half-width of a drawn bone in a 512 px image; scales with the image, at least 1 px (the paper: 4)");
+  StartGroup(visit, "Method hf");
   visit("neural-channels", o.neural_channels,
         "hf: channels of the neural texture; the first three are the fitted body's colours and stay as they are");
   visit("references", o.references, "hf: training images of other time steps that are warped into each image; 0: none");
@@ -178,7 +185,8 @@ struct TrainOptions {
 };
 
 template <class Visitor>
-void VisitFields(Visitor&& visit, TrainOptions& o) {
+void VisitStepFields(Visitor&& visit, TrainOptions& o) {
+  StartGroup(visit, "Schedule");
   visit("steps", o.steps, "end-to-end steps; `avatar train` takes 0 on a fitted body without validation images");
   visit("init-steps", o.init_steps,
         "steps that teach the network the template's part and texture coordinates first; -1: a third of option 'steps', or "
@@ -188,6 +196,11 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("texture-learning-rate", o.texture_learning_rate, "Adam step of the texels, which lie in [-1, 1]");
   visit("decay-share", o.decay_share, "last share of all steps in which both step sizes fall linearly to 2 %");
   visit("clip-norm", o.clip_norm, "gradients of the network with a larger norm are clipped; 0: never");
+}
+
+template <class Visitor>
+void VisitLossFields(Visitor&& visit, TrainOptions& o) {
+  StartGroup(visit, "Losses");
   visit("weight-l1", o.weight_l1, "weight of the mean absolute colour difference");
   visit("weight-ssim", o.weight_ssim, "weight of 1 - SSIM (7 px box window)");
   visit("weight-gradient", o.weight_gradient, "weight of the mean absolute difference of image gradients at three scales");
@@ -196,14 +209,17 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
         "that network: posenet (mvstudio models fetch), a TorchScript file that returns activations (VGG's first twelve "
         "layers, the paper's), none, or auto: posenet when it is installed");
   visit("weight-mask", o.weight_mask, "weight of the negative log likelihood of the silhouette");
+  StartGroup(visit, "Losses of the initialisation");
   visit("weight-part", o.weight_part, "initialisation: weight of the cross-entropy of the template's parts");
   visit("weight-uv", o.weight_uv,
         "initialisation: weight of the mean absolute difference to the template's texture coordinates");
   visit("keep-init", o.keep_init,
         "share of the two initialisation terms that stays on while training end to end; -1: 0.2, or 0 with option 'prior' "
         "template, which they would only hold back");
+  StartGroup(visit, "Losses");
   visit("weight-logit", o.weight_logit,
         "weight of the penalty on saturated texture coordinates (|x| > 4 before tanh) and logits (|x| > 20)");
+  StartGroup(visit, "Method v2v");
   visit("weight-gan", o.weight_gan, "v2v: weight of the least-squares loss of the patch discriminators");
   visit("weight-features", o.weight_features, "v2v: weight of the difference of the discriminators' activations");
   visit("weight-warp", o.weight_warp,
@@ -211,18 +227,29 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("critic-width", o.critic_width, "v2v: channels of a discriminator's first layer (vid2vid: 64)");
   visit("critic-layers", o.critic_layers, "v2v: strided layers of a discriminator (vid2vid: 3)");
   visit("critic-scales", o.critic_scales, "v2v: discriminators, each on the image halved once more (vid2vid: 2)");
+  StartGroup(visit, "Losses");
   visit("foreground-weight", o.foreground_weight, "weight of a pixel of the person relative to one of the background");
+}
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, TrainOptions& o) {
+  VisitStepFields(visit, o);
+  VisitLossFields(visit, o);
+  StartGroup(visit, "Random changes of the images");
   visit("jitter-scale", o.jitter_scale, "images are scaled at random by up to this share");
   visit("jitter-shift", o.jitter_shift, "images are shifted at random by up to this share of their size");
   visit("jitter-roll-deg", o.jitter_roll_deg, "degrees; images are rotated at random about their centre by up to this angle");
+  StartGroup(visit, "Schedule");
   visit(
       "ema", o.ema,
       "share of the running average of weights and textures that stays at each step, e.g. 0.999 (less in the first steps); the "
       "average is what a checkpoint is used with; 0: the last weights");
+  StartGroup(visit, "Textures");
   visit("freeze-unseen", o.freeze_unseen,
         "texels that no image shows keep the colours of their neighbours; off: they follow the faint gradients that reach "
         "them");
   visit("texture-pictures", o.texture_pictures, "images whose colours are averaged into the first textures");
+  StartGroup(visit, "Checkpoints and validation");
   visit("save-every", o.save_every, "steps between checkpoints");
   visit("report-every", o.report_every, "steps between rows of the history");
   visit("validate-pictures", o.validate_pictures, "held-out images scored at each checkpoint");
@@ -233,6 +260,7 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
         "a network that adds less SSIM than this to its fitted body on validation images is left out; 0: never");
   visit("picture-every", o.picture_every,
         "steps between pictures/step_NNNNNN.png: truth, rendering, error, network input; 0: none");
+  StartGroup(visit, "Machine");
   visit("device", o.device, "auto (the GPU when libtorch finds one), cpu or cuda");
   visit("amp", o.amp, "half-precision convolutions with scaled gradients; on a GPU only");
 }

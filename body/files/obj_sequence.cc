@@ -1,28 +1,20 @@
 #include "body/files/obj_sequence.h"
 
-#include <charconv>
 #include <vector>
 
 #include "body/surface_nets.h"
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/format.h"
+#include "core/text/shortest_text.h"
 
 namespace mvstudio::body {
 namespace {
 
-/// The shortest text that comes back as the same float.
-void AppendNumber(float value, std::string* text) {
-  char digits[32];
-  const auto end = std::to_chars(digits, digits + sizeof(digits), value).ptr;
-  *text += ' ';
-  text->append(digits, end);
-}
-
 template <class Column>
 void AppendRow(const char* key, const Column& values, std::string* text) {
   *text += key;
-  for (Eigen::Index i = 0; i < values.size(); ++i) AppendNumber(values(i), text);
+  for (Eigen::Index i = 0; i < values.size(); ++i) *text += ' ', AppendShortestText(values(i), text);
   *text += '\n';
 }
 

@@ -1,6 +1,5 @@
 #include "core/csv.h"
 
-#include <charconv>
 #include <cstring>
 #include <sstream>
 
@@ -11,19 +10,12 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/text/shortest_text.h"
 
 namespace mvstudio::calib {
 namespace {
 
 constexpr char kTitle[] = "mvstudio corners 1";
-
-/// The shortest text that reads back as the same double.
-std::string Exact(double value) {
-  char text[40];
-  const auto [end, code] = std::to_chars(text, text + sizeof text, value);
-  MVS_CHECK(code == std::errc(), "a double needs more than 40 characters");
-  return std::string(text, end);
-}
 
 void RequireWritable(const std::string& name) {
   constexpr char kSpace[] = " \t\v\f";  // at the ends it would be lost
@@ -44,7 +36,7 @@ void WriteHeader(const CornerFile& file, std::ostringstream* out) {
     *out << "# board " << b << " " << (points ? "points" : ToString(board)) << "\n";
     for (Eigen::Index i = 0; points && i < board.points.cols(); ++i) {
       *out << "# point " << b << " " << i;
-      for (int k = 0; k < 3; ++k) *out << " " << Exact(board.points(k, i));
+      for (int k = 0; k < 3; ++k) *out << " " << ShortestText(board.points(k, i));
       *out << "\n";
     }
   }
@@ -166,9 +158,9 @@ void WriteCornerFile(const CornerFile& file, const std::string& path) {
     const std::string start = CsvCell(file.cameras[static_cast<size_t>(detection.camera_idx)].name) + "," +
                               std::to_string(detection.frame_idx) + "," + std::to_string(detection.board_idx) + ",";
     for (int i = 0; i < detection.num_corners(); ++i) {
-      out << start << detection.corner_ids[static_cast<size_t>(i)] << "," << Exact(detection.points_px(0, i)) << ","
-          << Exact(detection.points_px(1, i));
-      if (sigmas) out << "," << Exact(detection.sigmas_px.size() > 0 ? detection.sigmas_px[i] : detection.sigma_px);
+      out << start << detection.corner_ids[static_cast<size_t>(i)] << "," << ShortestText(detection.points_px(0, i)) << ","
+          << ShortestText(detection.points_px(1, i));
+      if (sigmas) out << "," << ShortestText(detection.sigmas_px.size() > 0 ? detection.sigmas_px[i] : detection.sigma_px);
       out << "\n";
     }
   }

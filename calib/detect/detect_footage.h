@@ -9,6 +9,7 @@
 #include "calib/board/observations.h"
 #include "calib/detect/detect_board.h"
 #include "calib/detect/detection_cache.h"
+#include "core/choice/option_group.h"
 #include "core/image.h"
 #include "core/progress.h"
 
@@ -44,6 +45,7 @@ struct FootageOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, FootageOptions& o) {
+  StartGroup(visit, "Search for boards");
   visit("every", o.every, "search only frames whose number is a multiple of this");
   visit("max-frames", o.max_frames, "maximum number of frames to search per camera, evenly spread; 0: all");
   visit("cache", o.cache,

@@ -7,6 +7,7 @@
 #include "core/csv.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "core/text/shortest_text.h"
 
 namespace mvstudio::calib::internal {
 
@@ -28,9 +29,7 @@ double ParseNumber(std::string_view text, const Place& place) {
 }
 
 std::string NumberText(double value) {
-  char buffer[40];
-  const auto [end, code] = std::to_chars(buffer, buffer + sizeof buffer, value);
-  std::string text(buffer, code == std::errc() ? end : buffer);
+  std::string text = ShortestText(value);
   if (text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }

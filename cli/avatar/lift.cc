@@ -1,10 +1,10 @@
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <set>
 
 #include "app/input/calib_read.h"
+#include "app/input/pose3d_input.h"
 #include "avatar/io/lift/lift_take.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -184,17 +184,11 @@ std::map<int, avatar::LiftView> ReadViews(const ApplyArguments& arguments, const
 }
 
 Truth ReadTruth(const std::string& path) {
-  std::map<int, std::map<int, dataset::Coco19Pose>> poses;
-  if (std::filesystem::exists(path + "/points.csv")) {
-    poses = dataset::ToCoco19(dataset::ReadPose3d(path));
-  } else {
-    for (const auto& [frame, file] : dataset::ListBody3dScenes(path)) poses[frame] = dataset::ReadBody3dScene(file);
-  }
   Truth truth;
-  for (const auto& [frame, people] : poses) {
+  for (const auto& [frame, people] : app::ReadCoco19Poses(path)) {
     if (!people.empty()) truth[frame] = people.begin()->second;
   }
-  if (truth.empty()) throw IoError(path, "--truth is neither a folder with points.csv nor a dataset with 3D joints");
+  if (truth.empty()) throw FormatError(path, "", "--truth holds nobody");
   return truth;
 }
 
@@ -299,7 +293,8 @@ void RegisterApply(CLI::App& lift, Registry& registry) {
       ->capture_default_str();
   AddFlag(sub, "--level,!--no-level", a->level, "the calibration's z axis points up; off: the image's upper edge is up")
       ->capture_default_str();
-  AddOption(sub, "--truth", a->truth, "3D joints to compare with: a dataset, or a folder with points.csv");
+  AddOption(sub, "--truth", a->truth,
+            "3D joints to compare with: a dataset, a folder with points.csv or body3DScene_*.json, a .trc or .c3d file");
   registry.Add(sub, "avatar lift apply", [a](CommandContext& context) { return RunApply(*a, context); });
 }
 

@@ -50,6 +50,7 @@ void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<PretrainArguments>();
   CLI::App* sub = avatar.add_subcommand(
       "pretrain", "Teach a network parts and coordinates of bodies in random shapes and poses, for `avatar train --init-from`");
+  StartGroup(sub, "Data");
   AddOption(sub, "--out", a->out, "folder of the network")->required();
   AddOption(sub, "--motion", a->motion, "animation files (Biovision hierarchy) and folders of them, with commas between");
   AddOption(sub, "--poses", a->poses,

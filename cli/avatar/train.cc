@@ -288,13 +288,17 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
 void RegisterTrain(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<TrainArguments>();
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
+  StartGroup(sub, "Data");
   AddOption(sub, "dataset", a->dataset, "dataset folder")->required();
   AddOption(sub, "--out", a->out, "folder of the run")->required();
   AddSplitOptions(sub, a->split);
+  AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
+  StartGroup(sub, "Network");
   AddOption(
       sub, "--init-from", a->start.init_from,
       "a run, or a folder of `avatar pretrain`, whose network is the start (its options hold, but for --method); textures "
       "are averaged from the new images, and there is no initialisation unless --init-steps asks for one");
+  StartGroup(sub, "Body");
   AddChoice(sub, "--fit", a->start.fit,
             "body that maps and labels show: auto fits skeleton, surface and colours to the training images; girths scales the "
             "mannequin's four girths; off takes it as it is");
@@ -303,11 +307,11 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "--body", a->body,
             "body.npz of `avatar fit` or of another run, or its folder, in place of a new fit; it must have been fitted to "
             "training images of this split alone");
-  AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   AddOptions(sub, a->start.model);
   AddOptions(sub, a->train);
   AddOptions(sub, a->gaussians);
   AddOptions(sub, a->pack);
+  StartGroup(sub, "Machine");
   AddRankOptions(sub, a->ranks);
   a->start.given = [sub](const std::string& name) { return sub->count("--" + name) > 0; };
   registry.Add(sub, "avatar train", [a](CommandContext& context) { return RunTrain(*a, context); });

@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "app/calib/board_places.h"
+#include "app/calib/board_views.h"
 #include "app/calib/calibrate_result.h"
 #include "app/calib/calibration_use.h"
 #include "app/calib/lens_library.h"
@@ -208,7 +209,7 @@ std::vector<std::string> InputsOf(const Arguments& arguments) {
 CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   if (arguments.out.empty() && !arguments.session.session.empty()) arguments.out = arguments.session.session + "/calib";
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
-  std::vector<std::string> names = {"calibration.json"};
+  std::vector<std::string> names = {"calibration.json", app::kBoardViewsFolder};
   if (!arguments.scene.from_scene.empty()) names.push_back("colmap");
   const OutputFolder place(arguments.out, InputsOf(arguments), names);
   if (UsesScene(arguments.scene)) return RunOnScene(arguments, context);
@@ -236,6 +237,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   result.outputs.push_back({path, "calibration"});
   result.metrics["world"] = app::WorldText(report.rig);
   app::FillCalibrateMetrics(report, FoundOf(corners, solved.kept), &result.metrics);
+  AddBoardViews(arguments.corners, report, solved.kept, arguments.out, context.run, &result);
   result.metrics["pairing"] = app::PairingJson(arguments.corners.timeline.get());
   result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (report.rig.cameras.size() > 1) result.text += app::PairingText(arguments.corners.timeline.get());
@@ -255,6 +257,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
 void AddArguments(CLI::App* sub, const std::shared_ptr<Arguments>& arguments) {
   AddCornerArguments(sub, arguments->corners);
   AddSessionArguments(sub, arguments->session, "board and footage", "a board");
+  StartGroup(sub, "Output");
   AddOption(sub, "--save-corners", arguments->save_corners, "also write the corners that were found, CSV");
   AddOption(sub, "--out", arguments->out, "folder for calibration.json; SESSION/calib unless given");
   AddOptions(sub, arguments->calibrate);
@@ -267,6 +270,7 @@ void RegisterCalibrate(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand("calibrate", "Calibrate cameras from footage of a board, or from its corners");
   AddArguments(sub, arguments);
   AddOptions(sub, arguments->scene);
+  StartGroup(sub, "Known calibrations");
   AddOption(sub, "--start", arguments->start, "a calibration to start from; its cameras keep their lens models");
   AddOption(sub, "--lenses", arguments->lenses,
             "library of mvstudio calib lenses: lenses of the session's cameras, by their serial; they are held")
@@ -279,6 +283,7 @@ void RegisterCalibRefine(CLI::App& calib, Registry& registry) {
   CLI::App* sub = calib.add_subcommand("refine",
                                        "Adjust an existing calibration to footage of a board (--fix keeps parts of it) or to "
                                        "people, markers or animals (--from-keypoints)");
+  StartGroup(sub, "Known calibrations");
   AddOption(sub, "--calib", arguments->start, "the calibration to refine")->required();
   AddArguments(sub, arguments);
   AddKeypointArguments(sub, arguments->keypoints);

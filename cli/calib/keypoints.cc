@@ -245,6 +245,7 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
 }  // namespace
 
 void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
+  StartGroup(sub, "People, markers or animals");
   AddFlag(sub, "--from-keypoints", arguments.from_keypoints,
           "adjust to what several cameras see at once, --pose2d or --points2d, instead of boards");
   AddChoices(

@@ -6,6 +6,7 @@
 #include "calib/points/from_scene.h"
 #include "calib/points/scene_points.h"
 #include "cli/program/command.h"
+#include "core/choice/option_group.h"
 
 namespace mvstudio::cli {
 
@@ -21,6 +22,7 @@ struct SceneArguments {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, SceneArguments& o) {
+  mvstudio::StartGroup(visit, "Without a board");
   visit("from-scene", o.from_scene,
         "images of the empty scene, one for each camera and named by it: a folder or a pattern in quotes");
   visit("scene-points", o.scene_points,

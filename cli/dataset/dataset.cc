@@ -120,6 +120,7 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   auto arguments = std::make_shared<BuildArguments>();
   CLI::App* sub =
       dataset->add_subcommand("build", "Footage, calibration and 3D joints -> dataset in CMU Panoptic layout, with masks");
+  StartGroup(sub, "Calibration and 3D joints");
   AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's; default: the session's");
   AddTakeArguments(sub, arguments->take);
   AddOption(sub, "--pose3d", arguments->pose3d,
@@ -127,6 +128,7 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
             "unless given");
   AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
   AddSkeletonOption(sub, arguments->skeleton, "of the 3D joints, where --pose3d does not state it");
+  StartGroup(sub, "Dataset");
   AddOption(sub, "--out", arguments->out, "new folder; the session's dataset/TAKE unless given");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {

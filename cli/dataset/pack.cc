@@ -1,11 +1,14 @@
 #include <algorithm>
 
+#include "body/skeleton.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "core/some_of.h"
 #include "dataset/pack/build.h"
+#include "dataset/panoptic/own_joints.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -14,7 +17,7 @@ using nlohmann::ordered_json;
 
 struct PackArguments {
   std::string dataset, out, shard, frames, single;
-  bool merge = false;
+  bool merge = false, allow_lost_joints = false;
   dataset::PackOptions options;
 };
 
@@ -111,16 +114,40 @@ void AddNotices(const dataset::PackBuildReport& report, CommandResult* result) {
   result->exit = kExitTryAgain;
 }
 
+/// A pack holds Panoptic's 19 joints. Says which of a dataset's own it does not; throws FormatError where they are most of
+/// them.
+void CheckJoints(const PackArguments& arguments, CommandResult* result) {
+  const std::string folder = dataset::FindOwnJoints(arguments.dataset);
+  if (folder.empty()) return;
+  const body::Skeleton skeleton = dataset::ListOwnJoints(folder).skeleton;
+  std::vector<bool> kept(skeleton.joints.size(), false);
+  for (const std::vector<int>& sources : body::Coco19From(skeleton)) {
+    for (const int joint : sources) kept[static_cast<size_t>(joint)] = true;
+  }
+  std::vector<std::string> lost;
+  for (size_t j = 0; j < kept.size(); ++j) {
+    if (!kept[j]) lost.push_back(skeleton.joints[j]);
+  }
+  if (lost.empty()) return;
+  result->metrics["lost_joints"] = lost;
+  const std::string text = "a pack holds Panoptic's 19 joints alone: " + std::to_string(lost.size()) + " of the " +
+                           std::to_string(kept.size()) + " joints of '" + skeleton.name + "' are left out, " + SomeOf(lost);
+  if (2 * lost.size() > kept.size() && !arguments.allow_lost_joints)
+    throw FormatError(folder, "", text + "; read them from the dataset, or pack the images with --allow-lost-joints");
+  result->warnings.push_back({"PCK-JOINTS", text, "the dataset keeps them, in " + folder});
+}
+
 CommandResult RunPack(PackArguments arguments, CommandContext& context) {
   CheckUse(arguments);
   dataset::PackOptions& options = arguments.options;
   if (!arguments.frames.empty()) options.frames = ParseRanges("--frames", arguments.frames);
   const dataset::ShardShare share = arguments.shard.empty() ? dataset::ShardShare{} : ParseShare(arguments.shard);
+  CommandResult result;
+  if (!arguments.dataset.empty()) CheckJoints(arguments, &result);
   const dataset::PackBuildReport report =
       arguments.merge ? dataset::MergePack(arguments.out, context.run)
                       : dataset::BuildPack(arguments.dataset, arguments.out, options, share, context.run);
-  CommandResult result;
-  result.metrics = Metrics(report);
+  result.metrics.update(Metrics(report));
   result.text = Text(arguments, report);
   result.outputs.push_back({arguments.out, "pack"});
   if (!arguments.dataset.empty()) result.inputs.push_back(arguments.dataset);
@@ -138,18 +165,23 @@ void RegisterDatasetPack(CLI::App& dataset, Registry& registry) {
   auto arguments = std::make_shared<PackArguments>();
   CLI::App* sub = dataset.add_subcommand(
       "pack", "Dataset -> HDF5 shards of crops or whole images with cameras, masks and joints, for training and archive");
+  StartGroup(sub, "Pack");
   AddOption(sub, "dataset", arguments->dataset, "dataset folder in Panoptic layout");
   AddOption(sub, "--out", arguments->out, "folder of the pack; an unfinished one is continued")->required();
   AddOption(sub, "--shard", arguments->shard,
             "K/N: make only every N-th shard, from K; several terminals or a job array share a pack");
   AddFlag(sub, "--merge", arguments->merge, "check that all shards are there and write INDEX.json");
+  AddFlag(sub, "--allow-lost-joints", arguments->allow_lost_joints,
+          "pack a dataset of another skeleton although most of its joints are none of Panoptic's 19");
   AddOption(sub, "--single", arguments->single, "copy the finished pack into this one HDF5 file as well");
+  StartGroup(sub, "Content");
   AddOption(sub, "--cameras", arguments->options.cameras, "Panoptic or studio names, separated by commas; default: all")
       ->delimiter(',');
   AddOption(sub, "--frames", arguments->frames, "frames to pack, e.g. 0-99,150; default: all with 3D joints");
   AddOption(sub, "--split", arguments->options.split,
             "split file: pack its images only, each marked train, validation or test");
   AddOptions(sub, arguments->options);
+  StartGroup(sub, "Undistortion and colours");
   AddOptions(sub, arguments->options.undistort_view);
   AddOptions(sub, arguments->options.colour);
   registry.Add(sub, "dataset pack", [arguments](CommandContext& context) { return RunPack(*arguments, context); });

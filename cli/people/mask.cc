@@ -233,22 +233,28 @@ void RegisterMask(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<app::MaskArguments>();
   CLI::App* sub = app.add_subcommand("mask", "Foreground masks of people, with their quality");
   AddTakeArguments(sub, arguments->take);
+  StartGroup(sub, "Calibration and joints");
   AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's: masks are compared across cameras");
   AddOption(
       sub, "--pose3d", arguments->pose3d,
-      "folder with points.csv or body3DScene_*.json: joints guide the masks; the session's pose3d/TAKE where it is there");
+      "3D joints that guide the masks: a folder with points.csv or body3DScene_*.json, a dataset, a .trc or .c3d file; the "
+      "session's pose3d/TAKE where it is there");
   AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints, a name or a file FILE.toml")->capture_default_str();
+  StartGroup(sub, "Output");
+  AddOption(sub, "--out", arguments->out, "new folder; the session's masks/TAKE unless given");
+  AddOptions(sub, arguments->run);
+  StartGroup(sub, "Backend");
   AddOption(sub, "--backend", arguments->backend,
             "background (what the images show without people), selfie (a small net), onnx:FILE, or auto: the one whose "
             "masks agree best with the visual hull and the joints")
       ->capture_default_str();
   AddChoices(sub, "--truth", arguments->truth, "CAMERA=FOLDER of exact masks to compare with");
-  AddOption(sub, "--out", arguments->out, "new folder; the session's masks/TAKE unless given");
-  AddOptions(sub, arguments->run);
-  AddOptions(sub, arguments->mask);
-  AddOptions(sub, arguments->hull);
   AddOptions(sub, arguments->onnx);
+  StartGroup(sub, "Background");
+  AddOptions(sub, arguments->mask);
+  StartGroup(sub, "Visual hull");
+  AddOptions(sub, arguments->hull);
   registry.Add(sub, "mask", [arguments](CommandContext& context) { return RunMask(*arguments, context); });
 }
 

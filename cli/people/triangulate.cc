@@ -9,12 +9,14 @@
 #include "app/input/project_input.h"
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
-#include "app/input/take_input.h"
 #include "app/people/filter_check.h"
 #include "app/people/human_shape.h"
+#include "app/people/joint_views.h"
 #include "app/people/likely_cause.h"
 #include "app/people/marker_export.h"
 #include "app/people/triangulate_metrics.h"
+#include "cli/people/take_images.h"
+#include "cli/people/take_timing.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -24,10 +26,7 @@
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
 #include "dataset/pose/pose3d_compare.h"
-#include "dataset/session/timeline_source.h"
-#include "dataset/time/sync_file.h"
 #include "triangulate/skeleton/refine.h"
-#include "triangulate/sync/sync.h"
 #include "triangulate/take/cause.h"
 #include "triangulate/take/steps.h"
 #include "triangulate/take/stream.h"
@@ -38,13 +37,12 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  app::SessionArguments session;
+  TimingArguments timing;
   app::PoseArguments pose;
+  ImageArguments images;  ///< for the report
   std::string project, out, trc, truth, marker_unit;
   bool align_truth = false;
   int chunk_frames = 0;
-  std::string sync;
-  AutoOnOff calibration_offsets = AutoOnOff::kAuto;
   bool refine = false;
   triangulate::TakeOptions options;
   triangulate::SkeletonRefineOptions refine_options;
@@ -94,47 +92,6 @@ std::string Summary(const CommandResult& result) {
     }
   }
   return text;
-}
-
-/// The detections as the reference camera would have numbered their frames.
-void ApplySync(const std::string& path, app::PoseInput* input, CommandResult* result) {
-  const std::vector<double> offsets = dataset::OffsetsOf(dataset::ReadSync(path), geometry::CameraNames(input->rig));
-  result->inputs.push_back(path);
-  for (const std::string& camera : input->cameras) {
-    if (std::isfinite(offsets[static_cast<size_t>(input->rig.Find(camera))])) continue;
-    result->warnings.push_back({"TRI-NO-OFFSET", camera + ": " + path + " has no time offset for it, it is left out",
-                                "run `mvstudio sync` again with more motion, or set its offset_frames in the file"});
-  }
-  input->frames = triangulate::ApplyOffsets(input->frames, offsets);
-}
-
-/// Frame numbers become instants, as everything later counts them. Offsets of a sync file are kept to a fraction of a frame;
-/// else each camera's nearest frame is taken. False when nothing of the session says how the cameras' clocks relate.
-bool ApplySession(const app::FoundTake& found, const Arguments& arguments, app::PoseInput* input, CommandResult* result) {
-  const auto timeline = app::TimelineOf(found.session, found.take, arguments.session.allow_outside, true, result);
-  const std::string sync = dataset::SyncPathOf(found.session, found.take, arguments.session.allow_outside);
-  if (!arguments.sync.empty() || (timeline && timeline->clock == dataset::TimelineClock::kOffsets && !sync.empty())) {
-    app::RenumberByClock(found, arguments.session, input);
-    input->frames = app::ToFrames(input->tracks, input->rig, arguments.pose.calib);
-    ApplySync(arguments.sync.empty() ? sync : arguments.sync, input, result);
-    return true;
-  }
-  if (!timeline) return false;
-  if (app::RenumberByTimeline(*timeline, input)) input->frames = app::ToFrames(input->tracks, input->rig, arguments.pose.calib);
-  return timeline->clock != dataset::TimelineClock::kStart;
-}
-
-/// Frames of all cameras that belong together: by what the take states, else by what the calibration does.
-void ApplyTiming(const std::optional<app::FoundTake>& found, const Arguments& arguments, const RunContext& run,
-                 app::PoseInput* input, CommandResult* result) {
-  bool stated = !arguments.sync.empty();
-  if (found) {
-    stated = ApplySession(*found, arguments, input, result);
-  } else if (stated) {
-    ApplySync(arguments.sync, input, result);
-  }
-  if (stated) return app::ReportOffsetsUnused(input->rig, "the take states its own timing", result);
-  app::ApplyCalibrationOffsets(arguments.calibration_offsets, arguments.options, run, input, result);
 }
 
 /// Why the sigmas do not hold the calibration's uncertainty; empty: they do, as far as it is known.
@@ -228,14 +185,19 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseP
 
 using GiveFrames = std::function<std::vector<triangulate::DetectedFrame>()>;
 
+/// The cameras as the take is solved with them.
+geometry::Rig RigOf(const triangulate::TakeOptions& options, const app::PoseInput& input) {
+  geometry::Rig rig = input.rig;
+  if (!options.ignore_distortion) return rig;
+  for (geometry::RigCamera& camera : rig.cameras) camera.camera = PinholeOf(camera.camera), camera.params_covariance.reset();
+  return rig;
+}
+
 /// When the take is lost or does not fit: why. Else whether its cameras are synchronous. `sample` gives frames of it. True when
 /// a cause was clear.
 bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const GiveFrames& sample, const RunContext& run,
             CommandResult* result) {
-  geometry::Rig rig = input.rig;
-  if (arguments.options.ignore_distortion) {
-    for (geometry::RigCamera& camera : rig.cameras) camera.camera = PinholeOf(camera.camera), camera.params_covariance.reset();
-  }
+  const geometry::Rig rig = RigOf(arguments.options, input);
   triangulate::CauseOptions options;
   options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
   if (result->errors.empty()) return app::AddTiming(CheckTiming(rig, sample(), options, run), result);
@@ -284,14 +246,17 @@ std::string MarkerFolder(const Arguments& arguments) { return (std::filesystem::
 
 void CheckArguments(const Arguments& arguments) {
   if (arguments.chunk_frames < 0) throw UsageError("--chunk-frames must not be negative");
-  if (arguments.chunk_frames > 0 && (arguments.refine || !arguments.sync.empty())) {
+  if (arguments.chunk_frames > 0 && (arguments.refine || !arguments.timing.sync.empty())) {
     throw UsageError("--refine and --sync need the whole take: leave --chunk-frames out");
   }
-  if (arguments.chunk_frames > 0 && !arguments.session.session.empty()) {
+  if (arguments.chunk_frames > 0 && !arguments.timing.session.session.empty()) {
     throw UsageError(
         "--session needs the whole take for the timing of its cameras: leave --chunk-frames out, or give --pose2d");
   }
   // A wrong path must not cost the run.
+  if (arguments.chunk_frames > 0 && !arguments.images.Paths().empty())
+    throw UsageError("--video and --images need the whole take: leave --chunk-frames out");
+  CheckFootage(arguments.images);
   if (!arguments.trc.empty()) {
     dataset::ReadMarkers(arguments.trc, arguments.marker_unit);
     if (!dataset::IsMarkerFile(arguments.trc)) throw UsageError("--trc " + arguments.trc + ": call it .trc or .c3d");
@@ -323,12 +288,18 @@ void WriteMarkerFolder(const Arguments& arguments, AtomicFolder* folder, Command
   folder->Commit();
 }
 
+std::vector<std::string> InputsOf(const Arguments& arguments) {
+  const app::PoseArguments& pose = arguments.pose;
+  return Joined(Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, arguments.trc, arguments.truth}),
+                arguments.images.Paths());
+}
+
 CommandResult Run(Arguments arguments, CommandContext& context) {
   CommandResult result;
-  if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.session, &arguments.pose, &result);
-  const auto found = arguments.project.empty() ? app::FindTake(arguments.session, &result) : std::nullopt;
+  if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.timing.session, &arguments.pose, &result);
+  const auto found = arguments.project.empty() ? app::FindTake(arguments.timing.session, &result) : std::nullopt;
   if (found) {
-    app::FillPoses(*found, arguments.session, &arguments.pose);
+    app::FillPoses(*found, arguments.timing.session, &arguments.pose);
     if (arguments.out.empty()) arguments.out = dataset::TakeFolder(found->session, "pose3d", found->take.name);
   }
   if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
@@ -336,9 +307,8 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   CheckArguments(arguments);
   FillMarkerOptions(found, &arguments.markers);
   const auto& pose = arguments.pose;
-  const OutputFolder place(arguments.out,
-                           Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, arguments.trc, arguments.truth}),
-                           {"points.csv", "covariance.csv", "pose3d.json"});
+  const OutputFolder place(arguments.out, InputsOf(arguments),
+                           {"points.csv", "covariance.csv", "pose3d.json", app::kJointViewsFolder});
   result.folder = arguments.out;
   arguments.had_points = std::filesystem::exists(PointsPath(arguments));
   std::unique_ptr<AtomicFolder> markers;
@@ -352,11 +322,17 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     Conclude(arguments, parts.input(), take, statistics, sample, context.run, &result);
   } else {
     app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
-    ApplyTiming(found, arguments, context.run, &input, &result);
+    CheckCameras(arguments.images, input.rig, pose.calib);
+    arguments.timing.calib = pose.calib;
+    const FrameNumbering numbering = ApplyTiming(found, arguments.timing, arguments.options, context.run, &input, &result);
     app::PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
     const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics, &result);
     Conclude(
         arguments, input, take, statistics, [&] { return input.frames; }, context.run, &result);
+    if (statistics.num_ok() > 0) {
+      AddJointViews(RigOf(arguments.options, input), take, input.skeleton,
+                    ImagesOf(found, arguments.timing, arguments.images, numbering), arguments.out, &result);
+    }
   }
   WriteMarkerFolder(arguments, markers.get(), &result);
   return result;
@@ -369,29 +345,38 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand("triangulate", "2D joints of several cameras -> 3D joints");
   AddPoseArguments(sub, arguments->pose);
   sub->get_option("--calib")->required(false);
-  AddSessionArguments(sub, arguments->session, "calibration, 2D poses and the timing of the cameras", "people");
+  AddSessionArguments(sub, arguments->timing.session, "calibration, 2D poses and the timing of the cameras", "people");
+  AddImageArguments(sub, arguments->images);
+  StartGroup(sub, "Session");
   AddOption(sub, "--project", arguments->project,
             "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
             "its takes");
+  StartGroup(sub, "Output");
   AddOption(sub, "--out", arguments->out,
             "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
+  StartGroup(sub, "Points");
   AddOptions(sub, arguments->options);
-  AddOption(sub, "--sync", arguments->sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
-  AddChoice(sub, "--calibration-offsets", arguments->calibration_offsets,
+  StartGroup(sub, "Timing");
+  AddOption(sub, "--sync", arguments->timing.sync, "sync.json of `mvstudio sync`: time offsets of the cameras");
+  AddChoice(sub, "--calibration-offsets", arguments->timing.calibration_offsets,
             "time offsets that the calibration states, where the take has no timing of its own: auto (when left-out cameras "
             "confirm them), on or off")
       ->capture_default_str()
       ->check(CLI::IsMember({"auto", "on", "off"}));
+  StartGroup(sub, "Joints together");
   AddFlag(sub, "--refine", arguments->refine,
           "refine the joints of each person together: smoothness and bone lengths, each only where it predicts left-out "
           "cameras better; not with --chunk-frames");
   AddOptions(sub, arguments->refine_options);
+  StartGroup(sub, "Points");
   AddOption(
       sub, "--chunk-frames", arguments->chunk_frames,
       "for takes longer than memory: frames processed at a time; noise and method come from frames spread over the take; 0: "
       "all at once")
       ->capture_default_str();
+  StartGroup(sub, "Marker files");
   AddOptions(sub, arguments->markers);
+  StartGroup(sub, "Comparison");
   AddOption(sub, "--trc", arguments->trc,
             "compare with the markers of this .trc or .c3d file (its frame 1 is our frame 0; y up unless a .c3d says z)");
   AddOption(sub, "--truth", arguments->truth,

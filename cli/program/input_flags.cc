@@ -22,6 +22,7 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
 }
 
 void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
+  const GroupScope footage(sub, "Footage");
   AddChoices(sub, "--video", arguments.video, "CAMERA=FILE; repeat for each camera")->allow_extra_args(true);
   AddChoices(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in an image's name is its frame");
   AddChoices(sub, "--plate", arguments.plate, "CAMERA=FILE: image of the empty scene");
@@ -32,6 +33,7 @@ void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
 
 void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const std::string& what,
                          const std::string& unless_given) {
+  const GroupScope session(sub, "Session");
   AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: " + what + " come from it");
   AddOption(sub, "--take", arguments.take, "take of the session; its only one with " + unless_given + " unless given");
   AddFlag(sub, "--allow-outside", arguments.allow_outside, "allow the session to name files outside its folder");
@@ -42,6 +44,7 @@ void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& 
 }
 
 void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
+  const GroupScope input(sub, "Calibration and 2D joints");
   AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
   AddChoices(sub, "--pose2d", arguments.pose2d,
              "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video: COCO, AlphaPose, MMPose, "
@@ -57,6 +60,7 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
 }
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {
+  const GroupScope boards(sub, "Boards and footage");
   AddChoices(sub, "--board", arguments.boards,
              "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
              "grid:… (docs/boards.md); repeat for boards that are fixed to each other");

@@ -22,6 +22,12 @@ template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<std::
 template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<double>&, const std::string&);
 template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<int>&, const std::string&);
 
+void StartGroup(CLI::App* sub, const std::string& subject) {
+  sub->option_defaults()->group(subject);
+}
+
+std::string GroupOf(const CLI::App* sub) { return const_cast<CLI::App*>(sub)->option_defaults()->get_group(); }
+
 CLI::Option* AddFlag(CLI::App* app, const std::string& name, bool& value, const std::string& help) {
   return app->add_flag(name, value, help)->default_function([&value] { return value ? "true" : "false"; });
 }

@@ -50,23 +50,48 @@ inline constexpr bool kIsListOfChoices = false;
 template <class T>
 inline constexpr bool kIsListOfChoices<std::vector<T>> = kHasWords<T> || kHasSharedWords<T>;
 
-/// Binds every field of an options struct (see core/fields.h) to a flag `--<name>`, with its default shown.
+/// The heading in help of the options that are added to `sub` from here on.
+void StartGroup(CLI::App* sub, const std::string& subject);
+std::string GroupOf(const CLI::App* sub);
+
+/// A heading for the options that are added while it lives.
+class GroupScope {
+ public:
+  GroupScope(CLI::App* sub, const std::string& subject) : sub_(sub), before_(GroupOf(sub)) { StartGroup(sub, subject); }
+  ~GroupScope() { StartGroup(sub_, before_); }
+  GroupScope(const GroupScope&) = delete;
+  GroupScope& operator=(const GroupScope&) = delete;
+
+ private:
+  CLI::App* sub_;
+  std::string before_;
+};
+
+/// A visitor of fields that binds each to a flag.
+struct OptionAdder {
+  CLI::App* sub;
+
+  template <class Value>
+  void operator()(const std::string& name, Value& value, const std::string& help) const {
+    if constexpr (std::is_same_v<Value, bool>) {
+      AddFlag(sub, "--" + name + ",!--no-" + name, value, WithFlags(help))->capture_default_str();
+    } else if constexpr (kHasWords<Value> || kHasSharedWords<Value>) {
+      AddChoice(sub, "--" + name, value, WithFlags(help))->capture_default_str();
+    } else if constexpr (kIsListOfChoices<Value>) {
+      AddChoices(sub, "--" + name, value, WithFlags(help))->capture_default_str();
+    } else {
+      AddOption(sub, "--" + name, value, WithFlags(help))->capture_default_str();
+    }
+  }
+  void StartGroup(const char* subject) const { cli::StartGroup(sub, subject); }
+};
+
+/// Binds every field of an options struct (see core/fields.h) to a flag `--<name>`, with its default shown, under the subjects
+/// of its list (core/choice/option_group.h). What is added later has the heading that was there before.
 template <class Options>
 void AddOptions(CLI::App* sub, Options& options) {
-  VisitFields(
-      [sub](const std::string& name, auto& value, const std::string& help) {
-        using Value = std::decay_t<decltype(value)>;
-        if constexpr (std::is_same_v<Value, bool>) {
-          AddFlag(sub, "--" + name + ",!--no-" + name, value, WithFlags(help))->capture_default_str();
-        } else if constexpr (kHasWords<Value> || kHasSharedWords<Value>) {
-          AddChoice(sub, "--" + name, value, WithFlags(help))->capture_default_str();
-        } else if constexpr (kIsListOfChoices<Value>) {
-          AddChoices(sub, "--" + name, value, WithFlags(help))->capture_default_str();
-        } else {
-          AddOption(sub, "--" + name, value, WithFlags(help))->capture_default_str();
-        }
-      },
-      options);
+  const GroupScope as_before(sub, GroupOf(sub));
+  VisitFields(OptionAdder{sub}, options);
 }
 
 }  // namespace mvstudio::cli

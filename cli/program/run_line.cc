@@ -53,10 +53,11 @@ bool Writes(const Registry::Entry& entry) {
 }
 
 /// What may be written over: commands without a rule of their own get the flag.
-void AddOverwrite(const Registry& registry, GlobalOptions& global) {
+void AddOverwrite(const Registry& registry) {
+  const std::string help = "replace the results of an earlier run";
   for (const Registry::Entry& entry : registry.entries()) {
     if (GoesOn(entry.name) || !Writes(entry) || entry.app->get_option_no_throw("--overwrite")) continue;
-    AddFlag(entry.app, "--overwrite", global.overwrite, "replace the results of an earlier run");
+    entry.app->add_flag("--overwrite", help);  // MayReplaceResults asks the parser, as for a command's own
   }
 }
 
@@ -129,7 +130,7 @@ LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global
   AddGlobalOptions(app, global);
   Registry registry;
   RegisterAll(app, registry);
-  AddOverwrite(registry, global);
+  AddOverwrite(registry);
   CheckValues(app);
   ShortenHelp(app);
 

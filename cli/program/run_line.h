@@ -15,7 +15,6 @@ struct GlobalOptions {
   std::string log_level = "warning";
   std::string progress = "auto";
   bool redact = false;
-  bool overwrite = false;  ///< of commands that have no such option of their own
 };
 
 /// The outcome of one command line: what was run, its result, and the JSON object of the contract.

@@ -2,16 +2,16 @@
 
 #include <algorithm>
 #include <memory>
+#include <set>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/check.h"
 
 namespace mvstudio::cli {
 namespace {
-
-constexpr char kMore[] = "More options";
 
 struct CommonOptions {
   const char *command, *options;
@@ -77,15 +77,35 @@ class PlainFlags : public CLI::Formatter {
   }
 };
 
+/// So that it fits a screen.
+std::string WithoutEmptyLines(const std::string& text) {
+  std::string lines;
+  for (const char c : text) {
+    if (c != '\n' || (!lines.empty() && lines.back() != '\n')) lines += c;
+  }
+  return lines;
+}
+
+/// Options under the subjects that they were declared with; `--help` without those that are seldom needed.
 class ShortFormatter : public PlainFlags {
  public:
+  explicit ShortFormatter(std::set<const CLI::Option*> seldom) : seldom_(std::move(seldom)) {}
+
   std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
-    const std::string all = PlainFlags::make_help(app, name, mode);
-    const size_t more = all.find(std::string("\n") + kMore + ":\n");
-    if (mode == CLI::AppFormatMode::All || more == std::string::npos) return all;
-    const size_t count = app->get_options([](const CLI::Option* option) { return option->get_group() == kMore; }).size();
-    return all.substr(0, all.find_last_not_of('\n', more) + 1) + "\n\n" + std::to_string(count) + " more with --help-all\n";
+    all_ = mode == CLI::AppFormatMode::All || seldom_.empty();
+    const std::string help = PlainFlags::make_help(app, name, mode);
+    if (all_) return help;
+    return WithoutEmptyLines(help) + "\n" + std::to_string(seldom_.size()) + " more with --help-all\n";
   }
+  std::string make_group(std::string group, bool is_positional, std::vector<const CLI::Option*> options) const override {
+    const auto is_seldom = [this](const CLI::Option* option) { return !all_ && seldom_.count(option) > 0; };
+    options.erase(std::remove_if(options.begin(), options.end(), is_seldom), options.end());
+    return options.empty() ? "" : PlainFlags::make_group(group, is_positional, options);
+  }
+
+ private:
+  std::set<const CLI::Option*> seldom_;
+  mutable bool all_ = false;  // CLI11 asks for a group without saying what for
 };
 
 CLI::App* Command(CLI::App& app, const std::string& words) {
@@ -98,18 +118,20 @@ CLI::App* Command(CLI::App& app, const std::string& words) {
   return command;
 }
 
-void KeepInFront(CLI::App* command, const std::string& names) {
+std::set<const CLI::Option*> AllBut(CLI::App* command, const std::string& names) {
   std::vector<const CLI::Option*> front;
   std::istringstream in(names);
   for (std::string name; in >> name;) {
     front.push_back(command->get_option_no_throw(name));
     MVS_CHECK(front.back(), "an option that is to be shown and does not exist: " << name);
   }
-  for (CLI::Option* option : command->get_options()) {
+  std::set<const CLI::Option*> seldom;
+  for (const CLI::Option* option : command->get_options()) {
     const bool shown = option->get_required() || option->get_positional() || option == command->get_help_ptr() ||
                        std::find(front.begin(), front.end(), option) != front.end();
-    if (!shown) option->group(kMore);
+    if (!shown) seldom.insert(option);
   }
+  return seldom;
 }
 
 }  // namespace
@@ -121,8 +143,7 @@ void ShortenHelp(CLI::App& app) {
   for (const CommonOptions& common : kCommon) {
     CLI::App* command = Command(app, common.command);
     if (!command) continue;  // needs libtorch, and this program has none
-    KeepInFront(command, common.options);
-    command->formatter(std::make_shared<ShortFormatter>());
+    command->formatter(std::make_shared<ShortFormatter>(AllBut(command, common.options)));
   }
 }
 

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "core/choice/option_group.h"
 #include "core/progress.h"
 #include "dataset/masks/masks.h"
 #include "dataset/masks/size_rule.h"
@@ -54,6 +55,7 @@ void VisitFields(Visitor&& visit, BuildOptions& o) {
         "refuse a take in which a camera has no frame for a time step with joints, instead of leaving the image out");
   visit("keep-undamaged", o.keep_undamaged, "use what decodes of damaged footage and list what is missing");
   visit("overwrite", o.overwrite, "replace the output folder");
+  StartGroup(visit, "Masks");
   VisitFields(visit, o.mask);
 }
 

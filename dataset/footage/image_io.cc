@@ -230,6 +230,19 @@ std::string EncodeImage(const Image& image, const std::string& path, int jpeg_qu
   return std::string(bytes.begin(), bytes.end());
 }
 
+Image Reduced(const Image& image, int longer_side_px) {
+  MVS_CHECK(!image.empty() && longer_side_px > 0, "an image of " << image.width << "x" << image.height << " to be reduced");
+  const int longer = std::max(image.width, image.height);
+  if (longer <= longer_side_px) return image;
+  const auto side = [&](int full) { return std::max(1, static_cast<int>(int64_t{full} * longer_side_px / longer)); };
+  Image reduced(side(image.width), side(image.height), image.channels);
+  const int type = CV_8UC(image.channels);
+  const cv::Mat from(image.height, image.width, type, const_cast<uint8_t*>(image.pixels.data()));
+  cv::Mat to(reduced.height, reduced.width, type, reduced.pixels.data());
+  cv::resize(from, to, to.size(), 0, 0, cv::INTER_AREA);
+  return reduced;
+}
+
 void WriteImage(const Image& image, const std::string& path, int jpeg_quality) {
   WriteFileAtomic(path, EncodeImage(image, path, jpeg_quality));
 }

@@ -28,4 +28,7 @@ void WriteImage(const Image& image, const std::string& path, int jpeg_quality = 
 /// The bytes that WriteImage would write.
 std::string EncodeImage(const Image& image, const std::string& path, int jpeg_quality = 95);
 
+/// The image reduced by averaging so that its longer side is at most `longer_side_px`; never enlarged.
+Image Reduced(const Image& image, int longer_side_px);
+
 }  // namespace mvstudio::dataset

@@ -11,6 +11,7 @@
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/label.h"
+#include "core/text/shortest_text.h"
 #include "dataset/pose/pose2d_parse.h"
 
 namespace mvstudio::dataset {
@@ -179,11 +180,6 @@ void RequireDense(const std::string& path, const std::vector<Row>& rows, size_t 
                         std::to_string(rows.size()) + " rows; is it the right column?");
 }
 
-void AppendNumber(double value, std::string* text) {
-  char buffer[32];
-  text->append(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
-}
-
 }  // namespace
 
 Pose2dSet ReadPose2dCsv(const std::string& path, const body::Skeleton* skeleton) {
@@ -223,7 +219,7 @@ void WritePose2dCsv(const Pose2dSet& set, const std::string& path) {
           const Keypoint2d& key = people[p].keypoints[j];
           if (key.score == 0) continue;
           text += camera + ',' + std::to_string(frame) + ',' + std::to_string(p) + ',' + CsvCell(set.skeleton.joints[j]);
-          for (const double value : {key.x_px, key.y_px, key.score}) text += ',', AppendNumber(value, &text);
+          for (const double value : {key.x_px, key.y_px, key.score}) text += ',', AppendShortestText(value, &text);
           text += '\n';
         }
       }

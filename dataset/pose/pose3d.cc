@@ -17,6 +17,7 @@
 #include "core/error.h"
 #include "core/label.h"
 #include "core/some_of.h"
+#include "core/text/shortest_text.h"
 #include "dataset/json/json_file.h"
 
 namespace mvstudio::dataset {
@@ -30,10 +31,7 @@ std::string InFolder(const std::string& folder, const char* name) { return (std:
 
 /// Shortest text that reads back as the same double; empty for NaN and infinity.
 void AppendNumber(std::string* text, double value) {
-  if (!std::isfinite(value)) return;
-  char buffer[32];
-  const auto end = std::to_chars(buffer, buffer + sizeof buffer, value).ptr;
-  text->append(buffer, end);
+  if (std::isfinite(value)) AppendShortestText(value, text);
 }
 
 void AppendKey(std::string* text, const JointRow& row) {

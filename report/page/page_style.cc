@@ -55,6 +55,7 @@ tr.look td{background:var(--look)}td code{white-space:pre-wrap}
 figure{margin:.4rem 0 1.2rem;min-width:0}figcaption{font-size:.86em;margin-top:.3rem;max-width:60rem}
 .grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,31rem),1fr));gap:.4rem 1.6rem;align-items:start}
 .grid.small{grid-template-columns:repeat(auto-fill,minmax(min(100%,17.5rem),1fr))}
+.grid.methods{grid-template-columns:repeat(auto-fill,minmax(min(30%,9rem),1fr));gap:.4rem .6rem}.grid.methods img{width:100%}
 details{margin:.3rem 0 1rem}summary{cursor:pointer;color:var(--c0)}
 img{max-width:100%;height:auto;display:block;border:1px solid var(--rule);background:#888}
 .strip img{width:100%}.strip .legend{display:grid;grid-auto-flow:column;grid-auto-columns:1fr;text-align:center;
@@ -74,6 +75,8 @@ svg .err{stroke:var(--ink);fill:none}svg .ink{fill:var(--ink);stroke:none}
 .f6{fill:var(--c6)}
 .f7{fill:var(--c7)}.h1,.h2,.h3,.h4{fill:var(--c0)}.h1{fill-opacity:.25}.h2{fill-opacity:.45}.h3{fill-opacity:.65}
 .h4{fill-opacity:.9}
+svg .over-edge{stroke:#000;stroke-opacity:.55;fill:none}svg .over-ring{stroke:#ffd23f;fill:none}
+svg .over-needle{stroke:#ff5c3b;fill:none}svg .over-cross{stroke:#ff4fd8;fill:none}svg .over-bone{stroke:#46c8ff;fill:none}
 .soft{fill-opacity:.16}.dots{stroke-linecap:round}.faint{opacity:.45}
 footer{margin-top:2rem;padding-top:.6rem;border-top:1px solid var(--rule);color:var(--muted);font-size:.86em}
 )css";

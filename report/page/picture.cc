@@ -38,14 +38,15 @@ bool PngSize(std::string_view bytes, int* width, int* height) {
   return true;
 }
 
+std::string PictureUri(std::string_view bytes) { return "data:" + PictureType(bytes) + ";base64," + Base64(bytes); }
+
 std::string PictureHtml(std::string_view bytes, const std::string& alt) {
   std::string size;
   int width = 0, height = 0;
   if (PngSize(bytes, &width, &height)) {
     size = " width=\"" + std::to_string(width) + "\" height=\"" + std::to_string(height) + "\"";
   }
-  return "<img alt=\"" + EscapeHtml(alt) + "\"" + size + " src=\"data:" + PictureType(bytes) + ";base64," + Base64(bytes) +
-         "\">";
+  return "<img alt=\"" + EscapeHtml(alt) + "\"" + size + " src=\"" + PictureUri(bytes) + "\">";
 }
 
 }  // namespace mvstudio::report

@@ -7,6 +7,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "report/page/html.h"
+#include "report/page/picture.h"
 
 namespace mvstudio::report {
 namespace {
@@ -57,6 +58,12 @@ void SvgCanvas::Circle(double x, double y, double radius, const std::string& css
   if (!AllFinite({x, y, radius}) || radius < 0) return;
   body_ += "<circle" + Attribute("cx", x) + Attribute("cy", y) + Attribute("r", radius) + ClassAttribute(css_class) +
            CloseWithTooltip("circle", tooltip);
+}
+
+void SvgCanvas::Picture(double x, double y, double width, double height, std::string_view bytes) {
+  if (!AllFinite({x, y, width, height}) || width < 0 || height < 0 || PictureType(bytes).empty()) return;
+  body_ += "<image" + Attribute("x", x) + Attribute("y", y) + Attribute("width", width) + Attribute("height", height) +
+           " preserveAspectRatio=\"none\" href=\"" + PictureUri(bytes) + "\"/>\n";
 }
 
 void SvgCanvas::Text(double x, double y, const std::string& text, const std::string& anchor, const std::string& css_class,
@@ -111,6 +118,17 @@ void SvgCanvas::Dots(const std::vector<Point>& points, const std::string& css_cl
   }
   if (path.empty()) return;
   body_ += "<path d=\"" + path + "\"" + ClassAttribute(css_class + " dots") + Attribute("stroke-width", diameter) + "/>\n";
+}
+
+void SvgCanvas::Rings(const std::vector<Point>& centres, const std::string& css_class, double radius, double stroke_width) {
+  const std::string arc = "a" + Pair({radius, radius}) + " 0 1 0 ", across = Coordinate(2 * radius);
+  std::string path;
+  for (const Point& centre : centres) {
+    if (!IsFinite(centre)) continue;
+    path += "M" + Pair({centre.first - radius, centre.second}) + arc + across + " 0" + arc + "-" + across + " 0";
+  }
+  if (path.empty()) return;
+  body_ += "<path d=\"" + path + "\"" + ClassAttribute(css_class) + Attribute("stroke-width", stroke_width) + "/>\n";
 }
 
 void SvgCanvas::Arrow(double x1, double y1, double x2, double y2, int colour, double stroke_width) {

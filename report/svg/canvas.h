@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -19,6 +20,8 @@ class SvgCanvas {
   /// `tooltip` appears under the pointer.
   void Rect(double x, double y, double width, double height, const std::string& css_class, const std::string& tooltip = {});
   void Circle(double x, double y, double radius, const std::string& css_class, const std::string& tooltip = {});
+  /// A PNG or JPEG, stretched over the rectangle; nothing for other bytes.
+  void Picture(double x, double y, double width, double height, std::string_view bytes);
   /// `anchor`: "start", "middle" or "end".
   void Text(double x, double y, const std::string& text, const std::string& anchor = "start", const std::string& css_class = {},
             double rotate_deg = 0);
@@ -30,6 +33,8 @@ class SvgCanvas {
                 const std::string& colour = {});
   /// Many round dots as one path.
   void Dots(const std::vector<Point>& points, const std::string& css_class, double diameter);
+  /// Many circles as one path.
+  void Rings(const std::vector<Point>& centres, const std::string& css_class, double radius, double stroke_width);
   /// A shaft with a filled head.
   void Arrow(double x1, double y1, double x2, double y2, int colour, double stroke_width = 2);
 

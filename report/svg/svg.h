@@ -2,6 +2,8 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 /// Figures as SVG text, each one well-formed element. Sizes are in CSS px; text is escaped here; values that are not
@@ -83,6 +85,24 @@ std::string ResidualField(const std::string& title, double image_width_px, doubl
 /// The same residuals as points (dx, dy) about zero, equal aspect, y down, with their mean and the circle that contains 95
 /// % of them.
 std::string ResidualCloud(const std::string& title, const std::vector<ImageArrow>& arrows, double width = 240);
+
+struct ImagePoint {
+  double x = 0, y = 0;
+};
+/// Points of an image on the image itself: a ring where each was observed, and an arrow from its projection to it.
+struct PictureOverlaySpec {
+  std::string title;
+  std::string_view picture;  ///< PNG or JPEG; others leave the frame empty
+  /// The part of the frame that the picture shows and the figure covers, px: its left and top edge (-0.5 for all of it), size.
+  double left_px = -0.5, top_px = -0.5, width_px = 0, height_px = 0;
+  std::vector<ImageArrow> points;    ///< x, y observed; dx, dy observed minus projected
+  std::vector<ImageArrow> rejected;  ///< a cross each
+  std::vector<std::pair<ImagePoint, ImagePoint>> bones;
+  bool enlarge = false;  ///< arrows by a round factor, stated below, away from the observed point
+  double width = 420;
+};
+/// Empty without a size.
+std::string PictureOverlay(const PictureOverlaySpec& spec);
 
 /// One small target per camera with its mean residual (observed minus projected, px) as an arrow, all at one scale; those
 /// above `suspect_px` are highlighted.

@@ -4,8 +4,7 @@
 #include <filesystem>
 
 #include "core/disk/files.h"
-#include "tests/avatar/panoptic_fixture.h"
-#include "tests/support/run_cli.h"
+#include "tests/cli/avatar_body_fixture.h"
 
 /// `avatar train --method gaussians`, `avatar eval` and `avatar render` of it, as a program.
 namespace mvstudio {
@@ -16,31 +15,12 @@ using testing::CliRun;
 using ::testing::HasSubstr;
 using testing::RunCli;
 
-class AvatarGaussians : public ::testing::Test {
+class AvatarGaussians : public AvatarBodyTest<AvatarGaussians> {
  protected:
-  static void SetUpTestSuite() {
-    folder_ = new testing::TempDir();
-    avatar::WriteMannequinDataset(*folder_ / "data", 5, 8, 96);
-    // To cameras that are trained on in all tests below.
-    const CliRun fit = RunCli(
-        {"avatar", "fit", data(), "--out", out("body"), "--train-cameras", "00_00,00_01,00_04", "--holdout-frames", "6-7"});
-    ASSERT_TRUE(fit.exit == 0 || fit.exit == 6) << fit.err;
-  }
-  static void TearDownTestSuite() { delete folder_; }
-
-  static std::string data() { return *folder_ / "data"; }
-  static std::string out(const std::string& name) { return *folder_ / name; }
   static CliRun Train(const std::string& name, const std::vector<std::string>& more) {
-    std::vector<std::string> words = {
-        "avatar",    "train",  data(),   "--out", out(name),           "--method", "gaussians",        "--body",
-        out("body"), "--json", "--size", "48",    "--holdout-cameras", "00_03",    "--holdout-frames", "6-7"};
-    words.insert(words.end(), more.begin(), more.end());
-    return RunCli(words);
+    return AvatarBodyTest::Train(name, "gaussians", more);
   }
-
-  static testing::TempDir* folder_;
 };
-testing::TempDir* AvatarGaussians::folder_ = nullptr;
 
 TEST_F(AvatarGaussians, LearnsScoresAndRenders) {
   const CliRun run = Train("run", {"--steps", "60", "--threads", "1"});

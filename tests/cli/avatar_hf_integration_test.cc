@@ -4,8 +4,7 @@
 #include <filesystem>
 
 #include "core/disk/files.h"
-#include "tests/avatar/panoptic_fixture.h"
-#include "tests/support/run_cli.h"
+#include "tests/cli/avatar_body_fixture.h"
 
 /// `avatar train --method hf`, `avatar resume`, `avatar eval` and `avatar render` of it, as a program.
 namespace mvstudio {
@@ -16,49 +15,13 @@ using testing::CliRun;
 using ::testing::HasSubstr;
 using testing::RunCli;
 
-class AvatarHf : public ::testing::Test {
+class AvatarHf : public AvatarBodyTest<AvatarHf> {
  protected:
-  static void SetUpTestSuite() {
-    folder_ = new testing::TempDir();
-    avatar::WriteMannequinDataset(*folder_ / "data", 5, 8, 96);
-    const CliRun fit = RunCli(
-        {"avatar", "fit", data(), "--out", out("body"), "--train-cameras", "00_00,00_01,00_04", "--holdout-frames", "6-7"});
-    ASSERT_TRUE(fit.exit == 0 || fit.exit == 6) << fit.err;
+  static CliRun Train(const std::string& name, std::vector<std::string> more) {
+    for (const char* word : {"--width", "4", "--downs", "3", "--threads", "1"}) more.push_back(word);
+    return AvatarBodyTest::Train(name, "hf", more);
   }
-  static void TearDownTestSuite() { delete folder_; }
-
-  static std::string data() { return *folder_ / "data"; }
-  static std::string out(const std::string& name) { return *folder_ / name; }
-  static CliRun Train(const std::string& name, const std::vector<std::string>& more) {
-    std::vector<std::string> words = {"avatar",
-                                      "train",
-                                      data(),
-                                      "--out",
-                                      out(name),
-                                      "--method",
-                                      "hf",
-                                      "--body",
-                                      out("body"),
-                                      "--json",
-                                      "--size",
-                                      "48",
-                                      "--width",
-                                      "4",
-                                      "--downs",
-                                      "3",
-                                      "--holdout-cameras",
-                                      "00_03",
-                                      "--holdout-frames",
-                                      "6-7",
-                                      "--threads",
-                                      "1"};
-    words.insert(words.end(), more.begin(), more.end());
-    return RunCli(words);
-  }
-
-  static testing::TempDir* folder_;
 };
-testing::TempDir* AvatarHf::folder_ = nullptr;
 
 TEST_F(AvatarHf, LearnsResumesScoresAndRenders) {
   const CliRun run = Train("run", {"--steps", "4"});

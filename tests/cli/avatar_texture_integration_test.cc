@@ -6,8 +6,7 @@
 #include "body/files/atlas.h"
 #include "body/files/textured_person.h"
 #include "core/disk/files.h"
-#include "tests/avatar/panoptic_fixture.h"
-#include "tests/support/run_cli.h"
+#include "tests/cli/avatar_body_fixture.h"
 
 /// `avatar texture` and `avatar edit` as a program.
 namespace mvstudio {
@@ -18,32 +17,16 @@ using testing::CliRun;
 using ::testing::HasSubstr;
 using testing::RunCli;
 
-class AvatarTexture : public ::testing::Test {
+class AvatarTexture : public AvatarBodyTest<AvatarTexture> {
  protected:
   static void SetUpTestSuite() {
-    folder_ = new testing::TempDir();
-    avatar::WriteMannequinDataset(*folder_ / "data", 5, 8, 96);
-    const CliRun fit = RunCli(
-        {"avatar", "fit", data(), "--out", out("body"), "--train-cameras", "00_00,00_01,00_04", "--holdout-frames", "6-7"});
-    ASSERT_TRUE(fit.exit == 0 || fit.exit == 6) << fit.err;
-    const CliRun train = RunCli({"avatar",    "train",
-                                 data(),      "--out",
-                                 out("run"),  "--method",
-                                 "gaussians", "--body",
-                                 out("body"), "--size",
-                                 "48",        "--steps",
-                                 "40",        "--colour-degree",
-                                 "0",         "--holdout-cameras",
-                                 "00_03",     "--holdout-frames",
-                                 "6-7",       "--validate-camera",
-                                 "00_02",     "--save-every",
-                                 "20"});
+    AvatarBodyTest::SetUpTestSuite();
+    if (HasFatalFailure()) return;
+    const CliRun train = Train("run", "gaussians",
+                               {"--steps", "40", "--colour-degree", "0", "--validate-camera", "00_02", "--save-every", "20"});
     ASSERT_EQ(train.exit, 0) << train.err;
   }
-  static void TearDownTestSuite() { delete folder_; }
 
-  static std::string data() { return *folder_ / "data"; }
-  static std::string out(const std::string& name) { return *folder_ / name; }
   static CliRun Texture(const std::string& source, const std::string& name, const std::vector<std::string>& more) {
     std::vector<std::string> words = {"avatar", "texture", out(source), "--out", out(name), "--json"};
     words.insert(words.end(), more.begin(), more.end());
@@ -55,10 +38,7 @@ class AvatarTexture : public ::testing::Test {
     return RunCli(words);
   }
   static body::TexturedPerson Read(const std::string& name) { return body::ReadPerson(out(name) + "/body.npz"); }
-
-  static testing::TempDir* folder_;
 };
-testing::TempDir* AvatarTexture::folder_ = nullptr;
 
 TEST_F(AvatarTexture, EveryMethodWritesABodyThatCanBeTrainedOn) {
   const std::vector<std::vector<std::string>> methods = {{"--method", "average"},

@@ -225,6 +225,18 @@ TEST_F(OwnSkeleton, DatasetsKeepEveryJointAndExportIt) {
     EXPECT_THAT(Slurp(folder_ / "bvh/take_person0.bvh"), HasSubstr(" " + name + "\n"));
     EXPECT_THAT(Slurp(folder_ / "trc/take_person0.trc"), HasSubstr(name));
   }
+  // A pack has no place for them.
+  std::vector<std::string> pack = {"dataset", "pack",  folder_ / "dataset", "--out", folder_ / "pack", "--frames",
+                                   "0-3",     "--json"};
+  const CliRun refused = RunCli(pack);
+  EXPECT_EQ(refused.exit, 3);
+  EXPECT_THAT(refused.out, AllOf(HasSubstr("of the 15 joints of 'mouse' are left out"), HasSubstr("--allow-lost-joints")));
+  EXPECT_FALSE(fs::exists(folder_ / "pack/INDEX.json"));
+  pack.push_back("--allow-lost-joints");
+  const CliRun packed = RunCli(pack);
+  EXPECT_TRUE(packed.exit == 0 || packed.exit == 6) << packed.out << packed.err;
+  EXPECT_THAT(packed.out, HasSubstr("PCK-JOINTS"));
+  EXPECT_GT(packed.Json()["metrics"]["lost_joints"].size(), 7u);
   const std::string scene = folder_ / "dataset/hdPose3d_stage1_mouse/body3DScene_00000007.json";
   std::ofstream(scene) << "{\"bodies\": [{\"id\": 0, \"joints15\": [1, 2]}]}";
   EXPECT_THAT(RunCli({"dataset", "verify", folder_ / "dataset", "--json"}).out,

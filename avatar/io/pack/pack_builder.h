@@ -10,6 +10,7 @@
 #include "avatar/io/pack/body_shape.h"
 #include "avatar/io/pack/joint_source.h"
 #include "body/files/textured_person.h"
+#include "core/choice/option_group.h"
 #include "core/fields.h"
 #include "core/progress.h"
 #include "dataset/panoptic/missing.h"
@@ -51,20 +52,24 @@ struct PackOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, PackOptions& o) {
+  StartGroup(visit, "Data");
   visit("size", o.size_px, "edge of the square crops, px");
   visit("fill", o.fill, "share of the crop that the largest poses of the person (98 % quantile of all poses) fill");
   visit("person", o.person, "person id in the dataset; -1: the one with most frames");
   visit("pose3d", o.pose3d,
         "folder with points.csv (`triangulate`): toes, heels, hands and face for option 'inputs' 21, 24 and 27, beside the "
         "dataset's own files");
+  StartGroup(visit, "Body");
   visit(
       "pose-by", o.pose_by,
       "what poses the fitted body: images (of the training cameras, held-out frames included), or joints alone, as in a motion "
       "that nobody filmed");
   visit("fit-shape", o.fit_shape, "fit the girth of the body template to the masks");
+  StartGroup(visit, "Data");
   visit("iuv", o.iuv,
         "folder with DensePose's map of each image, CAMERA/PICTURE.png (I, U, V as OpenCV's first, second and third channel): "
         "the first guess in place of the posed body template");
+  StartGroup(visit, "Body");
   visit("fit-pictures", o.fit_pictures, "training images used for that fit");
 }
 

@@ -1,0 +1,60 @@
+#include "app/input/pose3d_input.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "core/some_of.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/markers.h"
+
+namespace mvstudio::app {
+namespace fs = std::filesystem;
+namespace {
+
+using Poses = std::map<int, std::map<int, dataset::Coco19Pose>>;
+
+constexpr char kForms[] =
+    "is no 3D joints: a folder with points.csv, a .trc or .c3d file, a dataset, or a folder of body3DScene_*.json";
+
+bool AnyJoint(const Poses& poses) {
+  for (const auto& [frame, people] : poses) {
+    for (const auto& [person, pose] : people) {
+      if (std::any_of(pose.valid.begin(), pose.valid.end(), [](bool valid) { return valid; })) return true;
+    }
+  }
+  return false;
+}
+
+Poses FromPoints(const std::string& path, const std::string& marker_unit) {
+  const dataset::Pose3d pose = dataset::ReadPoints3d(path, marker_unit);
+  Poses poses = dataset::ToCoco19(pose);
+  const std::vector<std::string> others = dataset::JointsBeyondCoco19(pose);
+  if (!AnyJoint(poses) && !others.empty())
+    throw FormatError(path, "", "none of its joints is one of the body (" + SomeOf(others) + "): name them as OpenPose does");
+  return poses;
+}
+
+}  // namespace
+
+Poses ReadSceneFiles(const std::string& folder) {
+  Poses scenes;
+  for (const std::string& file : FilesNamed(folder, "body3DScene_", ".json")) {
+    const std::string digits = fs::path(file).stem().string().substr(std::string("body3DScene_").size());
+    if (digits.empty() || digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos)
+      throw FormatError(file, "", "the file name is not body3DScene_%08d.json");
+    scenes[std::stoi(digits)] = dataset::ReadBody3dScene(file);
+  }
+  return scenes;
+}
+
+Poses ReadCoco19Poses(const std::string& path, const std::string& marker_unit) {
+  if (dataset::IsMarkerFile(path) || fs::exists(fs::path(path) / "points.csv")) return FromPoints(path, marker_unit);
+  const fs::path in_dataset = fs::path(path) / "hdPose3d_stage1_coco19";
+  Poses poses = ReadSceneFiles(fs::exists(in_dataset) ? in_dataset.string() : path);
+  if (poses.empty()) throw IoError(path, kForms);
+  return poses;
+}
+
+}  // namespace mvstudio::app

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "app/input/session_input.h"
+#include "app/people/joint_views.h"
+#include "cli/people/take_timing.h"
+
+namespace CLI {
+class App;
+}
+
+/// Footage of a take that is not an input of its points: for the report's images.
+namespace mvstudio::cli {
+
+struct ImageArguments {
+  std::vector<app::NamedPath> video, images;
+
+  std::vector<std::string> Paths() const;
+};
+
+/// Adds --video and --images.
+void AddImageArguments(CLI::App* sub, ImageArguments& arguments);
+
+/// Throws IoError or FormatError for paths without footage.
+void CheckFootage(const ImageArguments& arguments);
+
+/// Throws UsageError for cameras that the rig lacks.
+void CheckCameras(const ImageArguments& arguments, const geometry::Rig& rig, const std::string& calib_path);
+
+/// What is named, else the session's, where the frames of the take can be found in it.
+app::TakeImages ImagesOf(const std::optional<app::FoundTake>& found, const TimingArguments& timing,
+                         const ImageArguments& arguments, const FrameNumbering& numbering);
+
+}  // namespace mvstudio::cli
