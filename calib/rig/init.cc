@@ -279,8 +279,8 @@ std::string MissingLink(const Problem& problem, const Assembly& assembly, const 
   const Brevity one = {1, 1, brevity.letters};
   text += "; film the board where a camera of " + Names(problem, state, groups[0], one) + " and one of " +
           Names(problem, state, groups[seen ? miss.group : 1], one) + " both see it";
-  return text + (miss.gap > 0 ? ", or check that their frames are paired" : ", or turn the boards about several axes") +
-         ", or print boards on both sides for cameras all around";
+  return text + (miss.gap > 0 ? ", or check that their frames are paired, or print boards on both sides"
+                              : ", or turn the boards about several axes");
 }
 
 void Refuse(const Problem& problem, const Assembly& assembly, const RigState& state, RigStart* start) {
