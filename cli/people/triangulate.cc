@@ -5,7 +5,6 @@
 
 #include "app/calib/calibration_use.h"
 #include "app/input/pose_input.h"
-#include "app/input/pose_truth.h"
 #include "app/input/project_input.h"
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
@@ -15,15 +14,14 @@
 #include "app/people/likely_cause.h"
 #include "app/people/marker_export.h"
 #include "app/people/triangulate_metrics.h"
+#include "cli/people/points_out.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/error.h"
 #include "core/format.h"
-#include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
-#include "dataset/pose/pose3d_compare.h"
 #include "dataset/session/timeline_source.h"
 #include "dataset/time/sync_file.h"
 #include "triangulate/skeleton/refine.h"
@@ -40,8 +38,8 @@ using nlohmann::ordered_json;
 struct Arguments {
   app::SessionArguments session;
   app::PoseArguments pose;
-  std::string project, out, trc, truth, marker_unit;
-  bool align_truth = false;
+  std::string project, out;
+  ComparisonArguments comparison;
   int chunk_frames = 0;
   std::string sync;
   AutoOnOff calibration_offsets = AutoOnOff::kAuto;
@@ -52,20 +50,6 @@ struct Arguments {
   bool had_points = false;  ///< those of an earlier run are in the folder
 };
 
-void AddComparisons(const Arguments& arguments, CommandResult* result) {
-  if (arguments.trc.empty() && arguments.truth.empty()) return;
-  const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
-  if (!arguments.trc.empty()) {
-    result->metrics["trc"] = app::ComparisonToJson(app::CompareWithTruth(pose, arguments.trc, {false, arguments.marker_unit}));
-    result->inputs.push_back(arguments.trc);
-  }
-  if (!arguments.truth.empty()) {
-    result->metrics["truth"] =
-        app::ComparisonToJson(app::CompareWithTruth(pose, arguments.truth, {arguments.align_truth, arguments.marker_unit}));
-    result->inputs.push_back(arguments.truth);
-  }
-}
-
 std::string Summary(const CommandResult& result) {
   const ordered_json& m = result.metrics;
   const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
@@ -75,15 +59,10 @@ std::string Summary(const CommandResult& result) {
       number(m["median_sigma_mm"]), number(m["points_per_s"]));
   text += Format("\nmethod %s; one camera left out: median %.2f px", m["method"].get<std::string>().c_str(),
                  number(m["holdout"]["median_px"]));
-  if (!m["limb_std_mm"].is_null()) text += Format("; limb lengths vary by %.1f mm", number(m["limb_std_mm"]));
+  if (!m["limb_std_mm"].is_null()) text += Format("; bone lengths vary by %.1f mm", number(m["limb_std_mm"]));
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
-    text += Format("\nagainst %s: median %.2f mm, p95 %.2f mm, %d joints", key, number(m[key]["median_mm"]),
-                   number(m[key]["p95_mm"]), m[key]["num"].get<int>());
-    if (m[key].contains("unit")) {
-      text +=
-          Format(" (its unit %s, %s up)", m[key]["unit"].get<std::string>().c_str(), m[key]["up"].get<std::string>().c_str());
-    }
+    text += ComparisonText(key, "", m[key]);
   }
   return text;
 }
@@ -245,7 +224,7 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   app::AddCameraWarnings(take, result);
   statistics.WarnOfAbsence(input, result);
   statistics.WarnOfPersons(arguments.options.max_persons, result);
-  if (statistics.num_ok() > 0) AddComparisons(arguments, result);
+  if (statistics.num_ok() > 0) AddComparisons(arguments.comparison, arguments.out, result);
   app::CheckConsistency(take, input.rig, result);
   app::CheckLimbs(take, input, result);
   app::CheckUp(take, input, result);
@@ -282,15 +261,7 @@ void CheckArguments(const Arguments& arguments) {
     throw UsageError(
         "--session needs the whole take for the timing of its cameras: leave --chunk-frames out, or give --pose2d");
   }
-  // A wrong path must not cost the run.
-  if (!arguments.trc.empty()) {
-    dataset::ReadMarkers(arguments.trc, arguments.marker_unit);
-    if (!dataset::IsMarkerFile(arguments.trc)) throw UsageError("--trc " + arguments.trc + ": call it .trc or .c3d");
-  }
-  if (dataset::IsMarkerFile(arguments.truth)) dataset::ReadMarkers(arguments.truth, arguments.marker_unit);
-  if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth)) {
-    throw IoError(arguments.truth, "--truth does not exist");
-  }
+  CheckComparison(arguments.comparison);
 }
 
 /// Where marker files are asked for: the rate of the session unless given.
@@ -303,15 +274,6 @@ void FillMarkerOptions(const std::optional<app::FoundTake>& found, app::MarkerOp
   }
   if (found && options->rate_hz <= 0) options->rate_hz = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
   CheckMarkerOptions(*options);
-}
-
-void WriteMarkerFolder(const Arguments& arguments, AtomicFolder* folder, CommandResult* result) {
-  if (!folder || result->metrics["num_points"] == 0) return;
-  const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
-  app::CheckMarkerWorld(pose.world, arguments.markers, result);
-  const auto work = PrepareMarkers(pose, arguments.markers, arguments.out);
-  WriteMarkers(work, SkeletonOf(pose), arguments.markers, folder->work_path(), MarkerFolder(arguments), result);
-  folder->Commit();
 }
 
 CommandResult Run(Arguments arguments, CommandContext& context) {
@@ -327,9 +289,10 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   CheckArguments(arguments);
   FillMarkerOptions(found, &arguments.markers);
   const auto& pose = arguments.pose;
-  const OutputFolder place(arguments.out,
-                           Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, arguments.trc, arguments.truth}),
-                           {"points.csv", "covariance.csv", "pose3d.json"});
+  const OutputFolder place(
+      arguments.out,
+      Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, arguments.comparison.trc, arguments.comparison.truth}),
+      {"points.csv", "covariance.csv", "pose3d.json"});
   result.folder = arguments.out;
   arguments.had_points = std::filesystem::exists(PointsPath(arguments));
   std::unique_ptr<AtomicFolder> markers;
@@ -349,7 +312,12 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     Conclude(
         arguments, input, take, statistics, [&] { return input.frames; }, context.run, &result);
   }
-  WriteMarkerFolder(arguments, markers.get(), &result);
+  if (markers) {
+    WriteMarkerFolder({arguments.out, MarkerFolder(arguments), arguments.markers, arguments.comparison}, markers.get(),
+                      &result);
+  } else if (arguments.had_points && !result.folder.empty()) {
+    DropOldMarkers(MarkerFolder(arguments), &result);
+  }
   return result;
 }
 
@@ -383,12 +351,14 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
       "all at once")
       ->capture_default_str();
   AddOptions(sub, arguments->markers);
-  AddOption(sub, "--trc", arguments->trc,
+  AddOption(sub, "--trc", arguments->comparison.trc,
             "compare with the markers of this .trc or .c3d file (its frame 1 is our frame 0; y up unless a .c3d says z)");
-  AddOption(sub, "--truth", arguments->truth,
+  AddOption(sub, "--truth", arguments->comparison.truth,
             "compare with a folder of body3DScene files, a points.csv, or markers (.trc, .c3d)");
-  AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
-  AddFlag(sub, "--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
+  AddOption(sub, "--marker-unit", arguments->comparison.marker_unit,
+            "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
+  AddFlag(sub, "--align-truth", arguments->comparison.align_truth,
+          "take out the best rigid motion before comparing with --truth");
   registry.Add(sub, "triangulate", [arguments](CommandContext& context) { return Run(*arguments, context); });
 }
 
