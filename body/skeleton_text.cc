@@ -78,7 +78,7 @@ class Joints {
 
   int At(const View& name) const {
     const auto found = index_.find(name.Text());
-    if (found == index_.end()) name.Fail(Quoted(name.Text()) + " is none of the joints");
+    if (found == index_.end()) name.Fail(Quoted(name.Text()) + " is none of the joints" + Suggestion(name.Text()));
     return found->second;
   }
 
@@ -98,6 +98,18 @@ class Joints {
   }
 
  private:
+  /// The joint whose name begins most alike, by three letters at least.
+  std::string Suggestion(const std::string& word) const {
+    size_t most = 2;
+    std::string nearest;
+    for (const auto& [joint, index] : index_) {
+      const auto differs = std::mismatch(word.begin(), word.end(), joint.begin(), joint.end());
+      const auto alike = static_cast<size_t>(differs.first - word.begin());
+      if (alike > most) most = alike, nearest = joint;
+    }
+    return nearest.empty() ? "" : "; did you mean " + Quoted(nearest) + "?";
+  }
+
   std::map<std::string, int> index_;
 };
 

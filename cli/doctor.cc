@@ -142,6 +142,20 @@ void ExamineMachine(const std::string& folder, CommandResult* result) {
                  (m["gpu"]["device"].get<bool>() ? "an NVIDIA GPU" : "no GPU") + "\n";
 }
 
+/// Reads the folder itself as a session's raw/: CAMERA/TAKE.mp4 and the like.
+void TakeFromRaw(const std::string& path, dataset::Session* session) {
+  const dataset::ScannedSession scanned = dataset::ScanRaw(path);
+  session->cameras = scanned.cameras;
+  session->takes = scanned.takes;
+  for (dataset::SessionTake& take : session->takes) {
+    for (dataset::SessionFootage& footage : take.footage) {
+      for (std::string* file : {&footage.path, &footage.plate}) {
+        if (file->rfind("raw/", 0) == 0) file->erase(0, 4);
+      }
+    }
+  }
+}
+
 dataset::Session SessionAt(const std::string& path, CommandResult* result) {
   if (!fs::exists(path)) throw IoError(path, "no such session or folder");
   if (!fs::is_directory(path) || fs::exists(fs::path(path) / "mvstudio.toml")) return dataset::ReadSession(path);
@@ -152,6 +166,7 @@ dataset::Session SessionAt(const std::string& path, CommandResult* result) {
   session.cameras = scanned.cameras;
   session.takes = scanned.takes;
   if (scanned.takes.empty()) session.takes = {dataset::ScanFolder(path, &session.cameras)};
+  if (session.cameras.empty()) TakeFromRaw(path, &session);
   result->warnings.push_back({"SES-NONE", path + " holds no mvstudio.toml: checked as a folder of footage",
                               "make a session with mvstudio session init"});
   return session;
@@ -172,7 +187,12 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   ExamineMachine(folder ? arguments.path : ".", &result);
   if (arguments.path.empty()) return result;
   const dataset::Session session = SessionAt(arguments.path, &result);
-  const dataset::SessionReport report = dataset::InspectSession(session, arguments.options, context.run);
+  dataset::SessionReport report = dataset::InspectSession(session, arguments.options, context.run);
+  const bool bare = !fs::exists(fs::path(session.folder) / "mvstudio.toml");
+  if (bare && session.cameras.empty()) {
+    report.findings.push_back({true, "SES-NO-FOOTAGE", arguments.path + ": no footage was found in it",
+                               "name a session, or a folder with TAKE/CAMERA.mp4, CAMERA/TAKE.mp4 or CAMERA.mp4"});
+  }
   result.inputs = {arguments.path};
   WarnOfBoard(session, &result);
   result.metrics["footage"] = app::FootageJson(report);

@@ -62,6 +62,7 @@ void RegisterReport(CLI::App& app, Registry& registry) {
   auto study = std::make_shared<app::StudyArguments>();
   auto run = std::make_shared<std::string>();
   auto out = std::make_shared<std::string>();
+  auto anew = std::make_shared<bool>(true);
   CLI::App* sub = app.add_subcommand(
       "report",
       "One offline HTML page, and the same numbers as JSON, from the saved results of a run; or a page for a "
@@ -76,8 +77,10 @@ void RegisterReport(CLI::App& app, Registry& registry) {
   AddOption(sub, "--truth", study->truth, "study: folder of the true images; of runs, the truth that they were scored with");
   AddOption(sub, "--study-pictures", study->pictures, "study: questions at most, evenly over the images")
       ->capture_default_str();
+  AddFlag(sub, "--overwrite", *anew, "needs not be given: a report is always written anew");
   AddOption(sub, "--study-tally", study->tally, "instead of a report: count these files of answers");
   registry.Add(sub, "report", [=](CommandContext& context) {
+    static_cast<void>(anew);  // holds the flag's value while the command line is parsed
     const int asked =
         static_cast<int>(!run->empty()) + static_cast<int>(!study->sides.empty()) + static_cast<int>(!study->tally.empty());
     if (asked != 1) throw UsageError("report needs one of RUN, --study A B and --study-tally ANSWERS");

@@ -79,8 +79,10 @@ const Writer& WriterByName(const std::string& name) {
   for (const Writer& writer : Writers()) {
     if (writer.info.name == name) return writer;
   }
-  throw UsageError("unknown format '" + name + "'; known are " +
-                   Join(Writers(), ", ", [](const Writer& writer) { return writer.info.name; }));
+  const std::string known = Join(Writers(), ", ", [](const Writer& writer) { return writer.info.name; });
+  const bool splats = name.find("gaussian") != std::string::npos || name.find("splat") != std::string::npos;
+  throw UsageError("unknown format '" + name + "'; known are " + known +
+                   (splats ? "; programs for Gaussian splatting read colmap, of moving scenes dynamic3dgs" : ""));
 }
 
 Json CameraJson(const View& view) {

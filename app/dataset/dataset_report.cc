@@ -207,7 +207,6 @@ void AddFindings(const std::vector<dataset::Finding>& findings, CommandResult* r
     result->metrics["findings"].push_back(
         {{"severity", error ? "error" : "warning"}, {"code", f.code}, {"path", f.path}, {"text", f.text}});
     (error ? result->errors : result->warnings).push_back({f.code, f.path + ": " + f.text, ""});
-    result->text += std::string(error ? "error   " : "warning ") + f.code + " " + f.path + ": " + f.text + "\n";
   }
 }
 

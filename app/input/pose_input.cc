@@ -8,6 +8,7 @@
 #include "app/input/take_frames.h"
 #include "app/input/tracker_input.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "core/some_of.h"
 
 namespace mvstudio::app {
@@ -43,7 +44,7 @@ PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
   result->inputs.push_back(arguments.calib);
   if (body::IsSkeletonFile(SkeletonNameOf(arguments))) result->inputs.push_back(SkeletonNameOf(arguments));
   CalibReadOptions read;
-  if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "calib-unit", &read.unit);
+  if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "unit", &read.unit);
   const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, read);
   AddNotes(imported.notes, result);
   input.rig = imported.rig;
@@ -82,6 +83,22 @@ void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range
                                  : dataset::ReadOpenPoseFolder(path, camera, input->skeleton, range));
     result->inputs.push_back(path);
     ListSkipped(input->tracks.back().skipped, result);
+  }
+}
+
+/// Takes the detections of joints out, as if nobody had seen them.
+void LeaveOutJoints(const std::vector<std::string>& names, PoseInput* input) {
+  for (const std::string& name : names) {
+    const int joint = input->skeleton.Find(name);
+    if (joint < 0) {
+      throw UsageError("option 'without-joint' " + name + ": skeleton " + input->skeleton.name +
+                       " has no such joint; there are " + Join(input->skeleton.joints, ", "));
+    }
+    for (dataset::Pose2dTrack& track : input->tracks) {
+      for (auto& [frame, people] : track.frames) {
+        for (dataset::Person2d& person : people) person.keypoints.at(static_cast<size_t>(joint)).score = 0;
+      }
+    }
   }
 }
 
@@ -174,6 +191,7 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   }
   const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
   if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, result);
+  LeaveOutJoints(arguments.without_joints, &input);
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
   CheckCameras(input, result);
   input.limbs = LimbsOf(input.skeleton);
@@ -213,6 +231,7 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
   PoseInput part;
   CommandResult own;
   ReadTracks(arguments_, {numbers_[begin], numbers_[end - 1], true}, &own, &part);
+  LeaveOutJoints(arguments_.without_joints, &part);
   for (const dataset::Pose2dTrack& track : part.tracks) {
     std::set<std::string>& damaged = damaged_[track.camera];
     damaged.insert(track.skipped.begin(), track.skipped.end());

@@ -35,6 +35,7 @@ nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth) {
   nlohmann::ordered_json json = {
       {"median_mm", comparison.median_mm}, {"mean_mm", comparison.mean_mm}, {"p95_mm", comparison.p95_mm},
       {"max_mm", comparison.max_mm},       {"num", comparison.num},         {"aligned", comparison.aligned}};
+  if (comparison.persons_left_out > 0) json["persons_left_out"] = comparison.persons_left_out;
   if (comparison.num_covariance > 0) {
     json["coverage68"] = comparison.coverage68;
     json["coverage95"] = comparison.coverage95;

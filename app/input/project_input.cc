@@ -16,7 +16,7 @@ void FillUnit(const dataset::TrackedProject& project, PoseArguments* pose, Comma
   const std::string why = project.board_square > 0 ? Format("its board's squares are %g", project.board_square)
                                                    : std::string("config.toml states no square of its board");
   result->warnings.push_back({"POSE-UNIT", "lengths of the anipose project are taken as mm: " + why,
-                              "option 'calib-unit' m, cm or in if its calibration counts in another unit"});
+                              "option 'unit' m, cm or in if its calibration counts in another unit"});
 }
 
 void WarnOfLeftOut(const dataset::TrackedProject& project, CommandResult* result) {

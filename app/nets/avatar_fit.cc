@@ -105,6 +105,23 @@ bool Holds(const std::vector<T>& list, const T& one) {
 
 bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
 
+/// Why the bones alone were kept: offsets were no better, or better by no more than chance.
+Notice NoGain(const std::vector<body::BodyFitStage>& stages) {
+  double best = stages.front().held_out_iou;
+  for (const body::BodyFitStage& stage : stages) best = std::max(best, stage.held_out_iou);
+  if (best > stages.front().held_out_iou) {
+    return {
+        "BODY-NO-GAIN",
+        Format("offsets of the surface raise the IoU of held-out silhouettes from %.4f to %.4f, but so few time steps cannot "
+               "tell this from chance: only the lengths of the bones were fitted",
+               stages.front().held_out_iou, best),
+        "give more time steps; option 'max-silhouettes' thins them"};
+  }
+  return {"BODY-NO-GAIN",
+          "offsets of the surface did not improve held-out silhouettes: only the lengths of the bones were fitted",
+          "check masks and joints"};
+}
+
 }  // namespace
 
 std::string_view ToString(BodyFitMode mode) { return WordOf(kModes, mode); }
@@ -220,9 +237,7 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
          "were fitted",
          "give at least four images, better ten frames of several cameras");
   } else if (fit.stages.size() > 1 && fit.stages.front().kept) {
-    warn("BODY-NO-GAIN",
-         "offsets of the surface did not improve held-out silhouettes: only the lengths of the bones were fitted",
-         "check masks and joints");
+    result->warnings.push_back(NoGain(fit.stages));
   }
   if (!person.missing.empty()) {
     warn("BODY-MISSING",

@@ -321,6 +321,7 @@ FeetFloor FloorUnderFeet(const dataset::Pose3d& pose) {
   const Tracks tracks = TracksOf(pose);
   std::vector<Place> places = PlacesOf(tracks);
   const int blocks = MakeBlocks(&places);
+  const std::string walk = ": people who walk about, in more than one direction, determine it";
   FeetFloor floor;
   floor.num_places = static_cast<int>(places.size());
   const Vector3d legs_up = LegsUp(tracks);
@@ -329,9 +330,8 @@ FeetFloor FloorUnderFeet(const dataset::Pose3d& pose) {
     return Undetermined(floor, Status::kTooFewViews, "no person has hips and ankles, so nothing says what is up");
   if (floor.num_places < kFewestPlaces) {
     return Undetermined(floor, Status::kTooFewViews,
-                        Format("feet stand in %d places; at least %d are needed", floor.num_places, kFewestPlaces));
+                        Format("feet stand in %d places; at least %d are needed", floor.num_places, kFewestPlaces) + walk);
   }
-  const std::string walk = ": people who walk about, in more than one direction, determine it";
   const Vector3d middle = MiddleOf(places);
   std::vector<Place> used;
   Planes planes;

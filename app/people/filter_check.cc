@@ -1,5 +1,6 @@
 #include "app/people/filter_check.h"
 
+#include <algorithm>
 #include <map>
 #include <tuple>
 
@@ -85,6 +86,12 @@ nlohmann::ordered_json FiguresJson(const triangulate::LeftOutFigures& figures) {
 }
 
 }  // namespace
+
+bool FilterCheck::Hurts() const {
+  constexpr double kLeastErrors = 2, kLeastShare = 0.02;
+  const double least_px = std::max(kLeastErrors * difference.median_error_px, kLeastShare * before.median_px);
+  return difference.num_samples > 0 && difference.median_px > least_px;
+}
 
 FilterCheck CheckFilter(const PreparedRig& rig, const TakeResult& take, const triangulate::PointSolver& solve,
                         const body::Skeleton& skeleton, const MarkerOptions& options, const RunContext& run, int max_cameras) {

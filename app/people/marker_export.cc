@@ -188,6 +188,22 @@ std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const Marker
   return list;
 }
 
+dataset::Pose3d PoseOf(const std::vector<MarkerWork>& work) {
+  dataset::Pose3d pose;
+  for (const MarkerWork& person : work) {
+    const markers::MarkerTake& take = person.after;
+    for (int f = 0; f < take.num_frames(); ++f) {
+      for (int m = 0; m < take.num_markers(); ++m) {
+        const Eigen::Vector3d& x_in_world = take.x_in_world[take.Index(f, m)];
+        if (!x_in_world.allFinite()) continue;
+        pose.rows.push_back(
+            {take.first_frame + f, take.person, take.names[static_cast<size_t>(m)], Status::kOk, x_in_world, 0, 0, 0, {}});
+      }
+    }
+  }
+  return pose;
+}
+
 void WriteMarkers(const std::vector<MarkerWork>& work, const body::Skeleton& skeleton, const MarkerOptions& options,
                   const std::string& folder, const std::string& final_folder, CommandResult* result) {
   Writer writer(folder, final_folder, result);

@@ -50,6 +50,9 @@ MarkerWork FilledAndFiltered(markers::MarkerTake take, const MarkerOptions& opti
 /// Every person of the take. Throws FormatError when nobody has a position.
 std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const MarkerOptions& options, const std::string& path);
 
+/// Positions after filling and filtering, all persons together: what the files hold.
+dataset::Pose3d PoseOf(const std::vector<MarkerWork>& work);
+
 /// Writes person<N>.trc, .c3d, .csv, .bvh, the files for OpenSim and markers.html into the folder. A skeleton without bones has
 /// no hierarchy: then a warning says so, the other files are written, and the result is partial (exit 6). Adds the outputs, as
 /// they will be called below `final_folder`, the metrics `markers` and a line of text. Says which joints OpenSim's files leave

@@ -185,7 +185,7 @@ void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metric
 
 void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, ordered_json* metrics) {
   ordered_json& m = *metrics;
-  m["sigma_px"] = take.sigma_px;
+  m["sigma_px"] = take.sigma_px > 0 ? ordered_json(take.sigma_px) : ordered_json();  // exhaustive-dlt knows none
   m["method"] = std::string(ToString(take.method));
   if (!take.choice.scores.empty()) {
     m["method_reason"] = take.choice.reason;

@@ -6,6 +6,7 @@
 #include <functional>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
+#include <set>
 
 #include "calib/board/charuco_layout.h"
 #include "calib/board/homography.h"
@@ -17,6 +18,8 @@ namespace {
 constexpr int kMaxCols = 30;
 constexpr int kLeastMarkers = 5;       // of an image, for its layout to be told
 constexpr double kMaxMisplaced = 0.2;  // of a marker's side
+constexpr double kMaxSideRatio = 1.4;  // of a marker's side to the median of its image, on the board
+constexpr int kLeastSeenShare = 4;     // one marker of so many must be seen, or the board is larger than anybody saw
 constexpr int kLargestPx = 1600;
 
 using CentreOf = std::function<Eigen::Vector2d(int)>;
@@ -24,8 +27,31 @@ using CentreOf = std::function<Eigen::Vector2d(int)>;
 /// How well a layout explains the markers of all images.
 struct LayoutFit {
   int num_placed = 0;                // markers where the layout puts them
+  int largest_id = -1;               // of a placed marker
   std::vector<double> marker_sides;  // in steps of the layout, for every marker that is in its place
 };
+
+/// Without the ids that would make a board of which hardly anything was seen: those of clutter read as a marker.
+std::vector<MarkersOfImage> WithoutStrayIds(std::vector<MarkersOfImage> images, int first_id) {
+  std::set<int> ids;
+  for (const MarkersOfImage& markers : images) {
+    for (const auto& [id, px] : markers) ids.insert(id);
+  }
+  int largest = -1, count = 0;
+  for (const int id : ids) {
+    if (id - first_id + 1 <= kLeastSeenShare * ++count) largest = id;
+  }
+  for (MarkersOfImage& markers : images) markers.erase(markers.upper_bound(largest), markers.end());
+  return images;
+}
+
+/// Mean side of a marker in steps of the layout.
+double SideInLayout(const Eigen::Matrix3d& layout_from_px, const Eigen::Matrix<double, 2, 4>& px) {
+  double sum = 0;
+  for (int k = 0; k < 4; ++k)
+    sum += (MapPoint(layout_from_px, px.col(k)) - MapPoint(layout_from_px, px.col((k + 1) % 4))).norm();
+  return sum / 4;
+}
 
 void FitImage(const MarkersOfImage& markers, const CentreOf& centre_of, LayoutFit* fit) {
   if (static_cast<int>(markers.size()) < kLeastMarkers) return;
@@ -42,17 +68,21 @@ void FitImage(const MarkersOfImage& markers, const CentreOf& centre_of, LayoutFi
     weights = (1 + (distances / std::max(0.1, 2 * Median(distances))).array().square()).inverse();
   }
   const Eigen::Matrix3d back = homography->inverse();
-  int placed = 0;
-  std::vector<double> sides;
-  int i = 0;
+  std::vector<double> all_sides, sides;
+  for (const auto& [id, px] : markers) all_sides.push_back(SideInLayout(back, px));
+  const double usual_side = Median(Eigen::Map<const Eigen::VectorXd>(all_sides.data(), n));
+  int i = 0, largest_id = -1;
   for (const auto& [id, px] : markers) {
-    const double side_px = (px.col(0) - px.col(2)).norm() / std::sqrt(2.0);
-    if ((MapPoint(*homography, from.col(i++)) - px.rowwise().mean()).norm() > kMaxMisplaced * side_px) continue;
-    ++placed;
-    for (int k = 0; k < 4; ++k) sides.push_back((MapPoint(back, px.col(k)) - MapPoint(back, px.col((k + 1) % 4))).norm());
+    const double side_px = (px.col(0) - px.col(2)).norm() / std::sqrt(2.0), side = all_sides[static_cast<size_t>(i)];
+    const double off_px = (MapPoint(*homography, from.col(i++)) - px.rowwise().mean()).norm();
+    if (off_px > kMaxMisplaced * side_px) continue;
+    if (!(side < kMaxSideRatio * usual_side && usual_side < kMaxSideRatio * side)) continue;
+    sides.push_back(side), largest_id = id;
   }
+  const int placed = static_cast<int>(sides.size());
   if (placed < kLeastMarkers || 3 * placed < 2 * n) return;
   fit->num_placed += placed;
+  fit->largest_id = std::max(fit->largest_id, largest_id);
   fit->marker_sides.insert(fit->marker_sides.end(), sides.begin(), sides.end());
 }
 
@@ -96,8 +126,9 @@ int RowsFor(int cols, bool shifted, int largest_id) {
 
 }  // namespace
 
-std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vector<MarkersOfImage>& images,
+std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vector<MarkersOfImage>& all_images,
                                   const std::optional<Board>& hint) {
+  const std::vector<MarkersOfImage> images = WithoutStrayIds(all_images, 0);
   const int largest = LargestId(images);
   int best_placed = 0;
   std::optional<Board> best;
@@ -113,7 +144,7 @@ std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vect
       board.kind = Board::Kind::kCharuco;
       board.dictionary = dictionary;
       board.cols = cols - 1;
-      board.rows = std::max(2, RowsFor(cols, shifted, largest) - 1);
+      board.rows = std::max(2, RowsFor(cols, shifted, fit.largest_id) - 1);
       board.legacy = shifted;
       best = board;
     }
@@ -126,12 +157,13 @@ std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vect
   return best;
 }
 
-std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector<MarkersOfImage>& images,
+std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector<MarkersOfImage>& all_images,
                                     const std::optional<Board>& hint) {
   int smallest = 1 << 30;
-  for (const MarkersOfImage& markers : images) {
+  for (const MarkersOfImage& markers : all_images) {
     if (!markers.empty()) smallest = std::min(smallest, markers.begin()->first);
   }
+  const std::vector<MarkersOfImage> images = WithoutStrayIds(all_images, smallest);
   std::vector<int> firsts = {0, smallest};
   if (hint && hint->has_tags()) firsts.insert(firsts.begin(), hint->first_tag);
   int best_placed = 0;
@@ -149,7 +181,7 @@ std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector
       board.kind = Board::Kind::kAprilGrid;
       board.dictionary = family;
       board.cols = cols;
-      board.rows = (LargestId(images) - first) / cols + 1;
+      board.rows = (fit.largest_id - first) / cols + 1;
       board.square_m = 1;
       board.tag_spacing = RoundRatio(1 / side - 1);
       board.first_tag = first;

@@ -15,7 +15,8 @@ namespace mvstudio::calib {
 using MarkersOfImage = std::map<int, Eigen::Matrix<double, 2, 4>>;
 
 /// The ChArUco board (square_m = 1) whose layout agrees with the marker positions in most of the images; empty when none
-/// fits. The number of rows is the smallest that holds the ids. `hint` decides where the ids allow several boards.
+/// fits. The number of rows is the smallest that holds the ids where the layout puts them; ids so high that less than a
+/// quarter of such a board's markers was ever seen are clutter and left out. `hint` decides where the ids allow several boards.
 std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vector<MarkersOfImage>& images,
                                   const std::optional<Board>& hint);
 

@@ -66,6 +66,10 @@ double LeastSquarePx(Board::Kind kind) {
   return kind == Board::Kind::kCharuco ? 22 : 44;
 }
 
+int LeastImageWidthPx(const BoardProposal& proposal, int image_width_px) {
+  return static_cast<int>(std::ceil(image_width_px * proposal.near_m / proposal.far_m));
+}
+
 std::optional<Board> LargestOn(const Board& board, Paper paper) {
   if (paper == Paper::kNone) return board;
   const auto side = [](int step) { return step <= 50 ? step / 10.0 : step - 45.0; };  // 1, 1.1 … 5, 6, 7 … mm

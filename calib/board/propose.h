@@ -25,7 +25,12 @@ struct BoardProposal {
   double width_m = 0, height_m = 0;  ///< of the print without margin
   double near_m = 0;                 ///< nearer, the board is wider than the image
   double far_m = 0;                  ///< farther, its markers or squares have too few pixels to be found reliably
+  /// False: no distance suits, for the board fills the image before its markers or squares have enough pixels.
+  bool Suits() const { return near_m <= far_m; }
 };
+
+/// Width of images of the same field of view, px, from which on some distance suits the board.
+int LeastImageWidthPx(const BoardProposal& proposal, int image_width_px);
 
 /// The side of a square or tag in px below which boards are no longer found reliably when they are tilted by 40 degrees,
 /// blurred by 0.7 px and noisy (2 grey values of 255). Measured by rendering; tests hold it.

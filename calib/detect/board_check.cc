@@ -74,6 +74,18 @@ int Count(const std::vector<MarkersOfImage>& images) {
   return static_cast<int>(count);
 }
 
+/// `images` hold some.
+SeenMarkers Seen(const std::string& dictionary, const std::vector<MarkersOfImage>& images) {
+  SeenMarkers seen{dictionary};
+  std::set<int> ids;
+  for (const MarkersOfImage& markers : images) {
+    seen.num_images += !markers.empty();
+    for (const auto& [id, px] : markers) ids.insert(id);
+  }
+  seen.smallest_id = *ids.begin(), seen.largest_id = *ids.rbegin(), seen.num_ids = static_cast<int>(ids.size());
+  return seen;
+}
+
 /// 4x4 of 4x4_1000: dictionaries of one kind differ in length only.
 std::string FamilyOf(const std::string& dictionary) {
   return dictionary.rfind("apriltag", 0) == 0 || dictionary.find("x") == std::string::npos
@@ -139,12 +151,14 @@ void AddMiscounts(const Board& given, Candidates* candidates) {
 }
 
 /// ChArUco boards that the markers tell, in any dictionary, also mirrored and in negative.
-void AddCharucoGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates) {
+void AddCharucoGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
+                       std::vector<SeenMarkers>* seen) {
   for (const char* dictionary : kWholeDictionaries) {
     for (const std::vector<Image>* images : {&pictures.grey, &pictures.negative, &pictures.mirrored}) {
       const auto markers = MarkersIn(*images, dictionary, num_threads);
       if (Count(markers) < kLeastMarkersSeen) continue;
       auto board = GuessCharuco(dictionary, markers, given);
+      if (!board && images == &pictures.grey) seen->push_back(Seen(dictionary, markers));
       if (!board) continue;
       board->inverted = images == &pictures.negative;
       candidates->AddGuess(*board, images == &pictures.mirrored);
@@ -357,7 +371,7 @@ BoardCheckReport CheckBoard(const std::optional<Board>& given, const std::vector
   const bool tags_asked = given && given->has_tags();
   if (!Fits(report, 0.8) || tags_asked) AddTagGuesses(given, pictures, num_threads, &candidates, &report.tags);
   stage.Advance(1, "AprilTag families");
-  if (!Fits(report, 0.8) && !tags_asked) AddCharucoGuesses(given, pictures, num_threads, &candidates);
+  if (!Fits(report, 0.8) && !tags_asked) AddCharucoGuesses(given, pictures, num_threads, &candidates, &report.markers);
   TryNew(candidates, given, pictures, num_threads, &report);
   stage.Advance(1, "ArUco dictionaries");
   if (!Fits(report, 0.5) && !tags_asked) AddChessboardGuesses(pictures, num_threads, &candidates);

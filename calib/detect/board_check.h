@@ -32,12 +32,20 @@ struct SeenTag {
   Eigen::Matrix<double, 2, 4> refined_px;
 };
 
+/// ArUco markers that were found without the board that they belong to.
+struct SeenMarkers {
+  std::string dictionary;
+  int num_images = 0;  ///< in which some were found
+  int smallest_id = 0, largest_id = 0, num_ids = 0;
+};
+
 struct BoardCheckReport {
   int num_images = 0;
-  std::vector<BoardTrial> trials;  ///< all candidates, best first
-  std::optional<size_t> best;      ///< into trials; empty when no candidate fits any image
-  bool scale_known = false;        ///< false without a given board: lengths are then in units of a square (a tag's side)
-  std::vector<SeenTag> tags;       ///< of all AprilTag families
+  std::vector<BoardTrial> trials;    ///< all candidates, best first
+  std::optional<size_t> best;        ///< into trials; empty when no candidate fits any image
+  bool scale_known = false;          ///< false without a given board: lengths are then in units of a square (a tag's side)
+  std::vector<SeenTag> tags;         ///< of all AprilTag families
+  std::vector<SeenMarkers> markers;  ///< of dictionaries for which no layout was found
 };
 
 /// Identifies the board in the images (grey or RGB). Tried besides `given`, if any: rows and columns exchanged, squares

@@ -108,9 +108,11 @@ void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* ri
 }
 
 ImportNote UnitNote(double metres_per_unit) {
-  return {"CAL-UNIT",
-          "the format names no unit of length; translations are taken as " + Format("%g", metres_per_unit) + " m per unit",
-          "pass option 'unit' mm, cm or m: that of the program that wrote the file"};
+  return {
+      "CAL-UNIT",
+      "the format names no unit of length; translations are taken as " + Format("%g", metres_per_unit) + " m per unit",
+      "pass option 'unit' mm, cm or m, that of the program that wrote the file; commands without this option take what calib "
+      "convert makes of it"};
 }
 
 }  // namespace mvstudio::calib::internal

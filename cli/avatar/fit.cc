@@ -52,7 +52,8 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
       "body that is fitted: mannequin, a folder of MakeHuman's base mesh, rigs and targets, or a .npz or .pkl file in SMPL's "
       "layout. Of several with commas between them held-out silhouettes choose; auto: the mannequin and all in the models' "
       "folder, in bodies");
-  AddOption(sub, "--max-silhouettes", a->options.max_silhouettes, "time steps are thinned until no more are used")
+  AddOption(sub, "--max-silhouettes", a->options.max_silhouettes,
+            "time steps are thinned until no more are used; one is kept with all its cameras")
       ->check(CLI::Range(1, 100000));
   AddOption(sub, "--max-px", a->options.max_px, "longest edge of the person in the images that are fitted to")
       ->check(CLI::Range(64, 4096));

@@ -5,6 +5,7 @@
 #include "calib/board/draw.h"
 #include "calib/board/propose.h"
 #include "calib/detect/board_check.h"
+#include "cli/program/arguments.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -112,6 +113,17 @@ std::string TagsText(const calib::BoardCheckReport& report, const std::vector<st
   return text + Format("%zu tags in %d images\n", report.tags.size(), report.num_images);
 }
 
+/// What is known of a board that could not be told.
+std::string KnownText(const std::vector<calib::SeenMarkers>& seen) {
+  const auto most =
+      std::max_element(seen.begin(), seen.end(), [](const auto& a, const auto& b) { return a.num_ids < b.num_ids; });
+  if (most == seen.end()) return "the board must be sharp and flat; a chessboard must be visible as a whole";
+  return Format(
+      "%d markers of %s were seen (ids %d to %d, in %d images), too few in one image or in no known layout: show all "
+      "of the board, near and sharp, or write it down with --board",
+      most->num_ids, most->dictionary.c_str(), most->smallest_id, most->largest_id, most->num_images);
+}
+
 void AddVerdict(const calib::BoardCheckReport& report, CommandResult* result) {
   result->metrics["board"] = ordered_json();
   if (!report.best) {
@@ -121,8 +133,7 @@ void AddVerdict(const calib::BoardCheckReport& report, CommandResult* result) {
       return;
     }
     result->exit = kExitBadInput;
-    result->errors.push_back({"BRD-NONE", "no board that was tried is in any of the images",
-                              "the board must be sharp and flat; a chessboard must be visible as a whole"});
+    result->errors.push_back({"BRD-NONE", "no board that was tried is in any of the images", KnownText(report.markers)});
     return;
   }
   const calib::BoardTrial& best = report.trials[*report.best];
@@ -172,6 +183,7 @@ CommandResult RunCheck(const CheckArguments& arguments, CommandContext& context)
 
 ordered_json ProposalJson(const calib::BoardProposal& proposal) {
   return {{"board", calib::ToString(proposal.board)},
+          {"suits", proposal.Suits()},
           {"print_mm", {1e3 * proposal.width_m, 1e3 * proposal.height_m}},
           {"near_m", proposal.near_m},
           {"far_m", proposal.far_m}};
@@ -183,8 +195,11 @@ CommandResult RunPropose(const calib::ProposeOptions& options) {
   result.text = Format("%-34s %-13s distance m\n", "board", "print mm");
   for (const calib::BoardProposal& proposal : calib::ProposeBoards(options)) {
     result.metrics["boards"].push_back(ProposalJson(proposal));
-    result.text += Format("%-34s %3.0f x %-7.0f %.2f to %.2f\n", calib::ToString(proposal.board).c_str(),
-                          1e3 * proposal.width_m, 1e3 * proposal.height_m, proposal.near_m, proposal.far_m);
+    const std::string distances = proposal.Suits() ? Format("%.2f to %.2f", proposal.near_m, proposal.far_m)
+                                                   : Format("none; images of %d px or more, or fewer squares",
+                                                            LeastImageWidthPx(proposal, options.image_width_px));
+    result.text += Format("%-34s %3.0f x %-7.0f %s\n", calib::ToString(proposal.board).c_str(), 1e3 * proposal.width_m,
+                          1e3 * proposal.height_m, distances.c_str());
   }
   result.text += Format(
       "for images %d px wide with a field of view of %g degrees; board draw BOARD --paper %s --out board.pdf prints one\n",
@@ -196,6 +211,7 @@ void RegisterPropose(CLI::App& board, Registry& registry) {
   const auto options = std::make_shared<calib::ProposeOptions>();
   CLI::App* sub = board.add_subcommand("propose", "Boards that fit the paper, and the distances that they suit");
   AddOptions(sub, *options);
+  sub->get_option("--paper")->check(OneOf({"a4", "a3", "a2", "a1", "letter"}));  // none has no size to fill
   registry.Add(sub, "board propose", [options](CommandContext&) { return RunPropose(*options); });
 }
 

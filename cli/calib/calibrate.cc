@@ -95,7 +95,7 @@ void RequireSameSizes(const calib::CalibrateInput& input, const std::string& pat
   }
   if (wrong.empty()) return;
   throw UsageError(path + " has lenses of other image sizes: " + wrong +
-                   "; for the same part of the sensor: mvstudio calib resize" + sizes);
+                   "; for the same part of the sensor: mvstudio calib resize " + path + sizes + " --out resized.json");
 }
 
 geometry::Rig GivenLenses(const std::string& path, CommandResult* result) {

@@ -130,7 +130,7 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
       ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
   AddChoice(sub, "--unit", arguments->read.unit, "unit of length of files that name none")
       ->capture_default_str()
-      ->check(CLI::IsMember({"m", "cm", "mm"}));
+      ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
   registry.Add(sub, "calib eval", [arguments](CommandContext& context) { return Eval(*arguments, context); });
 }
 

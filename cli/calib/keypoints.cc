@@ -258,7 +258,7 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
   AddOption(sub, "--skeleton", arguments.skeleton,
             "--from-keypoints: a name that triangulate knows, or a file FILE.toml (docs/formats.md); body25 unless given, of "
             "--points2d, DeepLabCut and SLEAP the points in the file");
-  AddOption(sub, "--calib-unit", arguments.calib_unit,
+  AddOption(sub, "--unit,--calib-unit", arguments.calib_unit,
             "--from-keypoints: m, cm, mm or in: of a calibration that names no unit; m unless given");
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "

@@ -109,7 +109,10 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
                    "; all joints of " + report.skeleton + " are in hdPose3d_stage1_" + report.skeleton + "\n";
   }
   for (const dataset::BuiltCamera& c : report.cameras) {
-    if (arguments.options.masks)
+    if (arguments.options.masks && c.joints == 0)
+      result.text += Format("  %s (%s): no joint of Panoptic's 19 in view, so its masks are empty or uncertain\n",
+                            c.name.c_str(), c.alias.c_str());
+    else if (arguments.options.masks)
       result.text += Format("  %s (%s): person on %.1f %% of the image, colours support %d of %d joints\n", c.name.c_str(),
                             c.alias.c_str(), 100 * c.mean_area_fraction, c.joints_supported, c.joints);
   }

@@ -100,8 +100,9 @@ void LinkRaw(const InitArguments& arguments, LinkBack* back, CommandResult* resu
     PlaceLink(fs::absolute(arguments.scan).string(), raw.string());
   }
   if (!fs::is_symlink(raw)) return;
-  result->warnings.push_back({"SES-OUTSIDE", raw.string() + " is a link to " + arguments.scan,
-                              "commands on this session need --allow-outside; copy the footage to make it whole"});
+  result->warnings.push_back({"SES-OUTSIDE", raw.string() + " is a link to " + arguments.scan + ", outside the session",
+                              "every command on this session needs --allow-outside, as in: mvstudio doctor " +
+                                  arguments.folder + " --allow-outside; copy the footage in place of the link to do without"});
 }
 
 void RequireRoomForLink(const InitArguments& arguments) {

@@ -5,7 +5,6 @@
 
 #include "app/calib/calibration_use.h"
 #include "app/input/pose_input.h"
-#include "app/input/pose_truth.h"
 #include "app/input/project_input.h"
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
@@ -15,6 +14,7 @@
 #include "app/people/likely_cause.h"
 #include "app/people/marker_export.h"
 #include "app/people/triangulate_metrics.h"
+#include "cli/people/points_out.h"
 #include "cli/people/take_images.h"
 #include "cli/people/take_timing.h"
 #include "cli/program/commands.h"
@@ -23,9 +23,7 @@
 #include "cli/program/output_guard.h"
 #include "core/error.h"
 #include "core/format.h"
-#include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
-#include "dataset/pose/pose3d_compare.h"
 #include "triangulate/skeleton/refine.h"
 #include "triangulate/take/cause.h"
 #include "triangulate/take/steps.h"
@@ -40,8 +38,8 @@ struct Arguments {
   TimingArguments timing;
   app::PoseArguments pose;
   ImageArguments images;  ///< for the report
-  std::string project, out, trc, truth, marker_unit;
-  bool align_truth = false;
+  std::string project, out;
+  ComparisonArguments comparison;
   int chunk_frames = 0;
   bool refine = false;
   triangulate::TakeOptions options;
@@ -49,23 +47,6 @@ struct Arguments {
   app::MarkerOptions markers;
   bool had_points = false;  ///< those of an earlier run are in the folder
 };
-
-void AddComparison(const std::string& key, const dataset::Pose3d& pose, const std::string& truth,
-                   const app::TruthOptions& options, CommandResult* result) {
-  if (truth.empty()) return;
-  const app::TruthComparison comparison = app::CompareWithTruth(pose, truth, options);
-  result->metrics[key] = app::ComparisonToJson(comparison);
-  result->inputs.push_back(truth);
-  if (comparison.unit_doubt.empty()) return;
-  result->warnings.push_back({"TRI-UNIT", comparison.unit_doubt, "name the unit: --marker-unit m, cm, mm or in"});
-}
-
-void AddComparisons(const Arguments& arguments, CommandResult* result) {
-  if (arguments.trc.empty() && arguments.truth.empty()) return;
-  const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
-  AddComparison("trc", pose, arguments.trc, {false, arguments.marker_unit}, result);
-  AddComparison("truth", pose, arguments.truth, {arguments.align_truth, arguments.marker_unit}, result);
-}
 
 std::string LeftOutText(const ordered_json& holdout) {
   if (holdout["num"] == 0) return "cannot be measured, no joint is seen by three cameras";
@@ -81,15 +62,10 @@ std::string Summary(const CommandResult& result) {
       m["num_points"].get<int>(), m["num_joints_tried"].get<int>(), number(m["median_rms_px"]), number(m["sigma_px"]),
       number(m["median_sigma_mm"]), number(m["points_per_s"]));
   text += Format("\nmethod %s; one camera left out: ", m["method"].get<std::string>().c_str()) + LeftOutText(m["holdout"]);
-  if (!m["limb_std_mm"].is_null()) text += Format("; limb lengths vary by %.1f mm", number(m["limb_std_mm"]));
+  if (!m["limb_std_mm"].is_null()) text += Format("; bone lengths vary by %.1f mm", number(m["limb_std_mm"]));
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
-    text += Format("\nagainst %s: median %.2f mm, p95 %.2f mm, %d joints", key, number(m[key]["median_mm"]),
-                   number(m[key]["p95_mm"]), m[key]["num"].get<int>());
-    if (m[key].contains("unit")) {
-      text +=
-          Format(" (its unit %s, %s up)", m[key]["unit"].get<std::string>().c_str(), m[key]["up"].get<std::string>().c_str());
-    }
+    text += ComparisonText(key, "", m[key]);
   }
   return text;
 }
@@ -216,7 +192,7 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   app::AddTakeMetrics(take, input.skeleton, &result->metrics);
   statistics.WarnOfAbsence(input, result);
   statistics.WarnOfPersons(arguments.options.max_persons, result);
-  if (statistics.num_ok() > 0) AddComparisons(arguments, result);
+  if (statistics.num_ok() > 0) AddComparisons(arguments.comparison, arguments.out, result);
   app::CheckConsistency(take, input.rig, result);
   app::CheckLimbs(take, input, result);
   app::CheckUp(take, input, result);
@@ -257,14 +233,7 @@ void CheckArguments(const Arguments& arguments) {
   if (arguments.chunk_frames > 0 && !arguments.images.Paths().empty())
     throw UsageError("--video and --images need the whole take: leave --chunk-frames out");
   CheckFootage(arguments.images);
-  if (!arguments.trc.empty()) {
-    dataset::ReadMarkers(arguments.trc, arguments.marker_unit);
-    if (!dataset::IsMarkerFile(arguments.trc)) throw UsageError("--trc " + arguments.trc + ": call it .trc or .c3d");
-  }
-  if (dataset::IsMarkerFile(arguments.truth)) dataset::ReadMarkers(arguments.truth, arguments.marker_unit);
-  if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth)) {
-    throw IoError(arguments.truth, "--truth does not exist");
-  }
+  CheckComparison(arguments.comparison);
 }
 
 /// Where marker files are asked for: the rate of the session unless given.
@@ -279,18 +248,10 @@ void FillMarkerOptions(const std::optional<app::FoundTake>& found, app::MarkerOp
   CheckMarkerOptions(*options);
 }
 
-void WriteMarkerFolder(const Arguments& arguments, AtomicFolder* folder, CommandResult* result) {
-  if (!folder || result->metrics["num_points"] == 0) return;
-  const dataset::Pose3d pose = dataset::ReadPose3d(arguments.out);
-  app::CheckMarkerWorld(pose.world, arguments.markers, result);
-  const auto work = PrepareMarkers(pose, arguments.markers, arguments.out);
-  WriteMarkers(work, SkeletonOf(pose), arguments.markers, folder->work_path(), MarkerFolder(arguments), result);
-  folder->Commit();
-}
-
 std::vector<std::string> InputsOf(const Arguments& arguments) {
   const app::PoseArguments& pose = arguments.pose;
-  return Joined(Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, arguments.trc, arguments.truth}),
+  const ComparisonArguments& comparison = arguments.comparison;
+  return Joined(Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, comparison.trc, comparison.truth}),
                 arguments.images.Paths());
 }
 
@@ -334,7 +295,12 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
                     ImagesOf(found, arguments.timing, arguments.images, numbering), arguments.out, &result);
     }
   }
-  WriteMarkerFolder(arguments, markers.get(), &result);
+  if (markers) {
+    WriteMarkerFolder({arguments.out, MarkerFolder(arguments), arguments.markers, arguments.comparison}, markers.get(),
+                      &result);
+  } else if (arguments.had_points && !result.folder.empty()) {
+    DropOldMarkers(MarkerFolder(arguments), &result);
+  }
   return result;
 }
 
@@ -377,12 +343,14 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   StartGroup(sub, "Marker files");
   AddOptions(sub, arguments->markers);
   StartGroup(sub, "Comparison");
-  AddOption(sub, "--trc", arguments->trc,
+  AddOption(sub, "--trc", arguments->comparison.trc,
             "compare with the markers of this .trc or .c3d file (its frame 1 is our frame 0; y up unless a .c3d says z)");
-  AddOption(sub, "--truth", arguments->truth,
+  AddOption(sub, "--truth", arguments->comparison.truth,
             "compare with a folder of body3DScene files, a points.csv, or markers (.trc, .c3d)");
-  AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
-  AddFlag(sub, "--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
+  AddOption(sub, "--marker-unit", arguments->comparison.marker_unit,
+            "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
+  AddFlag(sub, "--align-truth", arguments->comparison.align_truth,
+          "take out the best rigid motion before comparing with --truth");
   registry.Add(sub, "triangulate", [arguments](CommandContext& context) { return Run(*arguments, context); });
 }
 

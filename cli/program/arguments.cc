@@ -190,7 +190,8 @@ Notice ParseNotice(const CLI::App& app, const CLI::ParseError& error) {
 
 std::string Nearest(const std::string& word, const std::vector<std::string>& candidates) {
   std::string nearest;
-  size_t best = std::max<size_t>(1, word.size() / 3) + 1;
+  const size_t letters = word.size() - std::min(word.size(), word.find_first_not_of('-'));
+  size_t best = std::max<size_t>(1, letters / 4) + 1;  // farther words are other words: --session is no --version
   if (word.size() > 100) return "";
   std::string lower = word;
   std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });

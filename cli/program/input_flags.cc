@@ -13,7 +13,7 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
   AddChoice(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
   AddChoice(sub, "--unit", options.unit, "unit of length of files that name none")
       ->capture_default_str()
-      ->check(CLI::IsMember({"m", "cm", "mm"}));
+      ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
   AddOption(sub, "--qca-distortion-divisor", options.qca_distortion_divisor,
             "qca: the distortion is divided by this when read, multiplied when written (1: coefficients as they stand; 64: as "
             "Pose2Sim does)")
@@ -56,7 +56,10 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
             Join(body::SkeletonNames(), " | ") +
                 ", or a file FILE.toml of your own (docs/formats.md); body25 unless given, of --points2d, DeepLabCut and SLEAP "
                 "the joints in the file");
-  AddOption(sub, "--calib-unit", arguments.calib_unit, "m, cm, mm or in: of a calibration that names no unit; m unless given");
+  AddOption(sub, "--without-joint", arguments.without_joints, "names of joints, with commas, whose detections are left out")
+      ->delimiter(',');
+  AddOption(sub, "--unit,--calib-unit", arguments.calib_unit,
+            "m, cm, mm or in: of a calibration that names no unit; m unless given");
 }
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {

@@ -290,7 +290,7 @@ void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibra
   }
   if (wrong.empty()) return;
   const std::string resize =
-      sizes.empty() ? "" : ", or, for the same part of the sensor, mvstudio calib resize " + calibration + sizes;
+      sizes.empty() ? "" : ", or, for the same part of the sensor, mvstudio calib resize " + calibration + sizes + " option 'out' resized.json";
   throw FormatError(calibration, "", wrong + "; calibrate at this size or give the footage that was calibrated" + resize);
 }
 

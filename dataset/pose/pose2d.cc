@@ -109,8 +109,11 @@ const char* ListOf(Kind kind) {
 std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string& camera) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
-    throw IoError(folder,
-                  "camera " + camera + ": no such folder of OpenPose JSON files; check the path after `" + camera + "=`");
+    const bool there = fs::exists(folder, error);
+    throw IoError(folder, "camera " + camera +
+                              (there ? ": is neither a folder of OpenPose JSON files nor a file that is known"
+                                     : ": no such file or folder of 2D poses") +
+                              "; check the path after `" + camera + "=`");
   }
   std::vector<fs::path> files;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {

@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "core/statistics.h"
@@ -22,35 +21,62 @@ struct Pair {
 constexpr double kChiSquared68 = 3.5058820;
 constexpr double kChiSquared95 = 7.8147279;
 
-std::vector<Pair> PairPersons(const JointsByName& person, const std::map<int, JointsByName>& references) {
-  std::vector<Pair> best;
-  double best_mean = std::numeric_limits<double>::infinity();
-  for (const auto& [id, reference] : references) {
-    std::vector<Pair> pairs;
-    double sum = 0;
-    for (const auto& [name, joint] : person) {
-      const auto it = reference.find(name);
-      if (it == reference.end()) continue;
-      pairs.push_back({&joint, &it->second});
-      sum += (joint.x_in_world - it->second.x_in_world).norm();
-    }
-    if (pairs.empty() || sum / static_cast<double>(pairs.size()) >= best_mean) continue;
-    best_mean = sum / static_cast<double>(pairs.size());
-    best = std::move(pairs);
+/// A person and one of the reference in the same frame.
+struct PersonPair {
+  int person = 0, reference = 0;
+  double mean_m = 0;  // distance of their joints
+  std::vector<Pair> joints;
+};
+
+PersonPair PairJoints(int person, const JointsByName& joints, int reference, const JointsByName& reference_joints) {
+  PersonPair pair{person, reference, 0, {}};
+  for (const auto& [name, joint] : joints) {
+    const auto it = reference_joints.find(name);
+    if (it == reference_joints.end()) continue;
+    pair.joints.push_back({&joint, &it->second});
+    pair.mean_m += (joint.x_in_world - it->second.x_in_world).norm();
   }
-  return best;
+  pair.mean_m /= static_cast<double>(std::max<size_t>(1, pair.joints.size()));
+  return pair;
 }
 
-std::vector<Pair> PairAll(const JointTable& pose, const JointTable& reference) {
-  std::vector<Pair> pairs;
+/// Pairs of one frame, nearest first, each person once.
+std::vector<PersonPair> PairPersons(const std::map<int, JointsByName>& persons, const std::map<int, JointsByName>& references) {
+  std::vector<PersonPair> all, chosen;
+  for (const auto& [person, joints] : persons) {
+    for (const auto& [reference, reference_joints] : references) {
+      all.push_back(PairJoints(person, joints, reference, reference_joints));
+      if (all.back().joints.empty()) all.pop_back();
+    }
+  }
+  std::stable_sort(all.begin(), all.end(), [](const PersonPair& a, const PersonPair& b) { return a.mean_m < b.mean_m; });
+  for (PersonPair& pair : all) {
+    const auto taken = [&](const PersonPair& other) {
+      return other.person == pair.person || other.reference == pair.reference;
+    };
+    if (std::none_of(chosen.begin(), chosen.end(), taken)) chosen.push_back(std::move(pair));
+  }
+  return chosen;
+}
+
+std::vector<Pair> PairAll(const JointTable& pose, const JointTable& reference, int* persons_left_out) {
+  std::map<int, int> balance;  // of a person: frames with a counterpart minus frames without
+  std::vector<PersonPair> chosen;
   for (const auto& [frame, persons] : pose) {
     const auto it = reference.find(frame);
     if (it == reference.end()) continue;
-    for (const auto& [id, person] : persons) {
-      const std::vector<Pair> of_person = PairPersons(person, it->second);
-      pairs.insert(pairs.end(), of_person.begin(), of_person.end());
+    for (const auto& [person, joints] : persons) --balance[person];
+    for (PersonPair& pair : PairPersons(persons, it->second)) {
+      balance[pair.person] += 2;
+      chosen.push_back(std::move(pair));
     }
   }
+  std::vector<Pair> pairs;
+  for (const PersonPair& pair : chosen) {
+    if (balance[pair.person] >= 0) pairs.insert(pairs.end(), pair.joints.begin(), pair.joints.end());
+  }
+  *persons_left_out =
+      static_cast<int>(std::count_if(balance.begin(), balance.end(), [](const auto& entry) { return entry.second < 0; }));
   return pairs;
 }
 
@@ -141,7 +167,7 @@ JointTable ToCoco19Table(const Pose3d& pose) {
 
 Pose3dComparison ComparePose3d(const JointTable& pose, const JointTable& reference, bool align) {
   Pose3dComparison result;
-  const std::vector<Pair> pairs = PairAll(pose, reference);
+  const std::vector<Pair> pairs = PairAll(pose, reference, &result.persons_left_out);
   geometry::Rigid3 reference_from_pose;
   if (align) reference_from_pose = Align(pairs, &result.aligned);
   const Eigen::Matrix3d rotation = reference_from_pose.rotation.toRotationMatrix();

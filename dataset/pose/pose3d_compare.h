@@ -12,9 +12,10 @@ namespace mvstudio::dataset {
 struct Pose3dComparison {
   int num = 0;  ///< joints compared; the figures are 0 when there are none
   double median_mm = 0, mean_mm = 0, p95_mm = 0, max_mm = 0;
-  bool aligned = false;    ///< after the best rigid motion onto the reference
-  int num_covariance = 0;  ///< joints that had a covariance
-  double coverage68 = 0;   ///< fraction of these inside the ellipsoid of 68 % probability
+  int persons_left_out = 0;  ///< not in the reference: in most of their frames, others were nearer to all that it has
+  bool aligned = false;      ///< after the best rigid motion onto the reference
+  int num_covariance = 0;    ///< joints that had a covariance
+  double coverage68 = 0;     ///< fraction of these inside the ellipsoid of 68 % probability
   double coverage95 = 0;
 };
 
@@ -27,8 +28,9 @@ JointTable ToTable(const std::vector<JointRow>& rows);
 JointTable ToCoco19Table(const Pose3d& pose);
 JointTable ToTable(const std::map<int, std::map<int, Coco19Pose>>& poses);
 
-/// Compares joints of the same frame and name. Each person is compared with the nearest person of the reference in the
-/// same frame. `align`: removes the best rigid motion (no scale) first.
+/// Compares joints of the same frame and name. In a frame each person of the reference is compared with one person, nearest
+/// pairs first. A person for whom nobody was left in most of the frames is not in the reference and is left out. `align`:
+/// removes the best rigid motion (no scale) first.
 Pose3dComparison ComparePose3d(const JointTable& pose, const JointTable& reference, bool align = false);
 
 }  // namespace mvstudio::dataset

@@ -24,6 +24,9 @@ namespace {
 
 using Findings = std::vector<SessionFinding>;
 
+constexpr char kAllowOutside[] =
+    "give option 'allow-outside' with every command on this session if you placed the link, or copy the footage into it";
+
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 std::string Where(const InspectedFootage& f) { return "take " + f.take + ", camera " + f.camera; }
@@ -100,7 +103,7 @@ void InspectFootage(const Session& session, const InspectOptions& options, Inspe
   try {
     f->path = ResolveInSession(session, f->path, options.allow_outside);
   } catch (const FormatError& error) {
-    findings->push_back({true, "SES-OUTSIDE", Where(*f) + ": " + error.what(), ""});
+    findings->push_back({true, "SES-OUTSIDE", Where(*f) + ": " + error.what(), kAllowOutside});
     return;
   } catch (const IoError& error) {
     findings->push_back({true, "SES-MISSING", Where(*f) + ": " + error.what(), ""});
@@ -157,6 +160,19 @@ void CompareTake(const Session& session, const std::vector<const InspectedFootag
   }
 }
 
+bool IsBoard(const Session& session, const std::string& take) {
+  return std::any_of(session.takes.begin(), session.takes.end(),
+                     [&](const SessionTake& other) { return other.name == take && other.kind == TakeKind::kBoard; });
+}
+
+/// Whether some take without a board has images of this camera in the calibrated size.
+bool IsFilmedAt(const Session& session, const SessionReport& report, const geometry::Camera& camera) {
+  return std::any_of(report.footage.begin(), report.footage.end(), [&](const InspectedFootage& f) {
+    return f.camera == camera.name && f.info && f.info->width == camera.width_px && f.info->height == camera.height_px &&
+           !IsBoard(session, f.take);
+  });
+}
+
 /// The same camera in different sizes, and the calibration's.
 void CompareSizes(const Session& session, const SessionReport& report, bool allow_outside, Findings* findings) {
   const std::string path = CalibrationOf(session, allow_outside);
@@ -172,12 +188,14 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
     if (idx < 0 || !f.info) continue;
     const geometry::Camera& c = rig.cameras[static_cast<size_t>(idx)].camera;
     if (c.width_px == f.info->width && c.height_px == f.info->height) continue;
+    if (IsBoard(session, f.take) && IsFilmedAt(session, report, c)) continue;  // the lens was resized to the people's images
     findings->push_back({false, "SES-SIZE",
                          Where(f) + ": the footage is " + SizeText(f.info->width, f.info->height) +
                              ", the calibration is for " + SizeText(c.width_px, c.height_px),
                          "if it shows the same part of the sensor: mvstudio calib resize " + path + " option 'camera-size' " +
                              f.camera + "=" + SizeText(f.info->width, f.info->height) +
-                             ", with option 'crop' for a part of it; small differences are explained by dataset build option "
+                             " option 'out' resized.json, with option 'crop' for a part of it; small differences are explained "
+                             "by dataset build option "
                              "'size-rule'"});
   }
   for (const SessionCamera& camera : session.cameras) {

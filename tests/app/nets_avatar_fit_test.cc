@@ -73,6 +73,18 @@ TEST(FitWarnings, NameEachHarmfulInput) {
   EXPECT_THAT(CodesOf(person), ElementsAre("BODY-MISSING"));
 }
 
+TEST(FitWarnings, SayWhetherOffsetsWereWorseOrNotBeyondChance) {
+  const auto text = [](double offsets_iou) {
+    avatar::PersonFit person = SoundFit();
+    person.fit.stages[0].kept = true, person.fit.stages[1].kept = false, person.fit.stages[1].held_out_iou = offsets_iou;
+    CommandResult result;
+    AddFitWarnings(person, &result);
+    return result.warnings.at(0).text;
+  };
+  EXPECT_THAT(text(0.877), HasSubstr("from 0.8500 to 0.8770, but so few time steps"));
+  EXPECT_THAT(text(0.84), HasSubstr("did not improve"));
+}
+
 TEST(FitJson, WhatWasNotMeasuredIsNull) {
   avatar::PersonFit person = SoundFit();
   person.fit.iou = std::nan("");

@@ -208,5 +208,24 @@ TEST(PoseInput, PartsRefuseWhatTheWholeRefuses) {
   EXPECT_THAT(refused({a}), HasSubstr("at least two cameras"));
 }
 
+TEST(PoseInput, JointsThatAreLeftOutAreSeenByNobody) {
+  const TempDir folder;
+  PoseArguments arguments;
+  arguments.calib = PutRig(folder, {"a", "b"});
+  arguments.pose2d = {PutPoses(folder, "a", {0, 1}), PutPoses(folder, "b", {0, 1})};
+  arguments.without_joints = {"Nose", "LWrist"};
+  CommandResult result;
+  const PoseInput input = ReadPoseInput(arguments, &result);
+  for (size_t j = 0; j < 25; ++j) {
+    const std::string& name = input.skeleton.joints[j];
+    EXPECT_EQ(input.frames[1].people[0][0][j].score > 0, name != "Nose" && name != "LWrist") << name;
+  }
+  CommandResult own;
+  const PoseParts parts(arguments, &own);
+  ExpectSame(ReadInParts(parts, 1, &own), input.frames);
+  arguments.without_joints = {"Nase"};
+  EXPECT_THAT(MessageOf<UsageError>([&] { ReadPoseInput(arguments, &result); }), HasSubstr("Nose"));
+}
+
 }  // namespace
 }  // namespace mvstudio::app

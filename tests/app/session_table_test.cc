@@ -89,5 +89,18 @@ TEST(SessionTable, EachCameraOfATimelineHasALine) {
   EXPECT_THAT(LineOf(text, "right  "), HasSubstr(" 7 ")) << "dropped frames";
 }
 
+/// Footage behind one link has one cause, not one a camera.
+TEST(SessionTable, OneCauseIsSaidOnce) {
+  dataset::SessionReport report;
+  for (const char* camera : {"a", "b", "c"})
+    report.findings.push_back({true, "SES-OUTSIDE", std::string("camera ") + camera + ": leaves the session", "option"});
+  report.findings.push_back({true, "SES-MISSING", "d", ""});
+  CommandResult result;
+  AddFindings(report, &result);
+  ASSERT_EQ(result.errors.size(), 2u);
+  EXPECT_EQ(result.errors[0].text, "camera a: leaves the session; so do 2 others");
+  EXPECT_EQ(result.errors[1].code, "SES-MISSING");
+}
+
 }  // namespace
 }  // namespace mvstudio::app

@@ -20,6 +20,7 @@ using mvstudio::testing::MouseToml;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 /// Joints, bones, pairs and parts in one line.
 std::string Content(const Skeleton& skeleton) {
@@ -121,6 +122,8 @@ TEST(SkeletonText, HostileFilesAreRefusedByFileAndKey) {
   EXPECT_THAT(Refusal("pairs = [[\"a\", \"b\"], [\"b\", \"c\"]]"), HasSubstr("pairs[1]: 'b' is in two pairs"));
   EXPECT_THAT(Refusal("parents = { a = \"b\", b = \"c\", c = \"a\" }"), AllOf(HasSubstr("parents"), HasSubstr("circle")));
   EXPECT_THAT(Refusal("parents = { a = \"b\" }"), HasSubstr("these have none: b, c"));
+  EXPECT_THAT(Refusal("joints = [\"pawR\", \"pawL\"]\nbones = [[\"pawLeft\", \"pawR\"]]"), HasSubstr("did you mean 'pawL'?"));
+  EXPECT_THAT(Refusal("joints = [\"pawR\", \"pawL\"]\nroot = \"tail\""), Not(HasSubstr("did you mean")));
   EXPECT_THAT(Refusal("root = \"z\""), HasSubstr("root: 'z' is none of the joints"));
   EXPECT_THAT(Refusal("rest_m = { a = [0, 0, 1] }"), HasSubstr("rest_m: needs `root` or `parents`"));
   EXPECT_THAT(Refusal("bone = []"), HasSubstr("bone: is no key here"));

@@ -114,8 +114,8 @@ TEST(CheckBoard, NothingFitsAnEmptyWall) {
   }
 }
 
-TEST(GuessCharuco, FromTheIdsAlone) {
-  const Board board = ParseBoard("charuco:9x6:40mm:30mm:4x4_50");
+/// Markers of an oblique board with 9 x 6 squares.
+MarkersOfImage MarkersOf9x6() {
   MarkersOfImage markers;
   int id = 0;
   for (int row = 0; row < 6; ++row) {
@@ -125,11 +125,41 @@ TEST(GuessCharuco, FromTheIdsAlone) {
       markers[id++] << x - h, x + h, x + h, x - h, y - h, y - h, y + h, y + h;
     }
   }
-  const auto guess = GuessCharuco("4x4_50", {markers}, std::nullopt);
+  return markers;
+}
+
+TEST(GuessCharuco, FromTheIdsAlone) {
+  const Board board = ParseBoard("charuco:9x6:40mm:30mm:4x4_50");
+  const auto guess = GuessCharuco("4x4_50", {MarkersOf9x6()}, std::nullopt);
   ASSERT_TRUE(guess.has_value());
   EXPECT_EQ(guess->cols, board.cols);
   EXPECT_EQ(guess->rows, board.rows);
   EXPECT_FALSE(guess->legacy);
+}
+
+/// One square of clutter that reads as a marker decides nothing, whatever its id.
+TEST(GuessCharuco, ClutterAddsNoRows) {
+  for (const int id : {30, 45, 60, 102, 997}) {
+    MarkersOfImage markers = MarkersOf9x6();
+    markers[id] << 600, 640, 640, 600, 300, 300, 340, 340;
+    const auto guess = GuessCharuco("4x4_1000", {MarkersOf9x6(), markers}, std::nullopt);
+    ASSERT_TRUE(guess.has_value()) << id;
+    EXPECT_EQ(guess->cols, 8) << id;
+    EXPECT_EQ(guess->rows, 5) << id;
+    const auto alone = GuessCharuco("4x4_1000", {markers}, std::nullopt);
+    ASSERT_TRUE(alone.has_value()) << id;
+    EXPECT_EQ(alone->rows, 5) << id;
+  }
+}
+
+/// Markers of which no board can be made are reported as such, rather than as a board that nobody has.
+TEST(CheckBoard, ClutterAloneIsNoBoard) {
+  MarkersOfImage markers;
+  for (const int id : {3, 250, 611, 812, 990}) {
+    const double x = 100 + id / 2.0, y = 100 + id % 97;
+    markers[id] << x, x + 20, x + 20, x, y, y, y + 20, y + 20;
+  }
+  EXPECT_FALSE(GuessCharuco("4x4_1000", {markers, markers, markers}, std::nullopt).has_value());
 }
 
 }  // namespace

@@ -93,6 +93,24 @@ TEST(ProposeBoards, OfATooLargeBoardTheLargestThatFits) {
   EXPECT_FALSE(LargestOn(ParseBoard("chessboard:200x199:25mm"), Paper::kA4).has_value());
 }
 
+/// Few pixels and a wide view: the far limit is nearer than the near one. From the stated width on it is not.
+TEST(ProposeBoards, SaysWhichSuitNoDistance) {
+  ProposeOptions options;
+  options.paper = Paper::kA3, options.fov_deg = 90, options.image_width_px = 320;
+  int num_unsuited = 0;
+  for (const BoardProposal& proposal : ProposeBoards(options)) {
+    EXPECT_EQ(proposal.Suits(), proposal.near_m <= proposal.far_m);
+    EXPECT_EQ(LeastImageWidthPx(proposal, 320) <= 320, proposal.Suits());
+    num_unsuited += !proposal.Suits();
+  }
+  EXPECT_EQ(num_unsuited, 2) << "the AprilGrids";
+  const BoardProposal worst = ProposeBoards(options).back();
+  for (const int less : {0, 1}) {
+    options.image_width_px = LeastImageWidthPx(worst, 320) - less;
+    EXPECT_EQ(ProposeBoards(options).back().Suits(), less == 0);
+  }
+}
+
 TEST(ProposeBoards, RefusesCamerasThatCannotBe) {
   for (const double fov : {0.0, -5.0, 180.0, std::nan("")}) {
     ProposeOptions options;

@@ -54,5 +54,15 @@ TEST(BoardCheck, ListsAllTagsOfTheSwarm) {
   EXPECT_EQ(run.Json()["metrics"]["num_tags"], 47);
 }
 
+TEST(BoardPropose, NamesThePapersThatItTakes) {
+  for (const char* paper : {"a0", "none"}) {
+    const CliRun run = RunCli({"board", "propose", "--paper", paper});
+    EXPECT_EQ(run.exit, 2);
+    EXPECT_NE(run.err.find("is none of a4, a3, a2, a1, letter"), std::string::npos) << run.err;
+  }
+  const CliRun wide = RunCli({"board", "propose", "--paper", "a3", "--fov", "90", "--image-width", "320"});
+  EXPECT_NE(wide.out.find("none; images of "), std::string::npos) << wide.out;
+}
+
 }  // namespace
 }  // namespace mvstudio::testing

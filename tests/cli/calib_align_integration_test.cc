@@ -182,7 +182,7 @@ TEST_F(MovedRigs, LensesOfAnotherSizeAreRefusedByName) {
       {"calibrate", "--corners", folder_ / "corners.csv", "--start", folder_ / "large.json", "--out", folder_ / "calib"});
   EXPECT_EQ(run.exit, 2);
   EXPECT_THAT(Error(run), HasSubstr("cam0 (1280x960, images 640x480), cam2"));
-  EXPECT_THAT(Error(run), HasSubstr("calib resize --camera-size cam0=640x480 --camera-size cam2=640x480"));
+  EXPECT_THAT(Error(run), HasSubstr("--camera-size cam0=640x480 --camera-size cam2=640x480 --out resized.json"));
 }
 
 TEST_F(MovedRigs, ResizedThereAndBack) {

@@ -170,6 +170,39 @@ TEST(TriangulateCommand, WritesMarkersOfEveryJointAtOnce) {
   EXPECT_EQ(Slurp(folder / "out/markers/thesis.txt"), "mine");
 }
 
+/// Markers of points that are replaced go, unless somebody put something among them.
+TEST(TriangulateCommand, MarkersOfOlderPointsDoNotStay) {
+  const TempDir folder;
+  const std::vector<std::string> words =
+      Words({"triangulate", "--out", folder / "out", "--overwrite", "--json"}, Take().Write(folder));
+  const std::vector<std::string> markers = {"--to", "trc", "--frame-rate", "50"};
+  ASSERT_EQ(RunCli(Words(words, markers)).exit, 0);
+  ASSERT_EQ(RunCli(words).exit, 0);
+  EXPECT_FALSE(std::filesystem::exists(folder / "out/markers"));
+  ASSERT_EQ(RunCli(Words(words, markers)).exit, 0);
+  std::ofstream(folder / "out/markers/thesis.txt") << "mine";
+  const CliRun run = RunCli(words);
+  EXPECT_EQ(run.exit, 0);
+  EXPECT_THAT(run.Json()["warnings"].dump(), HasSubstr("TRI-OLD-MARKERS"));
+  EXPECT_EQ(Slurp(folder / "out/markers/thesis.txt"), "mine");
+  EXPECT_TRUE(std::filesystem::exists(folder / "out/markers/person0.trc"));
+}
+
+/// What a filter does to the distance from a reference is said beside that of the points.
+TEST(TriangulateCommand, ComparesWhatItWrites) {
+  const TempDir folder;
+  const std::vector<std::string> words = Take().Write(folder);
+  ASSERT_EQ(RunCli(Words({"triangulate", "--out", folder / "a"}, words)).exit, 0);
+  const CliRun run = RunCli(Words({"triangulate", "--out", folder / "b", "--truth", folder / "a", "--to", "csv", "--frame-rate",
+                                   "50", "--filter", "median:5", "--json"},
+                                  words));
+  ASSERT_EQ(run.exit, 0) << run.err;
+  const auto truth = run.Json()["metrics"]["truth"];
+  EXPECT_LT(truth["max_mm"].get<double>(), 1e-6);
+  EXPECT_GT(truth["written"]["median_mm"].get<double>(), 0.1) << "a median moves points";
+  EXPECT_EQ(truth["written"]["num"], truth["num"]);
+}
+
 TEST(TriangulateCommand, OneDamagedFileLosesNothingElse) {
   const TempDir folder;
   const std::vector<std::string> words = Take().Write(folder);

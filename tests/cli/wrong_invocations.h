@@ -47,6 +47,8 @@ inline const Invocation kInvocations[] = {
     {2, "version -x", "unknown flag '-x'"},
     {2, "synth --out new --camera 3", "did you mean '--cameras'?"},
     {2, "synth --ouput new", "unknown flag '--ouput'"},
+    {2, "calib eval --session x", "unknown flag '--session' (see"},
+    {2, "dataset export x --to gaussians --out y", "read colmap"},
     {2, "version --seed -1", "'-1' is not a whole number from 0 to"},
     {2, "version --seed abc", "'abc' is not a whole number"},
     {2, "version --seed 1.5", "'1.5' is not a whole number"},

@@ -142,5 +142,36 @@ TEST_F(Trc, DamageIsNamed) {
   EXPECT_THROW(ReadTrc(path_), IoError);
 }
 
+/// A second person whom the reference does not know is compared with nobody, also where the first is missing.
+TEST(ComparePose3d, WhoIsNotInTheReferenceIsLeftOut) {
+  const JointTable reference = RandomTable(10, 1);
+  JointTable pose = reference;
+  for (auto& [frame, persons] : pose) {
+    persons[5] = persons[0];
+    for (auto& [name, row] : persons[5]) row.x_in_world += Eigen::Vector3d(4, 0, 0);
+    for (auto& [name, row] : persons[0]) row.x_in_world += Eigen::Vector3d(0, 0.003, 0);
+    if (frame == pose.begin()->first) persons.erase(0);
+  }
+  const Pose3dComparison comparison = ComparePose3d(pose, reference);
+  EXPECT_NEAR(comparison.max_mm, 3, 1e-9);
+  EXPECT_EQ(comparison.persons_left_out, 1);
+  EXPECT_EQ(ComparePose3d(reference, pose).persons_left_out, 0) << "two to choose from";
+}
+
+/// Numbers that persons have in the two do not matter, nor that one's number changes.
+TEST(ComparePose3d, PairsAreThoseThatAreNear) {
+  JointTable reference = RandomTable(10, 1), pose;
+  for (auto& [frame, persons] : reference) {
+    persons[1] = persons[0];
+    for (auto& [name, row] : persons[1]) row.x_in_world += Eigen::Vector3d(1, 0, 0);
+    pose[frame][frame % 2 ? 8 : 9] = persons[0];
+    pose[frame][frame % 2 ? 9 : 8] = persons[1];
+  }
+  const Pose3dComparison comparison = ComparePose3d(pose, reference);
+  EXPECT_EQ(comparison.max_mm, 0);
+  EXPECT_EQ(comparison.persons_left_out, 0);
+  EXPECT_EQ(comparison.num, ComparePose3d(reference, reference).num);
+}
+
 }  // namespace
 }  // namespace mvstudio::dataset

@@ -20,7 +20,7 @@ struct PersonFitOptions {
   int person = -1;
   /// As body::ReadTemplate takes them. Simplest first; held-out silhouettes choose.
   std::vector<std::string> templates = {""};
-  int max_silhouettes = 600;  ///< time steps are thinned evenly until no more are used
+  int max_silhouettes = 600;  ///< time steps are thinned evenly until no more are used; one is kept whole
   int max_px = 512;           ///< longest edge of a person in the images that are fitted to
   int texture_px = 64;        ///< edge of each of the 24 charts
   int max_texture_views = 150;

@@ -1,0 +1,100 @@
+#include "cli/people/points_out.h"
+
+#include <cmath>
+#include <filesystem>
+
+#include "app/input/pose_truth.h"
+#include "core/disk/manifest.h"
+#include "core/error.h"
+#include "core/format.h"
+#include "dataset/pose/markers.h"
+#include "dataset/pose/pose3d.h"
+
+namespace mvstudio::cli {
+
+using app::CommandResult;
+using nlohmann::ordered_json;
+
+namespace {
+
+double NumberOf(const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); }
+
+/// The points as they were written as markers, where that changed them.
+void CompareWritten(const MarkerFolderArguments& arguments, const dataset::Pose3d& written, CommandResult* result) {
+  if (arguments.options.filter == "none" && arguments.options.fill_frames == 0) return;
+  const ComparisonArguments& with = arguments.comparison;
+  const auto compare = [&](const char* key, const std::string& path, bool align) {
+    if (path.empty()) return;
+    ordered_json& json = result->metrics[key]["written"];
+    json = app::ComparisonToJson(app::CompareWithTruth(written, path, {align, with.marker_unit}));
+    result->text += ComparisonText(key, ", filled and filtered as written", json).substr(1) + "\n";
+  };
+  compare("trc", with.trc, false);
+  compare("truth", with.truth, with.align_truth);
+}
+
+}  // namespace
+
+void CheckComparison(const ComparisonArguments& arguments) {
+  if (!arguments.trc.empty()) {
+    dataset::ReadMarkers(arguments.trc, arguments.marker_unit);
+    if (!dataset::IsMarkerFile(arguments.trc)) throw UsageError("--trc " + arguments.trc + ": call it .trc or .c3d");
+  }
+  if (dataset::IsMarkerFile(arguments.truth)) dataset::ReadMarkers(arguments.truth, arguments.marker_unit);
+  if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth)) {
+    throw IoError(arguments.truth, "--truth does not exist");
+  }
+}
+
+void AddComparisons(const ComparisonArguments& arguments, const std::string& out, CommandResult* result) {
+  if (arguments.trc.empty() && arguments.truth.empty()) return;
+  const dataset::Pose3d pose = dataset::ReadPose3d(out);
+  const auto compare = [&](const char* key, const std::string& truth, bool align) {
+    if (truth.empty()) return;
+    const app::TruthComparison comparison = app::CompareWithTruth(pose, truth, {align, arguments.marker_unit});
+    result->metrics[key] = app::ComparisonToJson(comparison);
+    result->inputs.push_back(truth);
+    if (comparison.unit_doubt.empty()) return;
+    result->warnings.push_back({"TRI-UNIT", comparison.unit_doubt, "name the unit: --marker-unit m, cm, mm or in"});
+  };
+  compare("trc", arguments.trc, false);
+  compare("truth", arguments.truth, arguments.align_truth);
+}
+
+std::string ComparisonText(const std::string& key, const std::string& what, const ordered_json& m) {
+  std::string text = Format("\nagainst %s%s: median %.2f mm, p95 %.2f mm, %d joints", key.c_str(), what.c_str(),
+                            NumberOf(m["median_mm"]), NumberOf(m["p95_mm"]), m["num"].get<int>());
+  if (m.contains("unit"))
+    text += Format(" (its unit %s, %s up)", m["unit"].get<std::string>().c_str(), m["up"].get<std::string>().c_str());
+  if (m.contains("persons_left_out"))
+    text += Format("; %d other person(s) have no counterpart in it", m["persons_left_out"].get<int>());
+  return text;
+}
+
+void DropOldMarkers(const std::string& folder, CommandResult* result) {
+  if (!ReadManifest(folder)) return;
+  if (FilesInTheWay(folder).empty()) {
+    RemoveOurs({folder});
+    result->text += "removed " + folder + ": made of the points that were replaced; --to writes it again\n";
+    return;
+  }
+  result->warnings.push_back({"TRI-OLD-MARKERS",
+                              folder +
+                                  ": made of points that this run replaced; it also holds files that mvstudio did not write, "
+                                  "so it was left as it is",
+                              "move those files away, then --to with --overwrite writes the markers of the new points"});
+}
+
+void WriteMarkerFolder(const MarkerFolderArguments& arguments, AtomicFolder* folder, CommandResult* result) {
+  if (result->metrics["num_points"] == 0) return;
+  const dataset::Pose3d pose = dataset::ReadPose3d(arguments.points);
+  app::CheckMarkerWorld(pose.world, arguments.options, result);
+  const auto work = PrepareMarkers(pose, arguments.options, arguments.points);
+  WriteMarkers(work, SkeletonOf(pose), arguments.options, folder->work_path(), arguments.folder, result);
+  dataset::Pose3d written = app::PoseOf(work);
+  written.skeleton = pose.skeleton, written.definition = pose.definition;
+  CompareWritten(arguments, written, result);
+  folder->Commit();
+}
+
+}  // namespace mvstudio::cli

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "app/people/marker_export.h"
+#include "app/result.h"
+#include "core/disk/output.h"
+
+/// What `triangulate` does with the points that it wrote: comparisons, and marker files beside them.
+namespace mvstudio::cli {
+
+struct ComparisonArguments {
+  std::string trc, truth, marker_unit;
+  bool align_truth = false;
+};
+
+/// Reads the references, so that a wrong path costs no run. Throws IoError, FormatError, UsageError.
+void CheckComparison(const ComparisonArguments& arguments);
+
+/// Compares the points in the folder `out` with the references: metrics `trc` and `truth`.
+void AddComparisons(const ComparisonArguments& arguments, const std::string& out, app::CommandResult* result);
+
+/// A line that begins with its line break. `what` says which points were compared; empty where there are only these.
+std::string ComparisonText(const std::string& key, const std::string& what, const nlohmann::ordered_json& comparison);
+
+struct MarkerFolderArguments {
+  std::string points, folder;  ///< folders of the points and of the marker files
+  app::MarkerOptions options;
+  ComparisonArguments comparison;
+};
+
+/// Fills `folder` with marker files and commits it. Where filling or a filter changes the points, they are compared as written
+/// too: `written` in the metrics of each comparison. Nothing happens where there are no points.
+void WriteMarkerFolder(const MarkerFolderArguments& arguments, AtomicFolder* folder, app::CommandResult* result);
+
+/// Marker files of points that were replaced must not pass for those of the new ones: removes the folder when mvstudio wrote
+/// all of it, else warns "TRI-OLD-MARKERS".
+void DropOldMarkers(const std::string& folder, app::CommandResult* result);
+
+}  // namespace mvstudio::cli
