@@ -257,6 +257,10 @@ void WritePanopticCalibration(const geometry::Rig& rig, const std::string& path,
 
 geometry::Rig ReadAnyCalibration(const std::string& path) {
   const std::string text = internal::ReadTextFile(path, internal::kMaxJsonBytes);
+  const size_t begin = text.find_first_not_of(" \t\r\n");
+  const bool other = begin != std::string::npos && text[begin] != '{' && std::filesystem::path(path).extension() != ".json";
+  if (other)
+    throw FormatError(path, "", "is no JSON; `mvstudio calib convert` (option 'unit' for its lengths) makes ours of it");
   const Json json = internal::ParseJson(text, path);
   const bool ours = json.is_object() && json.contains("schema");
   if (ours) return geometry::RigFromJsonText(text, path);

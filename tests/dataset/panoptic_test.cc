@@ -9,6 +9,8 @@
 #include "dataset/panoptic/sequence.h"
 #include "dataset/panoptic/time.h"
 #include "tests/dataset/dataset_test_util.h"
+#include "tests/support/folder_state.h"
+#include "tests/support/message_of.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -42,6 +44,18 @@ TEST(Panoptic, CamerasKeepOrderNumbersAndPlace) {
       EXPECT_NEAR(100 * x_in_cam[r], expected, 2e-7) << camera.camera.name;  // R is orthonormal to 1e-10 only
     }
   }
+}
+
+/// A calibration of another program is no damaged JSON.
+TEST(Panoptic, OtherCalibrationsAreSentToConvert) {
+  mvstudio::testing::TempDir folder;
+  mvstudio::testing::Put(folder / "calibration.toml", "[cam_0]\nname = \"left\"\n");
+  mvstudio::testing::Put(folder / "calibration.json", "[cam_0]");
+  const auto message = [&](const char* name) {
+    return mvstudio::testing::MessageOf<FormatError>([&] { ReadAnyCalibration(folder / name); });
+  };
+  EXPECT_NE(message("calibration.toml").find("mvstudio calib convert"), std::string::npos);
+  EXPECT_EQ(message("calibration.json").find("mvstudio calib convert"), std::string::npos);
 }
 
 TEST(Panoptic, CalibrationRoundTrip) {
