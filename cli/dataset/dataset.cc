@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "app/input/take_input.h"
+#include "app/people/human_shape.h"
 #include "body/skeleton.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
@@ -11,6 +12,8 @@
 #include "core/format.h"
 #include "core/some_of.h"
 #include "dataset/build/build.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/pose3d.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -69,6 +72,16 @@ ordered_json CameraMetrics(const dataset::BuildReport& report) {
   return list;
 }
 
+/// Joints that were triangulated before the rig was moved may still be in view.
+void CheckWorld(const dataset::BuildInputs& inputs, const dataset::BuildReport& report, CommandResult* result) {
+  const std::string world = app::WorldText(dataset::ReadAnyCalibration(inputs.calibration));
+  if (report.world == dataset::kZUpWorld || report.world == world) return;
+  result->warnings.push_back(
+      {"DAT-WORLD",
+       inputs.pose3d + " states another world (" + report.world + ") than " + inputs.calibration + " (" + world + ")",
+       "triangulate again with this calibration"});
+}
+
 CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   const auto start = std::chrono::steady_clock::now();
   CommandResult result;
@@ -87,6 +100,7 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
                                              {"largest_frames", report.calibration_offset_frames},
                                              {"reason", "images are taken whole; a timeline of the take is what chooses them"}};
   for (const dataset::BuildWarning& w : report.warnings) result.warnings.push_back({w.code, w.text, w.hint});
+  CheckWorld(inputs, report, &result);
   result.outputs.push_back({arguments.out, "dataset"});
   result.outputs.push_back(
       {(std::filesystem::path(arguments.out) / ("calibration_" + report.sequence + ".json")).string(), "calibration"});

@@ -243,6 +243,29 @@ Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
   return pose;
 }
 
+bool SeesAny(const geometry::RigCamera& camera, const Pose3d& pose) {
+  const geometry::Projector projector(camera.camera);
+  return std::any_of(pose.rows.begin(), pose.rows.end(), [&](const JointRow& row) {
+    if (row.status != Status::kOk) return false;
+    const auto at = projector.Project(camera.cam_from_world * row.x_in_world);
+    return at.status == Status::kOk && InImage(camera.camera, at.px);
+  });
+}
+
+/// Joints of another world than the calibration's are in nobody's view.
+void CheckViews(const BuildInputs& inputs, const std::vector<CameraJob>& jobs, const Pose3d& pose, BuildReport* report) {
+  std::vector<std::string> blind;
+  for (const CameraJob& job : jobs) {
+    if (!SeesAny(job.camera, pose)) blind.push_back(job.footage.camera);
+  }
+  if (blind.empty()) return;
+  const std::string why = "was it made with another calibration, or was the rig moved to another world since?";
+  if (blind.size() == jobs.size())
+    throw FormatError(inputs.pose3d, "",
+                      "no joint lies in the view of any camera of " + inputs.calibration + ": " + why + " triangulate again");
+  report->warnings.push_back({"DAT-VIEW", "no joint of any frame lies in the view of " + Join(blind, ", "), why});
+}
+
 /// The joints of the pose's own skeleton, where the 19 do not hold them all.
 std::optional<OwnJoints> OwnJointsOf(const BuildInputs& inputs, const Pose3d& pose, BuildReport* report) {
   report->joints_beside = JointsBeyondCoco19(pose);
@@ -275,12 +298,14 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   const geometry::Rig rig = ReadAnyCalibration(inputs.calibration);
   BuildReport report;
   const Pose3d pose = ReadJointsOf(inputs, &report);
+  report.world = pose.world;
   const std::map<int, People> poses = ToCoco19(pose);
   const std::optional<OwnJoints> own = OwnJointsOf(inputs, pose, &report);
   const BuildOptions options = WithPossibleMasks(wanted, own, poses, &report);
   AtomicFolder folder(out, wanted.overwrite, InputsOf(inputs));
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
   internal::RequireSizes(jobs, inputs.calibration, options);
+  CheckViews(inputs, jobs, pose, &report);
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
   for (geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {

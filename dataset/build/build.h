@@ -89,6 +89,7 @@ struct BuildReport {
   std::string skeleton;                          ///< of the joints that are written beside Panoptic's 19; empty: none are
   std::vector<std::string> joints_beside;        ///< joints with points that give none of the 19
   std::string marker_unit = {}, marker_up = {};  ///< of a .trc or .c3d file: its unit of length, and "y" or "z"; else empty
+  std::string world = {};                        ///< of the 3D joints: its axes, in words
   double calibration_offset_frames = 0;  ///< largest time offset that the calibration states for a camera without a timeline;
                                          ///< not applied
 };

@@ -47,7 +47,7 @@ class BuildTest : public ::testing::Test {
   std::string Name(int c) const { return person_.rig.cameras[c].camera.name; }
   Image Picture(int c, int frame) const { return ReadImage(person_.ImagePath(Name(c), 10 * frame)); }
 
-  void WritePoses() const {
+  void WritePoses(const Eigen::Vector3d& moved = Eigen::Vector3d::Zero()) const {
     Pose3d pose;
     pose.skeleton = "coco19";
     for (int f = 0; f < kFrames; ++f) {
@@ -57,7 +57,7 @@ class BuildTest : public ::testing::Test {
         row.frame = f;
         row.joint = body::Coco19().joints[j];
         row.status = Status::kOk;
-        row.x_in_world = joints.x_in_world.col(j);
+        row.x_in_world = joints.x_in_world.col(j) + moved;
         row.num_views = 3;
         row.sigma_m = 0.001;
         pose.rows.push_back(row);
@@ -174,6 +174,24 @@ TEST_F(BuildTest, CameraThatIsNotCalibrated) {
   const std::string text = FailedBuild<FormatError>();
   EXPECT_NE(text.find("cam_x"), std::string::npos) << text;
   EXPECT_NE(text.find("cam_a, cam_b, cam_c"), std::string::npos) << text;
+}
+
+TEST_F(BuildTest, JointsOfAnotherWorldAreRefused) {
+  WritePoses({0, 0, 60});
+  const std::string text = FailedBuild<FormatError>();
+  EXPECT_NE(text.find("no joint lies in the view of any camera"), std::string::npos) << text;
+}
+
+TEST_F(BuildTest, ACameraThatSeesNobodyIsNamed) {
+  geometry::Rig rig = geometry::ReadRig(inputs_.calibration);
+  const Eigen::Quaterniond back(Eigen::AngleAxisd(M_PI, Eigen::Vector3d::UnitY()));
+  rig.cameras[1].cam_from_world = geometry::Rigid3{back, Eigen::Vector3d::Zero()} * rig.cameras[1].cam_from_world;
+  geometry::WriteRig(rig, inputs_.calibration);
+  const BuildReport report = BuildDataset(inputs_, folder_ / "out/dataset", options_);
+  const auto told =
+      std::find_if(report.warnings.begin(), report.warnings.end(), [](const BuildWarning& w) { return w.code == "DAT-VIEW"; });
+  ASSERT_NE(told, report.warnings.end());
+  EXPECT_NE(told->text.find("cam_b"), std::string::npos) << told->text;
 }
 
 TEST_F(BuildTest, TruncatedVideoNamesCameraAndFrame) {
