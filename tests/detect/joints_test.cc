@@ -147,7 +147,7 @@ TEST(OnSkeleton, JointsKeepTheirNamesAndTheTrunkLeansAlike) {
   for (size_t j = 0; j < 33; ++j) {
     const int from = coco.Find(many.joints[j]);
     EXPECT_EQ(mapped.keypoints[j].score, from < 0 ? 0 : 0.9) << many.joints[j];
-    if (from >= 0) EXPECT_EQ(mapped.keypoints[j].x_px, 10.0 * from);
+    EXPECT_EQ(mapped.keypoints[j].x_px, from < 0 ? 0 : 10.0 * from);
   }
   EXPECT_NE(LeanOf(person, coco, 0.3), 0);
   EXPECT_EQ(LeanOf(mapped, many, 0.3), LeanOf(person, coco, 0.3));
