@@ -89,8 +89,11 @@ nlohmann::ordered_json FiguresJson(const triangulate::LeftOutFigures& figures) {
 
 bool FilterCheck::Hurts() const {
   constexpr double kLeastErrors = 2, kLeastShare = 0.02;
-  const double least_px = std::max(kLeastErrors * difference.median_error_px, kLeastShare * before.median_px);
-  return difference.num_samples > 0 && difference.median_px > least_px;
+  const auto worse = [&](double by_px, double error_px, double before_px) {
+    return by_px > std::max(kLeastErrors * error_px, kLeastShare * before_px);
+  };
+  return difference.num_samples > 0 && (worse(difference.median_px, difference.median_error_px, before.median_px) ||
+                                        worse(difference.p90_px, difference.p90_error_px, before.p90_px));
 }
 
 FilterCheck CheckFilter(const PreparedRig& rig, const TakeResult& take, const triangulate::PointSolver& solve,
@@ -115,15 +118,18 @@ void AddFilterCheck(const FilterCheck& check, CommandResult* result) {
                                        {"before", FiguresJson(check.before)},
                                        {"after", FiguresJson(check.after)},
                                        {"difference_px", FiniteOrNull(check.difference.median_px)},
-                                       {"difference_error_px", FiniteOrNull(check.difference.median_error_px)}};
+                                       {"difference_error_px", FiniteOrNull(check.difference.median_error_px)},
+                                       {"difference_p90_px", FiniteOrNull(check.difference.p90_px)},
+                                       {"difference_p90_error_px", FiniteOrNull(check.difference.p90_error_px)}};
   if (check.num_cameras == 0) return;
   result->text += Format("filling and filtering, %d cameras left out: median %.2f -> %.2f px, %.1f -> %.1f %% predicted\n",
                          check.num_cameras, check.before.median_px, check.after.median_px, 100 * check.before.coverage,
                          100 * check.after.coverage);
   if (!check.Hurts()) return;
   result->warnings.push_back({"MRK-FILTER",
-                              Format("filtered joints predict left-out cameras worse: median %.2f px instead of %.2f px",
-                                     check.after.median_px, check.before.median_px),
+                              Format("filtered joints predict left-out cameras worse: median %.2f px instead of %.2f px, p90 "
+                                     "%.2f px instead of %.2f px",
+                                     check.after.median_px, check.before.median_px, check.after.p90_px, check.before.p90_px),
                               "the filter takes motion away: raise its frequency, or take a shorter one"});
 }
 

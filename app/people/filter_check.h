@@ -13,9 +13,8 @@ struct FilterCheck {
   /// What the left-out cameras detected, against the points of the others: as triangulated, and filled and filtered.
   triangulate::LeftOutFigures before, after;
   triangulate::PairedDifference difference;  ///< after minus before
-  /// The filtered points predict worse by more than twice the standard error and by more than 2 % of the median: motion was
-  /// smoothed away. The share was set on one recording with known joints, where filters that keep the joints' accuracy lose up
-  /// to 0.6 % and those that harm it 5.5 % and more; see docs/triangulation.md.
+  /// The filtered points predict worse, in the median or in the 90 % quantile (fast joints), by more than twice the standard
+  /// error and by more than 2 %: motion was smoothed away. Figures: docs/triangulation.md.
   bool Hurts() const;
 };
 

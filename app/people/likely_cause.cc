@@ -1,5 +1,7 @@
 #include "app/people/likely_cause.h"
 
+#include "core/format.h"
+
 namespace mvstudio::app {
 namespace {
 
@@ -17,6 +19,19 @@ void AddMetrics(const triangulate::CauseReport& report, CommandResult* result) {
   for (const triangulate::CauseTrial& trial : report.trials) causes.push_back(ToJson(trial));
 }
 
+/// The motion asks for offsets that the residuals hardly tell: slow motion, or errors of the calibration above them.
+void WarnOfTiming(const triangulate::CauseReport& report, CommandResult* result) {
+  if (report.trials.empty()) return;
+  const triangulate::CauseTrial& trial = report.trials[0];
+  if (trial.offset_frames < 0.5 || trial.residual_px >= report.as_given.residual_px) return;
+  AddMetrics(report, result);
+  result->warnings.push_back(
+      {"TRI-TIMING",
+       "the motion says that the cameras are not synchronous: it fits " + trial.assumption +
+           Format("; mean residual %.2f px instead of %.2f px", trial.residual_px, report.as_given.residual_px),
+       trial.remedy});
+}
+
 }  // namespace
 
 std::string AddLikelyCause(const triangulate::CauseReport& report, const std::string& code, const std::string& otherwise,
@@ -29,7 +44,10 @@ std::string AddLikelyCause(const triangulate::CauseReport& report, const std::st
 }
 
 bool AddTiming(const triangulate::CauseReport& report, CommandResult* result) {
-  if (report.message.empty()) return false;
+  if (report.message.empty()) {
+    WarnOfTiming(report, result);
+    return false;
+  }
   AddMetrics(report, result);
   const triangulate::CauseTrial& trial = report.trials[0];
   const Notice notice{"TRI-TIMING", "the cameras are not synchronous: " + report.message, trial.remedy};

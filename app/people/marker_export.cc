@@ -60,10 +60,11 @@ ordered_json WorkJson(const MarkerWork& work) {
 std::string Line(const ordered_json& person) {
   const auto number = [&person](const char* key) { return person[key].is_number() ? person[key].get<double>() : std::nan(""); };
   return Format(
-      "person %d: %d frames, %d joints, %d positions filled in %d gaps; accelerations %.1f -> %.1f m/s2, moved by %.1f mm rms",
+      "person %d: %d frames, %d joints, %d positions filled in %d gaps; accelerations %.1f -> %.1f m/s2, moved by %.1f mm rms, "
+      "%.1f mm at most",
       person["person"].get<int>(), person["frames"].get<int>(), static_cast<int>(person["joints"].size()),
       person["positions_filled"].get<int>(), person["gaps_filled"].get<int>(), number("acceleration_m_s2"),
-      number("filtered_acceleration_m_s2"), number("moved_rms_mm"));
+      number("filtered_acceleration_m_s2"), number("moved_rms_mm"), number("moved_max_mm"));
 }
 
 /// Writes into a folder that gets its final name later.

@@ -27,7 +27,7 @@ using nlohmann::ordered_json;
 struct Arguments {
   app::TakeArguments take;
   std::string backend = "auto", calib, out, models, skeleton = "body25";
-  int trial_frames = 16, overlays = 2;
+  int trial_frames = 16, overlays = 2, every = 1;
   bool overwrite = false;
   detect::PoseOptions options;
   detect::OnnxOptions onnx;
@@ -55,7 +55,7 @@ std::string ChooseBackend(const Arguments& arguments, const app::DetectJob& job,
   app::DetectJob trial = job;
   trial.overlays = 0;
   trial.max_frames = arguments.trial_frames;
-  trial.every = std::max(1, app::FramesOf(job.footage[0]) / std::max(1, arguments.trial_frames));
+  trial.every = std::max(arguments.every, app::FramesOf(job.footage[0]) / std::max(1, arguments.trial_frames));
   std::string best = names[0];
   double lowest = std::numeric_limits<double>::infinity();
   result->metrics["trials"] = ordered_json::array();
@@ -195,7 +195,7 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
     if (body::IsSkeletonFile(arguments.skeleton)) result.inputs.push_back(arguments.skeleton);
     detected.cameras = app::ReadExistingPoses(arguments.backend.substr(9), take.footage, detected.skeleton, &result);
   } else {
-    detected = Detect(arguments, {take.footage, arguments.options, arguments.overlays}, rig, run, &result);
+    detected = Detect(arguments, {take.footage, arguments.options, arguments.overlays, arguments.every}, rig, run, &result);
   }
   result.metrics["backend"] = detected.backend;
   result.metrics["skeleton"] = detected.skeleton.name;
@@ -241,6 +241,9 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   AddOption(sub, "--overlays", arguments->overlays, "images of each camera to draw the keypoints on")
       ->capture_default_str()
       ->check(CLI::Range(0, 1000));
+  AddOption(sub, "--every", arguments->every, "use every n-th frame of the footage; the others have no keypoints")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000000));
   AddFlag(sub, "--overwrite", arguments->overwrite, "replace the output folder");
   AddOptions(sub, arguments->options);
   AddOptions(sub, arguments->onnx);

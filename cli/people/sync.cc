@@ -236,6 +236,10 @@ CommandResult RunPoses(const Arguments& arguments, const std::optional<app::Foun
   AddErrors(sync, &result);
   Write(ToFile(sync, arguments.fps), arguments, &result);
   result.text = Summary(sync, arguments.fps);
+  if (result.errors.empty())
+    result.text +=
+        "a camera at +n shows in its frame f + n what the reference shows in frame f; option 'sync' of triangulate "
+        "takes the file\n";
   return result;
 }
 
@@ -352,7 +356,7 @@ void RegisterSync(CLI::App& app, Registry& registry) {
             "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
             "its takes");
   AddOption(sub, "--out", arguments->out, "folder for sync.json; SESSION/sync/TAKE unless given");
-  AddOption(sub, "--fps", arguments->fps,
+  AddOption(sub, "--fps,--frame-rate", arguments->fps,
             "Hz; frame rate of all cameras; then offsets are searched within 3 s and given in ms, too");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "sync", [arguments, sub](CommandContext& context) {

@@ -41,7 +41,13 @@ TrackedProject ReadTrackedProject(const std::string& folder) {
   } else if (fs::is_regular_file(fs::path(folder) / "config.toml", error)) {
     project = internal::ReadAniposeProject(folder);
   } else {
-    throw FormatError(folder, "", "holds neither config.toml (anipose) nor camera_array.toml (caliscope)");
+    const bool pose2sim = fs::is_regular_file(fs::path(folder) / "Config.toml", error);
+    throw FormatError(
+        folder, "",
+        std::string("holds neither config.toml (anipose) nor camera_array.toml (caliscope)") +
+            (pose2sim ? "; a project of Pose2Sim is read by its parts: option 'calib' calibration/Calib_….toml, option "
+                        "'pose2d' CAMERA=pose/…_json of each camera (docs/neighbours.md)"
+                      : ""));
   }
   std::sort(project.takes.begin(), project.takes.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   return project;

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace mvstudio::app {
 namespace {
 
@@ -22,6 +24,17 @@ TEST(FilterCheck, HarmIsBeyondDoubtAndLargeEnoughToMatter) {
   EXPECT_TRUE(Hurts(1.437, 3.13, 0.63));
   EXPECT_FALSE(Hurts(1.635, -0.3, 0.02)) << "better";
   EXPECT_FALSE(Hurts(1, 1, 0.1, 0)) << "nobody was left out";
+
+  FilterCheck fast;  // the median stays, the quantile of fast joints does not
+  fast.before.median_px = 1.44, fast.before.p90_px = 2.65;
+  fast.difference.num_samples = 1000, fast.difference.p90_px = 0.41, fast.difference.p90_error_px = 0.1;
+  EXPECT_TRUE(fast.Hurts());
+  fast.difference.p90_error_px = 0.21;
+  EXPECT_FALSE(fast.Hurts()) << "within two standard errors";
+  fast.difference.p90_px = 0.05, fast.difference.p90_error_px = 0.001;
+  EXPECT_FALSE(fast.Hurts()) << "less than 2 %";
+  fast.difference.p90_px = std::numeric_limits<double>::infinity();
+  EXPECT_TRUE(fast.Hurts()) << "a tenth is no longer predicted";
 }
 
 }  // namespace

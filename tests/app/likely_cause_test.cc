@@ -50,6 +50,12 @@ TEST(Timing, HalfAFrameIsAnErrorLessAWarningAndNothingNothing) {
   CommandResult nothing, whole, part;
   EXPECT_FALSE(AddTiming(report, &nothing));
   EXPECT_FALSE(nothing.metrics.contains("causes"));
+  report.trials[0].offset_frames = 4;  // sure, but the residuals hardly tell
+  CommandResult slow;
+  EXPECT_FALSE(AddTiming(report, &slow));
+  ASSERT_EQ(slow.warnings.size(), 1u);
+  EXPECT_EQ(slow.warnings[0].code, "TRI-TIMING");
+  EXPECT_EQ(slow.exit, kExitOk);
   report.message = "with a 1.0 frames later 99 % fit", report.trials[0].offset_frames = 1;
   EXPECT_TRUE(AddTiming(report, &whole));
   EXPECT_EQ(whole.exit, kExitQualityGate);
