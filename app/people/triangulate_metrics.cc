@@ -6,6 +6,7 @@
 
 #include "app/people/likely_cause.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "core/statistics.h"
 
 namespace mvstudio::app {
@@ -242,15 +243,32 @@ void WarnOfLeftOut(const triangulate::CameraDiagnosis& camera, CommandResult* re
                               "look at its keypoints; check its timing (`mvstudio sync`) and that it did not move"});
 }
 
+constexpr const char* kOffHint =
+    "recalibrate these cameras or refine the rig from this take (`mvstudio calib refine option 'from-keypoints'`); check that "
+    "their images have the calibrated size and were not cropped (`mvstudio calib resize` brings lenses to another size)";
+
+/// Cameras whose detections are off: one line each, or one for all where most are.
+void WarnOfOff(const std::vector<triangulate::CameraDiagnosis>& cameras, CommandResult* result) {
+  std::vector<std::string> off, lines;
+  for (const triangulate::CameraDiagnosis& camera : cameras) {
+    if (!camera.off) continue;
+    const Eigen::Vector2d& px = camera.mean_residual_px;
+    off.push_back(camera.name + Format(" (%+.1f, %+.1f)", px.x(), px.y()));
+    lines.push_back(camera.message);
+  }
+  if (off.size() >= 3 && 2 * off.size() > cameras.size()) {
+    lines = {Format("detections of %zu of %zu cameras are off on average, px: ", off.size(), cameras.size()) + Join(off, ", ") +
+             "; no single camera is to blame, the rig does not quite fit this take"};
+  }
+  for (size_t i = 0; i < lines.size(); ++i)
+    result->warnings.push_back({"TRI-CAMERA-OFF", lines[i], i == 0 ? kOffHint : "as above"});
+}
+
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result) {
-  std::string hint =
-      "recalibrate these cameras or refine the rig from this take (`mvstudio calib refine option 'from-keypoints'`); check "
-      "that "
-      "their images have the calibrated size and were not cropped (`mvstudio calib resize` brings lenses to another size)";
+  WarnOfOff(take.cameras, result);
   for (const triangulate::CameraDiagnosis& camera : take.cameras) {
-    if (camera.off) {
-      result->warnings.push_back({"TRI-CAMERA-OFF", camera.message, std::exchange(hint, "as above")});
-    } else if (camera.scaled) {
+    if (camera.off) continue;
+    if (camera.scaled) {
       result->warnings.push_back(
           {"TRI-CAMERA-SCALED", camera.message,
            "check that its images have the calibrated size; `mvstudio calib resize` brings its lens to another"});

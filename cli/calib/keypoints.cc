@@ -7,7 +7,10 @@
 #include "app/calib/calibration_use.h"
 #include "app/input/calib_read.h"
 #include "app/input/pose_input.h"
+#include "app/people/known_lengths.h"
 #include "app/people/likely_cause.h"
+#include "calib/calibrate.h"
+#include "calib/keypoints/place.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
@@ -242,6 +245,33 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
     result->warnings.push_back({"CAL-HALF-UNSOLVED", note, "the held-out figures are those of the other half alone"});
 }
 
+/// Lenses without poses: the cameras with 2D points become a rig by the person alone. False: they cannot.
+bool PlaceCameras(const KeypointArguments& arguments, app::PoseInput* input, Posed* posed, CommandResult* result) {
+  const double height_m = arguments.person_height_m > 0 ? arguments.person_height_m : 1.7;
+  const calib::PlacedRig placed = PlaceFromKeypoints(posed->rig, posed->frames, app::KnownLengthsOf(input->skeleton, height_m),
+                                                     arguments.options.min_score);
+  if (placed.status != Status::kOk) {
+    result->exit = kExitIllPosed;
+    result->errors.push_back({"CAL-UNPLACED", placed.message,
+                              "one person who walks through what all cameras see, and a skeleton whose bones have lengths"});
+    return false;
+  }
+  result->metrics["placed"] = {{"inlier_share", placed.inlier_share}, {"length_spread", placed.length_spread}};
+  const std::string by =
+      input->skeleton.human ? Format("a person of %.2f m", height_m) : "the lengths of " + input->skeleton.name;
+  if (input->skeleton.human && !(arguments.person_height_m > 0))
+    result->warnings.push_back(
+        {"CAL-SCALE", "the rig's size rests on " + by + ", which is assumed", "--person-height states it"});
+  result->warnings.push_back({"CAL-WORLD",
+                              "cameras placed by people: the world is that of " + placed.rig.cameras[0].camera.name,
+                              "mvstudio calib align --floor-joints, or --floor-board, sets the floor"});
+  if (placed.rig.cameras.size() < input->rig.cameras.size())
+    result->warnings.push_back({"CAL-LEFTOUT", "cameras without 2D points are not in the rig", "give theirs too"});
+  posed->rig = input->rig = placed.rig;
+  for (size_t c = 0; c < posed->camera_of.size(); ++c) posed->camera_of[c] = c;
+  return true;
+}
+
 }  // namespace
 
 void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
@@ -264,6 +294,10 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
   AddOption(sub, "--test-frames", arguments.test_frames, "--from-keypoints: START:STEP; frames that measure the result");
+  AddOption(sub, "--person-height", arguments.person_height_m,
+            "metres; --from-keypoints with lenses that have no poses: the cameras are placed by the person, whose height gives "
+            "the rig's size; 1.7 is assumed; own skeletons state lengths instead")
+      ->check(CLI::Range(0.3, 2.8));
   AddOptions(sub, arguments.options);
 }
 
@@ -276,8 +310,9 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   pose.calib = calib_path, pose.calib_unit = arguments.calib_unit, pose.skeleton = arguments.skeleton;
   pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d;
   const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d}), {"calibration.json"});
-  const app::PoseInput input = app::ReadPoseInput(pose, &result);
-  const Posed posed = PosedCameras(input);
+  app::PoseInput input = app::ReadPoseInput(pose, &result);
+  Posed posed = PosedCameras(input);
+  if (input.rig.gauge == calib::kLensesOnly && !PlaceCameras(arguments, &input, &posed, &result)) return result;
   const calib::KeypointRefineReport report =
       RefineFromKeypoints(posed.rig, posed.frames, input.limbs, train, test, arguments.options, context.run);
   result.metrics["status"] = std::string(ToString(report.status));

@@ -15,6 +15,7 @@ struct KeypointArguments {
   std::string train_frames, test_frames;  ///< "START:STEP"; "": see calib/keypoints/refine.h
   std::string calib_unit;                 ///< of a calibration that names none
   std::string points2d;                   ///< table of points of all cameras, instead of pose2d
+  double person_height_m = 0;             ///< 0: not said; for lenses without poses
   std::vector<app::NamedPath> pose2d;
 
   bool IsGiven() const { return from_keypoints || !points2d.empty(); }

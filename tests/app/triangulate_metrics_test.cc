@@ -149,5 +149,17 @@ TEST(TriangulateMetrics, CamerasAreWarnedOfOnce) {
                                            "TRI-SIDES-SWAPPED b: 5 of 100"));
 }
 
+TEST(TriangulateMetrics, MostCamerasOffAreOneWarning) {
+  TakeResult take;
+  take.cameras.resize(4);
+  for (size_t c = 0; c < 4; ++c) take.cameras[c].name = std::string(1, static_cast<char>('a' + c));
+  for (size_t c = 0; c < 3; ++c)
+    take.cameras[c].off = true, take.cameras[c].mean_residual_px = {1.0 + static_cast<double>(c), -3};
+  CommandResult result;
+  AddCameraWarnings(take, &result);
+  ASSERT_EQ(result.warnings.size(), 1u);
+  EXPECT_THAT(result.warnings[0].text, HasSubstr("3 of 4 cameras are off on average, px: a (+1.0, -3.0), b (+2.0, -3.0), c"));
+}
+
 }  // namespace
 }  // namespace mvstudio::app

@@ -3,6 +3,8 @@
 
 #include <filesystem>
 
+#include "calib/calibrate.h"
+#include "core/units.h"
 #include "geometry/rig/rig_io.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/test_data.h"
@@ -54,6 +56,35 @@ TEST(CalibKeypoints, RefinesARealRigFromPeople) {
   ASSERT_EQ(rig.cameras.size(), 4u);
   EXPECT_TRUE(rig.cameras[2].cam_from_world_covariance);
   EXPECT_FALSE(rig.gauge.empty());
+}
+
+/// Only the lenses are known: the person places the cameras better than the lab's calibration does (6.6 px).
+TEST(CalibKeypoints, APersonPlacesCamerasOfKnownLenses) {
+  MVS_NEEDS_DATA("pose2sim");
+  const TempDir folder;
+  const std::string lab = DataRoot() + "/pose2sim/calibration/Calib_qualisys.toml", lenses = folder / "lenses.json";
+  ASSERT_EQ(RunCli({"calib", "convert", lab, "--to", "mvstudio", "--out", folder / "lab.json"}).exit, 0);
+  const geometry::Rig truth = geometry::ReadRig(folder / "lab.json");
+  geometry::Rig rig = truth;
+  for (geometry::RigCamera& camera : rig.cameras) camera.cam_from_world = {};
+  rig.gauge = calib::kLensesOnly;
+  geometry::WriteRig(rig, lenses);
+  Words words = Refine(folder / "run");
+  words[4] = lenses;
+  const CliRun run = RunCli(words);
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  EXPECT_THAT(run.out, HasSubstr("CAL-SCALE"));
+  EXPECT_LT(run.Json()["metrics"]["holdout_median_px"]["after"].get<double>(), 5);
+  const geometry::Rig placed = geometry::ReadRig(folder / "run/calibration.json");
+  ASSERT_EQ(placed.cameras.size(), 4u);
+  const auto first_from = [](const geometry::Rig& r, size_t c) {
+    return r.cameras[0].cam_from_world * geometry::Inverse(r.cameras[c].cam_from_world);
+  };
+  for (size_t c = 1; c < 4; ++c) {
+    const geometry::Rigid3 found = first_from(placed, c), wanted = first_from(truth, c);
+    EXPECT_LT(RadToDeg(geometry::RotationAngle(found.rotation, wanted.rotation)), 4) << c;
+    EXPECT_NEAR(found.translation.norm() / wanted.translation.norm(), 1, 0.12) << c;
+  }
 }
 
 TEST(CalibKeypoints, MistakesAreNamed) {

@@ -1,0 +1,37 @@
+#include "app/people/known_lengths.h"
+
+#include <cmath>
+#include <string>
+
+namespace mvstudio::app {
+namespace {
+
+std::vector<calib::KnownLength> Stated(const body::Skeleton& skeleton) {
+  std::vector<calib::KnownLength> lengths;
+  for (size_t b = 0; b < skeleton.lengths.size(); ++b) {
+    const body::LengthRange& range = skeleton.lengths[b];
+    if (range.min_m > 0 && std::isfinite(range.max_m))
+      lengths.push_back({skeleton.bones[b], 0.5 * (range.min_m + range.max_m)});
+  }
+  return lengths;
+}
+
+}  // namespace
+
+std::vector<calib::KnownLength> KnownLengthsOf(const body::Skeleton& skeleton, double person_height_m) {
+  if (!skeleton.human) return Stated(skeleton);
+  constexpr struct {
+    const char *from, *to;
+    double share;
+  } kSegments[] = {{"Hip", "Knee", 0.245}, {"Knee", "Ankle", 0.246}, {"Shoulder", "Elbow", 0.186}, {"Elbow", "Wrist", 0.146}};
+  std::vector<calib::KnownLength> lengths;
+  for (const auto& segment : kSegments) {
+    for (const char* side : {"L", "R"}) {
+      const int from = skeleton.Find(std::string(side) + segment.from), to = skeleton.Find(std::string(side) + segment.to);
+      if (from >= 0 && to >= 0) lengths.push_back({{from, to}, segment.share * person_height_m});
+    }
+  }
+  return lengths;
+}
+
+}  // namespace mvstudio::app

@@ -1,0 +1,250 @@
+#include "calib/keypoints/place.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opengv/relative_pose/CentralRelativeAdapter.hpp>
+#include <opengv/sac/Ransac.hpp>
+#include <opengv/sac_problems/relative_pose/CentralRelativePoseSacProblem.hpp>
+#include <set>
+
+#include "calib/points/point_resection.h"
+#include "core/format.h"
+#include "core/statistics.h"
+#include "triangulate/point/point.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using geometry::Rigid3;
+using triangulate::DetectedFrame;
+using triangulate::DetectedPerson;
+
+constexpr double kSigmaOfDiagonal = 0.004;  // a person detector's joints, as a share of the image's diagonal
+constexpr size_t kFewestJoints = 30, kMostJoints = 600;
+
+using Label = std::pair<int, int>;  // frame, joint
+
+struct Sight {
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();
+  Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();
+};
+
+/// What each camera sees of the person, and the noise of it.
+struct Sights {
+  std::vector<std::map<Label, Sight>> of_camera;
+  std::vector<double> sigma_px, sigma_rad;
+};
+
+double ExtentOf(const DetectedPerson& person, double min_score) {
+  Eigen::AlignedBox2d box;
+  for (const triangulate::Keypoint& key : person) {
+    if (key.score > 0 && key.score >= min_score && key.px.allFinite()) box.extend(key.px);
+  }
+  return box.isEmpty() ? 0 : box.diagonal().norm();
+}
+
+Sights Collect(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, double min_score) {
+  Sights sights;
+  sights.of_camera.resize(rig.cameras.size());
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const geometry::Camera& lens = rig.cameras[c].camera;
+    const geometry::Projector projector(lens);
+    sights.sigma_px.push_back(kSigmaOfDiagonal * std::hypot(lens.width_px, lens.height_px));
+    sights.sigma_rad.push_back(sights.sigma_px.back() / (0.5 * (lens.fx() + lens.fy())));
+    for (const DetectedFrame& frame : frames) {
+      const std::vector<DetectedPerson>& people = frame.people[c];
+      if (people.empty()) continue;
+      const auto largest = std::max_element(people.begin(), people.end(), [&](const auto& a, const auto& b) {
+        return ExtentOf(a, min_score) < ExtentOf(b, min_score);
+      });
+      for (size_t j = 0; j < largest->size(); ++j) {
+        const triangulate::Keypoint& key = (*largest)[j];
+        if (!(key.score > 0 && key.score >= min_score) || !key.px.allFinite()) continue;
+        const geometry::Unprojection ray = projector.Unproject(key.px);
+        if (ray.status == Status::kOk)
+          sights.of_camera[c][{frame.frame, static_cast<int>(j)}] = {key.px, ray.ray_in_cam.normalized()};
+      }
+    }
+  }
+  return sights;
+}
+
+/// Every n-th of a list, so that at most `most` remain.
+template <class Item>
+std::vector<Item> ThinnedTo(const std::vector<Item>& items, size_t most) {
+  if (items.size() <= most) return items;
+  std::vector<Item> kept;
+  for (size_t i = 0; i < most; ++i) kept.push_back(items[i * items.size() / most]);
+  return kept;
+}
+
+std::vector<Label> Common(const Sights& sights, size_t a, size_t b) {
+  std::vector<Label> labels;
+  for (const auto& [label, sight] : sights.of_camera[a]) {
+    if (sights.of_camera[b].count(label)) labels.push_back(label);
+  }
+  return ThinnedTo(labels, kMostJoints);
+}
+
+struct Pair {
+  size_t a = 0, b = 0;
+  Rigid3 b_from_a;
+  double share = 0, score = -1;
+};
+
+/// The relative pose that most common joints fit, with a translation of length 1.
+Pair Relate(const Sights& sights, size_t a, size_t b) {
+  Pair pair{a, b, {}, 0, -1};
+  const std::vector<Label> labels = Common(sights, a, b);
+  if (labels.size() < kFewestJoints) return pair;
+  opengv::bearingVectors_t in_a, in_b;
+  for (const Label& label : labels)
+    in_a.push_back(sights.of_camera[a].at(label).ray), in_b.push_back(sights.of_camera[b].at(label).ray);
+  opengv::relative_pose::CentralRelativeAdapter adapter(in_a, in_b);
+  using Problem = opengv::sac_problems::relative_pose::CentralRelativePoseSacProblem;
+  opengv::sac::Ransac<Problem> ransac;
+  ransac.sac_model_ = std::make_shared<Problem>(adapter, Problem::NISTER, false);
+  ransac.threshold_ = 2 * (1 - std::cos(3 * std::max(sights.sigma_rad[a], sights.sigma_rad[b])));
+  ransac.max_iterations_ = 2000;
+  if (!ransac.computeModel(0) || ransac.inliers_.size() < kFewestJoints) return pair;
+  const opengv::transformation_t& a_from_b = ransac.model_coefficients_;
+  if (!a_from_b.allFinite() || !(a_from_b.col(3).norm() > 0)) return pair;
+  Rigid3 pose;
+  pose.rotation = geometry::NearestRotation(a_from_b.leftCols<3>());
+  pose.translation = a_from_b.col(3).normalized();
+  std::vector<double> sines;
+  for (const int i : ransac.inliers_) {
+    const auto k = static_cast<size_t>(i);
+    sines.push_back(in_a[k].cross(pose.rotation * in_b[k]).norm());
+  }
+  pair.b_from_a = geometry::Inverse(pose);
+  pair.share = static_cast<double>(ransac.inliers_.size()) / static_cast<double>(labels.size());
+  pair.score = static_cast<double>(ransac.inliers_.size()) * UpperMedian(std::move(sines), 0);
+  return pair;
+}
+
+Pair BestPair(const Sights& sights) {
+  Pair best;
+  for (size_t a = 0; a < sights.of_camera.size(); ++a) {
+    for (size_t b = a + 1; b < sights.of_camera.size(); ++b) {
+      const Pair pair = Relate(sights, a, b);
+      if (pair.score > best.score) best = pair;
+    }
+  }
+  return best;
+}
+
+/// Joints that the placed cameras triangulate.
+std::map<Label, Eigen::Vector3d> Triangulated(const geometry::Rig& rig, const std::set<size_t>& placed, const Sights& sights) {
+  const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
+  std::map<Label, std::vector<triangulate::Observation>> seen;
+  for (const size_t c : placed) {
+    for (const auto& [label, sight] : sights.of_camera[c])
+      seen[label].push_back({static_cast<int>(c), sight.px, sights.sigma_px[c], 1});
+  }
+  std::map<Label, Eigen::Vector3d> points;
+  for (const auto& [label, observations] : seen) {
+    if (observations.size() < 2) continue;
+    const triangulate::Point point = triangulate::TriangulatePoint(prepared, observations);
+    if (point.status == Status::kOk) points[label] = point.x_in_world;
+  }
+  return points;
+}
+
+PointResection Resect(const geometry::RigCamera& camera, const std::map<Label, Sight>& sights, double sigma_px,
+                      const std::map<Label, Eigen::Vector3d>& points) {
+  std::vector<Label> labels;
+  for (const auto& [label, x] : points) {
+    if (sights.count(label)) labels.push_back(label);
+  }
+  PointResection none;
+  none.status = Status::kTooFewViews;
+  none.message = Format("it shares %zu joints with the cameras that are placed; %zu are needed", labels.size(), kFewestJoints);
+  if (labels.size() < kFewestJoints) return none;
+  labels = ThinnedTo(labels, 400);
+  std::vector<PointClick> clicks;
+  Eigen::Matrix3Xd x(3, static_cast<Eigen::Index>(labels.size()));
+  for (size_t i = 0; i < labels.size(); ++i) {
+    clicks.push_back({0, static_cast<int>(i), sights.at(labels[i]).px});
+    x.col(static_cast<Eigen::Index>(i)) = points.at(labels[i]);
+  }
+  PointResectionOptions options;
+  options.click_sigma_px = sigma_px;
+  return ResectFromPoints({{camera.camera, Rigid3(), std::nullopt, std::nullopt}}, clicks, x, options);
+}
+
+/// The camera that shares most joints with the points and is not placed.
+size_t Next(const Sights& sights, const std::set<size_t>& done, const std::map<Label, Eigen::Vector3d>& points) {
+  size_t best = 0, most = 0;
+  bool any = false;
+  for (size_t c = 0; c < sights.of_camera.size(); ++c) {
+    if (done.count(c)) continue;
+    const auto shared = static_cast<size_t>(std::count_if(
+        points.begin(), points.end(), [&](const auto& point) { return sights.of_camera[c].count(point.first) > 0; }));
+    if (!any || shared > most) best = c, most = shared, any = true;
+  }
+  return best;
+}
+
+/// Scales the rig so that the known lengths come out; false when none was measured.
+bool Scale(const std::map<Label, Eigen::Vector3d>& points, const std::vector<KnownLength>& lengths, PlacedRig* placed) {
+  std::vector<double> factors;
+  for (const KnownLength& known : lengths) {
+    std::vector<double> measured;
+    for (const auto& [label, x] : points) {
+      if (label.second != known.joints.first) continue;
+      const auto other = points.find({label.first, known.joints.second});
+      if (other != points.end()) measured.push_back((other->second - x).norm());
+    }
+    const double median = UpperMedian(std::move(measured), 0);
+    if (median > 0) factors.push_back(known.length_m / median);
+  }
+  if (factors.empty()) return false;
+  double mean = 0, squares = 0;
+  for (const double f : factors) mean += f / static_cast<double>(factors.size());
+  for (const double f : factors) squares += (f - mean) * (f - mean) / static_cast<double>(factors.size());
+  placed->length_spread = std::sqrt(squares) / mean;
+  for (geometry::RigCamera& camera : placed->rig.cameras) camera.cam_from_world.translation *= mean;
+  return true;
+}
+
+PlacedRig Fail(Status status, std::string message) {
+  PlacedRig placed;
+  placed.status = status, placed.message = std::move(message);
+  return placed;
+}
+
+}  // namespace
+
+PlacedRig PlaceFromKeypoints(const geometry::Rig& lenses, const std::vector<DetectedFrame>& frames,
+                             const std::vector<KnownLength>& lengths, double min_score) {
+  const Sights sights = Collect(lenses, frames, min_score);
+  const Pair pair = BestPair(sights);
+  if (pair.score < 0)
+    return Fail(Status::kTooFewViews, Format("no two cameras share %zu joints that fit one relative pose", kFewestJoints));
+  PlacedRig placed;
+  placed.inlier_share = pair.share;
+  for (const geometry::RigCamera& camera : lenses.cameras)
+    placed.rig.cameras.push_back({camera.camera, Rigid3(), camera.params_covariance, std::nullopt});
+  placed.rig.cameras[pair.b].cam_from_world = pair.b_from_a;
+  std::set<size_t> done = {pair.a, pair.b};
+  std::map<Label, Eigen::Vector3d> points = Triangulated(placed.rig, done, sights);
+  while (done.size() < lenses.cameras.size()) {
+    const size_t c = Next(sights, done, points);
+    const PointResection pose = Resect(lenses.cameras[c], sights.of_camera[c], sights.sigma_px[c], points);
+    if (pose.status != Status::kOk)
+      return Fail(pose.status, lenses.cameras[c].camera.name + " cannot be placed: " + pose.message);
+    placed.rig.cameras[c].cam_from_world = pose.rig_from_world;
+    done.insert(c);
+    points = Triangulated(placed.rig, done, sights);
+  }
+  if (!Scale(points, lengths, &placed))
+    return Fail(Status::kDegenerate, "no bone of known length was measured, so nothing says how large the rig is");
+  const Rigid3 world_from_first = geometry::Inverse(placed.rig.cameras[0].cam_from_world);
+  for (geometry::RigCamera& camera : placed.rig.cameras) camera.cam_from_world = camera.cam_from_world * world_from_first;
+  placed.rig.gauge = "camera " + placed.rig.cameras[0].camera.name;
+  return placed;
+}
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,24 @@
+#include "app/people/known_lengths.h"
+
+#include <gtest/gtest.h>
+
+namespace mvstudio::app {
+namespace {
+
+TEST(KnownLengths, OfPeopleByTheirHeightOfOthersAsStated) {
+  const body::Skeleton& person = body::SkeletonByName("body25");
+  const std::vector<calib::KnownLength> lengths = KnownLengthsOf(person, 2);
+  ASSERT_EQ(lengths.size(), 8u);
+  EXPECT_EQ(lengths[0].joints, std::pair(person.Find("LHip"), person.Find("LKnee")));
+  EXPECT_DOUBLE_EQ(lengths[0].length_m, 0.49);
+
+  body::Skeleton mouse = body::PointsSkeleton({"nose", "neck", "tail"});
+  mouse.bones = {{0, 1}, {1, 2}};
+  EXPECT_TRUE(KnownLengthsOf(mouse, 2).empty());
+  mouse.lengths = {{0.02, 0.04}, {}};
+  ASSERT_EQ(KnownLengthsOf(mouse, 2).size(), 1u);
+  EXPECT_DOUBLE_EQ(KnownLengthsOf(mouse, 2)[0].length_m, 0.03);
+}
+
+}  // namespace
+}  // namespace mvstudio::app

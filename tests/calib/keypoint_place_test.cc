@@ -1,0 +1,76 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "calib/keypoints/place.h"
+#include "geometry/rig/alignment.h"
+#include "tests/calib/keypoint_support.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using testing::FilmPeople;
+using ::testing::HasSubstr;
+using testing::PeopleRig;
+
+geometry::Rig WithoutPoses(geometry::Rig rig) {
+  for (geometry::RigCamera& camera : rig.cameras) camera.cam_from_world = {};
+  return rig;
+}
+
+/// Lengths between some joints of FilmPeople's body, by a rig that knows them.
+std::vector<KnownLength> Lengths(const testing::PeopleOptions& options) {
+  Rng rng(options.seed);
+  const Eigen::Matrix3Xd body = [&] {
+    Eigen::Matrix3Xd b = Eigen::Matrix3Xd::NullaryExpr(3, options.num_joints, [&] { return rng.Uniform(-1, 1); });
+    b.topRows<2>() *= 0.25, b.row(2) *= 0.8;
+    return b;
+  }();
+  std::vector<KnownLength> lengths;
+  for (const auto& [a, b] : {std::pair(0, 1), std::pair(2, 3), std::pair(4, 5)})
+    lengths.push_back({{a, b}, (body.col(a) - body.col(b)).norm()});
+  return lengths;
+}
+
+TEST(PlaceFromKeypoints, CamerasComeOutWhereTheyAre) {
+  for (const int cameras : {2, 4, 8}) {
+    const geometry::Rig truth = PeopleRig(cameras);
+    testing::PeopleOptions options;
+    options.num_frames = 60;
+    const PlacedRig placed = PlaceFromKeypoints(WithoutPoses(truth), FilmPeople(truth, options), Lengths(options), 0.3);
+    ASSERT_EQ(placed.status, Status::kOk) << placed.message;
+    EXPECT_LT(placed.length_spread, 0.02);
+    EXPECT_GT(placed.inlier_share, 0.8);
+    const geometry::Rigid3 first_from_world = truth.cameras[0].cam_from_world;
+    for (size_t c = 0; c < truth.cameras.size(); ++c) {
+      const geometry::Rigid3 wanted = truth.cameras[c].cam_from_world * geometry::Inverse(first_from_world);
+      const geometry::Rigid3& found = placed.rig.cameras[c].cam_from_world;
+      EXPECT_LT(geometry::RotationAngle(found.rotation, wanted.rotation), 0.02) << cameras << " " << c;
+      EXPECT_LT((geometry::Inverse(found).translation - geometry::Inverse(wanted).translation).norm(), 0.15)
+          << cameras << " " << c;
+    }
+  }
+}
+
+TEST(PlaceFromKeypoints, WhatCannotBePlacedIsSaid) {
+  const geometry::Rig truth = PeopleRig(3);
+  testing::PeopleOptions options;
+  std::vector<triangulate::DetectedFrame> frames = FilmPeople(truth, options);
+  EXPECT_EQ(PlaceFromKeypoints(WithoutPoses(truth), frames, {}, 0.3).status, Status::kDegenerate) << "no length";
+  for (triangulate::DetectedFrame& frame : frames) frame.people[2].clear();
+  const PlacedRig blind = PlaceFromKeypoints(WithoutPoses(truth), frames, Lengths(options), 0.3);
+  EXPECT_EQ(blind.status, Status::kTooFewViews);
+  EXPECT_THAT(blind.message, HasSubstr("cam2 cannot be placed: it shares 0 joints"));
+  EXPECT_EQ(PlaceFromKeypoints(WithoutPoses(truth), {}, Lengths(options), 0.3).status, Status::kTooFewViews);
+  Rng rng(5);
+  for (triangulate::DetectedFrame& frame : frames) {
+    for (auto& people : frame.people) {
+      for (auto& person : people) {
+        for (auto& key : person) key.px = {rng.Uniform(0, 1279), rng.Uniform(0, 959)};
+      }
+    }
+  }
+  EXPECT_NE(PlaceFromKeypoints(WithoutPoses(truth), frames, Lengths(options), 0.3).status, Status::kOk) << "noise alone";
+}
+
+}  // namespace
+}  // namespace mvstudio::calib
