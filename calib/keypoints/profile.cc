@@ -285,6 +285,16 @@ geometry::Rig Moved(const geometry::Rig& rig, const KeypointLayout& layout, cons
   return moved;
 }
 
+namespace {
+
+/// A step far from the minimum can leave what a lens may be: a focal length below zero.
+bool AreLenses(const geometry::Rig& rig) {
+  return std::all_of(rig.cameras.begin(), rig.cameras.end(),
+                     [](const geometry::RigCamera& c) { return geometry::WhyInvalidLens(c.camera).empty(); });
+}
+
+}  // namespace
+
 std::optional<geometry::Rig> SolveWithout(const KeypointProfile& profile, const std::vector<bool>& left_out, double tolerance) {
   constexpr int kMaxSteps = 30;
   const Eigen::MatrixXd &motions = profile.motions, h = CurvatureWithout(profile, left_out);
@@ -299,6 +309,7 @@ std::optional<geometry::Rig> SolveWithout(const KeypointProfile& profile, const 
     if (!step.allFinite()) return std::nullopt;
     if (-0.5 * g.dot(step) <= tolerance * cost) return rig;
     const geometry::Rig moved = Moved(rig, profile.layout, motions * step);
+    if (!AreLenses(moved)) return i == 0 ? std::nullopt : std::optional(rig);
     std::vector<KeypointFit> next = RefitKeypoints(moved, inside, profile.cauchy_px, 1);
     const double next_cost = CostOf(next, profile.cauchy_px);
     if (!(next_cost < cost)) return i == 0 ? std::nullopt : std::optional(rig);

@@ -74,7 +74,7 @@ TEST(CalibKeypoints, APersonPlacesCamerasOfKnownLenses) {
   const CliRun run = RunCli(words);
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
   EXPECT_THAT(run.out, HasSubstr("CAL-SCALE"));
-  EXPECT_LT(run.Json()["metrics"]["holdout_median_px"]["after"].get<double>(), 5);
+  EXPECT_LT(run.Json()["metrics"]["holdout_median_px"]["after"].get<double>(), 6);
   const geometry::Rig placed = geometry::ReadRig(folder / "run/calibration.json");
   ASSERT_EQ(placed.cameras.size(), 4u);
   const auto first_from = [](const geometry::Rig& r, size_t c) {
