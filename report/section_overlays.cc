@@ -98,13 +98,16 @@ size_t NumCameras(const Value& views) {
   return names.size();
 }
 
+void AddFigure(std::string figure, std::vector<std::string>* figures) {
+  if (!figure.empty()) figures->push_back(std::move(figure));
+}
+
 }  // namespace
 
 std::string BoardViews(SectionContext* context, const Stage& stage) {
   const Value& views = stage.metrics()["board_views"];
   std::vector<std::string> figures;
-  for (const Value& view : views.items()) figures.push_back(BoardView(context, stage, view));
-  figures.erase(std::remove(figures.begin(), figures.end(), std::string()), figures.end());
+  for (const Value& view : views.items()) AddFigure(BoardView(context, stage, view), &figures);
   return CameraFigures("Boards with corners",
                        "Ring: a corner as it was found. Arrow: its residual (observed minus projected), enlarged by the stated "
                        "factor. Of each camera an ordinary view and the one with the largest residuals.",
@@ -114,8 +117,7 @@ std::string BoardViews(SectionContext* context, const Stage& stage) {
 std::string TakeOverlays(SectionContext* context, const Stage& stage) {
   const Value& overlays = stage.metrics()["overlays"];
   std::vector<std::string> figures;
-  for (const Value& view : overlays["views"].items()) figures.push_back(TakeOverlay(context, stage, view));
-  figures.erase(std::remove(figures.begin(), figures.end(), std::string()), figures.end());
+  for (const Value& view : overlays["views"].items()) AddFigure(TakeOverlay(context, stage, view), &figures);
   return CameraFigures("3D joints over the images",
                        "Blue: the 3D joints projected into the image. Ring: the keypoint that was found there; the red line "
                        "from the projection to it is the distance, not enlarged.",

@@ -108,7 +108,8 @@ Pair Relate(const Sights& sights, size_t a, size_t b) {
   ransac.threshold_ = 2 * (1 - std::cos(3 * std::max(sights.sigma_rad[a], sights.sigma_rad[b])));
   ransac.max_iterations_ = 2000;
   if (!ransac.computeModel(0) || ransac.inliers_.size() < kFewestJoints) return pair;
-  const opengv::transformation_t& a_from_b = ransac.model_coefficients_;
+  opengv::transformation_t a_from_b;
+  ransac.sac_model_->optimizeModelCoefficients(ransac.inliers_, ransac.model_coefficients_, a_from_b);
   if (!a_from_b.allFinite() || !(a_from_b.col(3).norm() > 0)) return pair;
   Rigid3 pose;
   pose.rotation = geometry::NearestRotation(a_from_b.leftCols<3>());

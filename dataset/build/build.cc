@@ -260,9 +260,14 @@ void CheckViews(const BuildInputs& inputs, const std::vector<CameraJob>& jobs, c
   }
   if (blind.empty()) return;
   const std::string why = "was it made with another calibration, or was the rig moved to another world since?";
+  std::string doubt;
+  for (const BuildWarning& warning : report->warnings) {
+    if (warning.code == "DAT-UNIT") doubt = "; DAT-UNIT: " + warning.text + ", " + warning.hint;
+  }
   if (blind.size() == jobs.size())
-    throw FormatError(inputs.pose3d, "",
-                      "no joint lies in the view of any camera of " + inputs.calibration + ": " + why + " triangulate again");
+    throw FormatError(
+        inputs.pose3d, "",
+        "no joint lies in the view of any camera of " + inputs.calibration + ": " + why + " triangulate again" + doubt);
   report->warnings.push_back({"DAT-VIEW", "no joint of any frame lies in the view of " + Join(blind, ", "), why});
 }
 

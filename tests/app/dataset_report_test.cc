@@ -31,7 +31,7 @@ TEST(DatasetReport, FindingsBecomeErrorsWarningsMetricsAndText) {
   EXPECT_EQ(result.metrics["findings"][0]["severity"], "error");
   EXPECT_EQ(result.metrics["findings"][1]["severity"], "warning");
   EXPECT_EQ(result.metrics["findings"][1]["path"], "m.png");
-  EXPECT_EQ(result.text, "error   DAT-CALIB c.json: is broken\nwarning DAT-MASK m.png: is odd\n");
+  EXPECT_EQ(result.text, "") << "errors and warnings are printed once, as such";
   CommandResult none;
   AddFindings(std::vector<dataset::Finding>(), &none);
   EXPECT_TRUE(none.metrics["findings"].is_array() && none.metrics["findings"].empty());

@@ -71,8 +71,8 @@ TEST_F(SessionInit, AChapterThatWasNotCopiedIsTold) {
   WriteClip(folder_ / "card/walk/gopro1/GX020001.MP4", Regular(8));
   const CliRun run = Init();
   EXPECT_EQ(run.exit, 0);
-  EXPECT_THAT(run.err, HasSubstr("SES-CHAPTER"));
-  EXPECT_THAT(run.err, HasSubstr("walk/gopro1/GX010001.MP4 is missing"));
+  EXPECT_THAT(run.out, HasSubstr("SES-CHAPTER"));
+  EXPECT_THAT(run.out, HasSubstr("walk/gopro1/GX010001.MP4 is missing"));
 }
 
 TEST_F(SessionInit, LeavesNothingWhenItFails) {

@@ -100,7 +100,7 @@ TEST_F(Pose2d, FrameNumbersOfAllNamings) {
 TEST_F(Pose2d, EmptyAndMissingFolders) {
   EXPECT_THAT(MessageOf<IoError>(), AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no .json")));
   fs::remove_all(folder_);
-  EXPECT_THAT(MessageOf<IoError>(), AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no such folder")));
+  EXPECT_THAT(MessageOf<IoError>(), AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no such file or folder")));
 }
 
 TEST_F(Pose2d, TruncatedJsonNamesFileCameraAndFrame) {

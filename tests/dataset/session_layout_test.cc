@@ -83,9 +83,9 @@ TEST(SessionLayout, ChaptersAreOneRecording) {
 
 TEST(SessionLayout, MissingChaptersAreNamed) {
   const ScannedSession scanned = Scan({"board/gopro1/GX020001.MP4", "board/gopro2/GX010002.MP4", "board/gopro2/GX030002.MP4"});
-  EXPECT_THAT(scanned.missing, ElementsAre("raw/board/gopro1/GX010001.MP4", "raw/board/gopro2/GX020002.MP4"));
+  EXPECT_THAT(scanned.missing, ElementsAre("card/board/gopro1/GX010001.MP4", "card/board/gopro2/GX020002.MP4"));
   EXPECT_THAT(Rows(scanned)[0], "board:gopro1=raw/board/gopro1/GX020001.MP4");
-  EXPECT_THAT(Scan({"left/GX020009.MP4", "right/GX010009.MP4"}).missing, ElementsAre("raw/left/GX010009.MP4"));
+  EXPECT_THAT(Scan({"left/GX020009.MP4", "right/GX010009.MP4"}).missing, ElementsAre("card/left/GX010009.MP4"));
   EXPECT_TRUE(Scan({"board/gopro1/GX010001.MP4"}).missing.empty());
 }
 

@@ -113,8 +113,10 @@ TEST(Session, SeveralBoardsAreAnArray) {
   const Session session = ReadSession(folder.path());
   EXPECT_EQ(session.board, "charuco:7x5:60" + session.units + ":45" + session.units + ":4x4_50:two-sided=3" + session.units +
                                " charuco:7x5:60mm:45" + session.units + ":4x4_50:first=17");
-  WriteSession(session);
-  EXPECT_EQ(ReadSession(folder.path()).board, session.board);
+  Session copy = session;
+  copy.folder = folder / "copy";
+  WriteSession(copy);
+  EXPECT_EQ(ReadSession(copy.folder).board, session.board);
   EXPECT_NE(Refused(folder, std::string(kHead) + "board = [5]\n").find("board"), std::string::npos);
   EXPECT_NE(Refused(folder, std::string(kHead) + "board = [\"a b\"]\n").find("without blanks"), std::string::npos);
 }
