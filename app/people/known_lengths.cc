@@ -19,12 +19,12 @@ std::vector<calib::KnownLength> Stated(const body::Skeleton& skeleton) {
 }  // namespace
 
 std::vector<calib::KnownLength> KnownLengthsOf(const body::Skeleton& skeleton, double person_height_m) {
-  if (!skeleton.human) return Stated(skeleton);
+  std::vector<calib::KnownLength> lengths = Stated(skeleton);
+  if (!lengths.empty() || !skeleton.human) return lengths;
   constexpr struct {
     const char *from, *to;
     double share;
   } kSegments[] = {{"Hip", "Knee", 0.245}, {"Knee", "Ankle", 0.246}, {"Shoulder", "Elbow", 0.186}, {"Elbow", "Wrist", 0.146}};
-  std::vector<calib::KnownLength> lengths;
   for (const auto& segment : kSegments) {
     for (const char* side : {"L", "R"}) {
       const int from = skeleton.Find(std::string(side) + segment.from), to = skeleton.Find(std::string(side) + segment.to);

@@ -19,7 +19,7 @@ void AddMetrics(const triangulate::CauseReport& report, CommandResult* result) {
   for (const triangulate::CauseTrial& trial : report.trials) causes.push_back(ToJson(trial));
 }
 
-/// The motion asks for offsets that the residuals hardly tell: slow motion, or errors of the calibration above them.
+/// The motion asks for offsets that change the residuals little: it is slow, or errors of the calibration hide it.
 void WarnOfTiming(const triangulate::CauseReport& report, CommandResult* result) {
   if (report.trials.empty()) return;
   const triangulate::CauseTrial& trial = report.trials[0];

@@ -18,8 +18,8 @@ std::string AddLikelyCause(const triangulate::CauseReport& report, const std::st
                            CommandResult* result);
 
 /// Adds what CheckTiming found, if it is clear: an error (TRI-TIMING, kExitQualityGate), or a warning where cameras differ by
-/// less than half a frame, which footage without a common trigger does, or where the offset is sure but the residuals hardly
-/// tell (the motion is slow). True when it is clear.
+/// less than half a frame, which footage without a common trigger does, or where the offset is sure but changes the
+/// residuals little (the motion is slow). True when it is clear.
 bool AddTiming(const triangulate::CauseReport& report, CommandResult* result);
 
 }  // namespace mvstudio::app

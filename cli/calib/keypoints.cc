@@ -150,6 +150,16 @@ std::string Limbs(const calib::KeypointError& error) {
   return Format("; limbs %.1f mm long +- %.1f mm", error.limb_mean_mm, error.limb_std_mm);
 }
 
+std::string Line(const calib::KeypointCamera& c, bool kept) {
+  const std::string moved =
+      kept ? "as given"
+           : Format("turned %.3f +- %.3f deg, moved %.1f +- %.1f mm, focal %+.2f %%", RadToDeg(c.rotation_rad),
+                    RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m, 1e3 * c.translation_sigma_m, 100 * c.focal_change);
+  return Format("%-16s %s, mean residual (%+.1f, %+.1f) -> (%+.1f, %+.1f) px\n", c.name.c_str(), moved.c_str(),
+                c.mean_residual_before_px.x(), c.mean_residual_before_px.y(), c.mean_residual_after_px.x(),
+                c.mean_residual_after_px.y());
+}
+
 std::string Summary(const calib::KeypointRefineReport& report) {
   std::string text;
   for (const auto& [name, error] : {std::pair("before", &report.before), std::pair("after", &report.after)})
@@ -163,13 +173,7 @@ std::string Summary(const calib::KeypointRefineReport& report) {
   if (report.num_gap_frames > 0)
     text += Format("  %d frames between the halves measure neither; the calibration is adjusted to all %d frames\n",
                    report.num_gap_frames, report.num_train_frames);
-  for (const calib::KeypointCamera& c : report.cameras)
-    text += Format(
-        "%-16s turned %.3f +- %.3f deg, moved %.1f +- %.1f mm, focal %+.2f %%, mean residual (%+.1f, %+.1f) -> (%+.1f, %+.1f) "
-        "px\n",
-        c.name.c_str(), RadToDeg(c.rotation_rad), RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m,
-        1e3 * c.translation_sigma_m, 100 * c.focal_change, c.mean_residual_before_px.x(), c.mean_residual_before_px.y(),
-        c.mean_residual_after_px.x(), c.mean_residual_after_px.y());
+  for (const calib::KeypointCamera& c : report.cameras) text += Line(c, report.kept_input);
   text += Format("%-16s %-28s %10s %10s\n", "group", "choice", "held-out", "std. error");
   for (const calib::KeypointDecision& d : report.decisions)
     text += Format("%-16s %-28s %7.3f px %7.3f px%s\n", d.group.c_str(), d.choice.c_str(), d.holdout_px, d.standard_error_px,
@@ -248,6 +252,7 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
 /// Lenses without poses: the cameras with 2D points become a rig by the person alone. False: they cannot.
 bool PlaceCameras(const KeypointArguments& arguments, app::PoseInput* input, Posed* posed, CommandResult* result) {
   const double height_m = arguments.person_height_m > 0 ? arguments.person_height_m : 1.7;
+  const bool by_height = input->skeleton.human && input->skeleton.lengths.empty();
   const calib::PlacedRig placed = PlaceFromKeypoints(posed->rig, posed->frames, app::KnownLengthsOf(input->skeleton, height_m),
                                                      arguments.options.min_score);
   if (placed.status != Status::kOk) {
@@ -259,7 +264,7 @@ bool PlaceCameras(const KeypointArguments& arguments, app::PoseInput* input, Pos
   result->metrics["placed"] = {{"inlier_share", placed.inlier_share}, {"length_spread", placed.length_spread}};
   const std::string by =
       input->skeleton.human ? Format("a person of %.2f m", height_m) : "the lengths of " + input->skeleton.name;
-  if (input->skeleton.human && !(arguments.person_height_m > 0))
+  if (by_height && !(arguments.person_height_m > 0))
     result->warnings.push_back(
         {"CAL-SCALE", "the rig's size rests on " + by + ", which is assumed", "--person-height states it"});
   result->warnings.push_back({"CAL-WORLD",
@@ -312,7 +317,10 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d}), {"calibration.json"});
   app::PoseInput input = app::ReadPoseInput(pose, &result);
   Posed posed = PosedCameras(input);
-  if (input.rig.gauge == calib::kLensesOnly && !PlaceCameras(arguments, &input, &posed, &result)) return result;
+  const bool lenses_only = input.rig.gauge == calib::kLensesOnly;
+  if (!lenses_only && arguments.person_height_m > 0)
+    throw UsageError("--person-height is for lenses without poses; " + calib_path + " has poses, which keep its size");
+  if (lenses_only && !PlaceCameras(arguments, &input, &posed, &result)) return result;
   const calib::KeypointRefineReport report =
       RefineFromKeypoints(posed.rig, posed.frames, input.limbs, train, test, arguments.options, context.run);
   result.metrics["status"] = std::string(ToString(report.status));
@@ -334,6 +342,8 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   geometry::WriteRig(written, path);
   result.outputs.push_back({path, "calibration"});
   result.text = Summary(report);
+  if (lenses_only)
+    result.text += "all frames placed the cameras first: the figures above are held out from the adjustment alone\n";
   app::WarnOfCovariance(written, &result);
   return result;
 }

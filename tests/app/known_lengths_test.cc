@@ -12,6 +12,12 @@ TEST(KnownLengths, OfPeopleByTheirHeightOfOthersAsStated) {
   EXPECT_EQ(lengths[0].joints, std::pair(person.Find("LHip"), person.Find("LKnee")));
   EXPECT_DOUBLE_EQ(lengths[0].length_m, 0.49);
 
+  body::Skeleton measured = person;  // stated lengths come before the height
+  measured.lengths.assign(measured.bones.size(), {});
+  measured.lengths[3] = {0.4, 0.44};
+  ASSERT_EQ(KnownLengthsOf(measured, 2).size(), 1u);
+  EXPECT_DOUBLE_EQ(KnownLengthsOf(measured, 2)[0].length_m, 0.42);
+
   body::Skeleton mouse = body::PointsSkeleton({"nose", "neck", "tail"});
   mouse.bones = {{0, 1}, {1, 2}};
   EXPECT_TRUE(KnownLengthsOf(mouse, 2).empty());

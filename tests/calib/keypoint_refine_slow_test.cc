@@ -6,6 +6,7 @@
 
 #include "body/skeleton.h"
 #include "calib/formats/formats.h"
+#include "calib/keypoints/place.h"
 #include "calib/keypoints/refine.h"
 #include "core/error.h"
 #include "dataset/pose/pose2d.h"
@@ -36,6 +37,25 @@ std::string Chosen(const KeypointRefineReport& report, const std::string& group)
   for (const KeypointDecision& decision : report.decisions)
     if (decision.group == group && decision.chosen) return decision.choice;
   return "not asked";
+}
+
+/// Lenses alone are known at first: the person places the cameras, and the adjustment brings them to the truth.
+TEST(KeypointRefine, EndsAtTheTruthFromCamerasThatAPersonPlaced) {
+  const geometry::Rig truth = PeopleRig(4);
+  geometry::Rig lenses = truth;
+  for (geometry::RigCamera& camera : lenses.cameras) camera.cam_from_world = {};
+  const auto frames = FilmPeople(truth, Take(60));
+  const PlacedRig placed = PlaceFromKeypoints(lenses, frames, {{{0, 1}, 0.5}}, 0.3);
+  ASSERT_EQ(placed.status, Status::kOk) << placed.message;
+  const auto report = RefineFromKeypoints(placed.rig, frames, {{0, 1}, {2, 3}}, {}, {}, PosesOnly());
+  ASSERT_EQ(report.status, Status::kOk) << report.message;
+  EXPECT_LT(report.after.median_px, 2.5);
+  const geometry::Rig expected = AlignToGiven(truth, report.rig);
+  for (size_t c = 0; c < 4; ++c) {
+    const geometry::RigCamera &found = report.rig.cameras[c], &wanted = expected.cameras[c];
+    EXPECT_LT(geometry::RotationAngle(found.cam_from_world.rotation, wanted.cam_from_world.rotation), 0.003) << c;
+    EXPECT_LT((found.CenterInWorld() - wanted.CenterInWorld()).norm(), 0.004 * wanted.CenterInWorld().norm() + 0.015) << c;
+  }
 }
 
 TEST(KeypointRefine, RecoversARigThatIsOffEverywhere) {
