@@ -11,6 +11,7 @@
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/log.h"
@@ -282,7 +283,7 @@ class Demo {
       if (!check.Pass() && !o_.quick) result.exit = kExitQualityGate;
     }
     result.outputs = {{o_.out + "/report.html", "report"}, {o_.out + "/report.json", "report"}};
-    result.text += "Report: " + std::filesystem::absolute(o_.out + "/report.html").lexically_normal().string();
+    result.text += "Report: " + PathOnDisk(o_.out + "/report.html");
     return result;
   }
 
@@ -318,6 +319,7 @@ void RegisterDemo(CLI::App& app, Registry& registry) {
   auto options = std::make_shared<DemoOptions>();
   CLI::App* sub = app.add_subcommand("demo", "The whole pipeline on the built-in synthetic studio, ending in a report");
   AddOptions(sub, *options);
+  NameOutput(sub->get_option("--out"), OutputKind::kFolder);
   registry.Add(sub, "demo", [options](CommandContext& context) { return RunDemo(*options, context); });
 }
 

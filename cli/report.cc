@@ -10,6 +10,7 @@
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "cli/program/redact.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 
 namespace mvstudio::cli {
@@ -51,7 +52,7 @@ CommandResult RunReport(report::ReportOptions options, const std::string& run, c
   result.outputs = {{html_path, "report"}, {json_path, "report"}};
   for (const report::ReportNotice& notice : page.warnings) result.warnings.push_back({notice.code, notice.text, notice.hint});
   result.inputs = Joined({run}, options.with);
-  result.text = "Report: " + std::filesystem::absolute(html_path).lexically_normal().string();
+  result.text = "Report: " + PathOnDisk(html_path);
   return result;
 }
 
@@ -68,7 +69,8 @@ void RegisterReport(CLI::App& app, Registry& registry) {
       "One offline HTML page, and the same numbers as JSON, from the saved results of a run; or a page for a "
       "user study, and the count of its answers");
   AddOption(sub, "RUN", *run, "folder with the results of other commands, searched four levels deep");
-  AddOption(sub, "--out", *out, "the page; the numbers go beside it with the extension .json (default: RUN/report.html)");
+  AddOutput(sub, "--out", *out, OutputKind::kFile,
+            "the page; the numbers go beside it with the extension .json (default: RUN/report.html)");
   AddOptions(sub, *options);
   AddOption(sub, "--study", study->sides,
             "instead of a report: a page that asks which of two images is closer to the truth; two scored runs, or two "

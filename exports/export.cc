@@ -6,6 +6,7 @@
 
 #include "core/disk/files.h"
 #include "core/disk/output.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/join.h"
 #include "exports/writers.h"
@@ -38,22 +39,22 @@ const std::vector<Writer>& Writers() {
         kPictures, !kRigOnly, kAlpha},
        WriteNerfstudio},
       {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
-        kRigOnly},
+        kRigOnly, !kAlpha, ".npy"},
        WriteZju},
       {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
         !kOneSize, kPictures, !kRigOnly},
        WriteEasyMocap},
       {{"actorshq", "ActorsHQ / HumanRF: calibration.csv, aabbs.csv, rgbs, masks", LensNeed::kPinhole, !kInstant, !kOneSize,
-        kPictures, kRigOnly},
+        kPictures, kRigOnly, !kAlpha, ".csv"},
        WriteActorsHq},
       {{"dynamic3dgs", "Dynamic 3D Gaussians: train_meta.json, test_meta.json, ims, seg, init_pt_cld.npz", LensNeed::kPinhole,
         !kInstant, kOneSize, kPictures, !kRigOnly},
        WriteDynamic3dgs},
       {{"dna", "DNA-Rendering: SMC files (HDF5) with cameras, images, masks, keypoints", LensNeed::kBrown5, !kInstant,
-        !kOneSize, kPictures, kRigOnly},
+        !kOneSize, kPictures, kRigOnly, !kAlpha, ".smc"},
        WriteDna},
       {{"humman", "HuMMan-Recon: cameras.json, kinect_color, kinect_mask", LensNeed::kPinhole, !kInstant, !kOneSize, kPictures,
-        kRigOnly},
+        kRigOnly, !kAlpha, ".json"},
        WriteHumman},
       {{"trc", "joints as markers for OpenSim and Pose2Sim, a file per person", LensNeed::kAny, !kInstant, !kOneSize,
         !kPictures, !kRigOnly},
@@ -64,12 +65,16 @@ const std::vector<Writer>& Writers() {
       {{"bvh", "a skeleton with fixed bones for animation programs, a file per person", LensNeed::kAny, !kInstant, !kOneSize,
         !kPictures, !kRigOnly},
        WriteBvh},
-      {{"csv", "joints as a table", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, !kRigOnly}, WriteCsv},
-      {{"npz", "joints and cameras as numpy arrays", LensNeed::kBrown5, !kInstant, !kOneSize, !kPictures, kRigOnly}, WriteNpz},
+      {{"csv", "joints as a table", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, !kRigOnly, !kAlpha, "", ".csv"},
+       WriteCsv},
+      {{"npz", "joints and cameras as numpy arrays", LensNeed::kBrown5, !kInstant, !kOneSize, !kPictures, kRigOnly, !kAlpha,
+        ".npz", ".npz"},
+       WriteNpz},
       {{"gltf", "cameras and animated skeletons for 3D viewers, one .glb", LensNeed::kAny, !kInstant, !kOneSize, !kPictures,
-        kRigOnly},
+        kRigOnly, !kAlpha, ".glb", ".glb"},
        WriteGltf},
-      {{"ply", "cameras and skeletons as lines, for mesh viewers", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, kRigOnly},
+      {{"ply", "cameras and skeletons as lines, for mesh viewers", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, kRigOnly,
+        !kAlpha, ".ply"},
        WritePly},
   };
   return writers;
@@ -137,6 +142,26 @@ void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportR
   }
 }
 
+bool IsFile(const std::string& ending, const std::string& path) {
+  std::error_code ignored;
+  return !ending.empty() && std::filesystem::path(path).extension() == ending && !std::filesystem::is_directory(path, ignored);
+}
+
+void FillFromTake(const Take& take, ExportReport* report) {
+  for (const View& view : take.views) report->cameras.push_back(view.info);
+  report->frames = take.frames;
+  report->people = static_cast<int>(take.PersonIds().size());
+}
+
+void WriteOneFile(const Writer& writer, const Take& take, const std::string& root, const std::string& out,
+                  const ExportOptions& options, const RunContext& run, ExportReport* report) {
+  const OutputFiles place({out}, {root, options.split});
+  const std::string folder = std::filesystem::path(out).parent_path().string();
+  Pictures pictures(take, options, folder);
+  writer.write({take, pictures, options, run, folder, report, out});
+  FillFromTake(take, report);
+}
+
 }  // namespace
 
 std::string_view ToString(ExportPictures pictures) { return WordOf(kPictureWords, pictures); }
@@ -171,22 +196,28 @@ const std::vector<FormatInfo>& Formats() {
 
 const FormatInfo& FormatByName(const std::string& name) { return WriterByName(name).info; }
 
+bool IsRigFile(const FormatInfo& format, const std::string& path) { return IsFile(format.rig_file, path); }
+bool IsDatasetFile(const FormatInfo& format, const std::string& path) { return IsFile(format.one_file, path); }
+
 ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::string& format, const std::string& out,
                            const ExportOptions& options, const RunContext& run) {
   const Writer& writer = WriterByName(format);
   ExportReport report;
   report.format = format;
+  if (!IsDatasetFile(writer.info, out)) RequireFolderName(out);
   const Take take = PrepareTake(dataset, writer.info, options, &report);
-  AtomicFolder folder(out, options.overwrite, {dataset.root});
+  if (IsDatasetFile(writer.info, out)) {
+    WriteOneFile(writer, take, dataset.root, out, options, run, &report);
+    return report;
+  }
+  AtomicFolder folder(out, options.overwrite, {dataset.root, options.split});
   Pictures pictures(take, options, folder.work_path());
   const Job job{take, pictures, options, run, folder.work_path(), &report};
   writer.write(job);
   pictures.Run(run, &report);
   RequireAny(dataset.root, report.missing);
   NoteMissing(writer.info, options, &report);
-  for (const View& view : take.views) report.cameras.push_back(view.info);
-  report.frames = take.frames;
-  report.people = static_cast<int>(take.PersonIds().size());
+  FillFromTake(take, &report);
   if (take.split) {
     dataset::WriteSplit(*take.split, folder.work_path() + "/split.json");
     report.files.push_back("split.json");
@@ -206,7 +237,7 @@ ExportReport WriteRig(const geometry::Rig& rig, const std::string& format, const
   options.pictures = ExportPictures::kNone;
   const Take take = TakeOfRig(rig, writer.info, path, &report);
   Pictures pictures(take, options, path);
-  writer.write({take, pictures, options, {}, path, &report});
+  writer.write({take, pictures, options, {}, path, &report, IsRigFile(writer.info, path) ? path : ""});
   for (const View& view : take.views) report.cameras.push_back(view.info);
   return report;
 }

@@ -126,12 +126,19 @@ struct FormatInfo {
   bool has_pictures = false;
   bool rig_only = false;   ///< can be written from a calibration alone (WriteRig)
   bool has_alpha = false;  ///< its readers take masks from an alpha channel
+  /// Ending of the one file that holds the cameras alone, and of the one that holds a dataset; empty: there are several.
+  std::string rig_file = {}, one_file = {};
 };
 const std::vector<FormatInfo>& Formats();
 /// Throws UsageError that lists the names.
 const FormatInfo& FormatByName(const std::string& name);
 
-/// Writes the folder `out`, completely or not at all, with `export.json` beside the format's own files. Throws UsageError
+/// Whether `path` is the name of the one file that a format writes: it ends as that does, and no folder is there.
+bool IsRigFile(const FormatInfo& format, const std::string& path);
+bool IsDatasetFile(const FormatInfo& format, const std::string& path);
+
+/// Writes the folder `out`, completely or not at all, with `export.json` beside the format's own files; or the format's one
+/// file alone, where `out` is its name. Throws UsageError
 /// for options and lenses that do not fit the format, FormatError / IoError for damaged pictures and when the dataset has
 /// none of the pictures, ResourceError. Some that it does not have are counted and left out.
 ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::string& format, const std::string& out,

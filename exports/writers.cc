@@ -57,7 +57,7 @@ StartPoint Coloured(const dataset::ColourPoint& point) {
 }  // namespace
 
 void Job::Write(const std::string& path, const std::string& content) const {
-  WriteFileAtomic(folder + "/" + path, content);
+  WriteFileAtomic(file.empty() ? folder + "/" + path : file, content);
   report->files.push_back(path);
 }
 

@@ -18,6 +18,7 @@ struct Job {
   const RunContext& run;
   std::string folder;
   ExportReport* report;
+  std::string file = {};  ///< where given, the format's only file goes there
 
   /// Writes a file at a path relative to the folder and lists it in the report.
   void Write(const std::string& path, const std::string& content) const;

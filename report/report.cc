@@ -7,6 +7,7 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "report/page/format.h"
 #include "report/sections.h"
@@ -17,9 +18,7 @@ namespace {
 
 std::string TitleOf(const std::string& run_folder, const ReportOptions& options) {
   if (!options.title.empty()) return options.title;
-  fs::path path = fs::absolute(run_folder).lexically_normal();
-  if (!path.has_filename()) path = path.parent_path();
-  return "Capture report: " + path.filename().string();
+  return "Capture report: " + fs::path(PathOnDisk(run_folder)).filename().string();
 }
 
 std::string Header(const std::string& title, Verdict verdict, const RunData& data, const ReportOptions& options) {

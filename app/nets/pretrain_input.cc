@@ -9,6 +9,7 @@
 #include "body/templates/read.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/join.h"
@@ -110,8 +111,8 @@ PretrainInput ReadPretrainInput(const std::string& motion, const std::string& po
 nlohmann::ordered_json ToJson(const std::vector<MotionSource>& motions, const std::string& folder, bool relative) {
   auto list = nlohmann::ordered_json::array();
   for (const MotionSource& motion : motions) {
-    const fs::path path = fs::absolute(motion.path).lexically_normal();
-    const fs::path shown = relative ? path.lexically_relative(fs::absolute(folder).lexically_normal()) : path;
+    const fs::path path = PathOnDisk(motion.path);
+    const fs::path shown = relative ? path.lexically_relative(PathOnDisk(folder)) : path;
     list.push_back({{"path", shown.string()},
                     {"kind", motion.dataset ? "dataset" : "animation"},
                     {"frames", RangesText(motion.frames)},

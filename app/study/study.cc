@@ -6,6 +6,7 @@
 #include "app/study/avatar_scores.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "report/page/format.h"
@@ -30,7 +31,7 @@ Side MakeSide(const std::string& text) {
   const auto [label, folder] = SplitLabel(text);
   if (!fs::is_directory(folder)) throw IoError(folder, "no such folder");
   Side side{label, folder, fs::is_directory(folder + "/eval/render")};
-  if (side.name.empty()) side.name = fs::absolute(folder + "/x").lexically_normal().parent_path().filename().string();
+  if (side.name.empty()) side.name = fs::path(PathOnDisk(folder)).filename().string();
   return side;
 }
 

@@ -7,6 +7,7 @@
 #include "calib/corners/detection_builder.h"
 #include "calib/formats/csv_table.h"
 #include "core/disk/files.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/toml_depth.h"
 
@@ -109,7 +110,7 @@ ObjectPoints CollectPoints(const CsvTable& table, const Columns& columns, double
 /// Image sizes of the session's camera_array.toml, by camera id; empty when there is none.
 std::map<int64_t, std::pair<int, int>> FindSizes(const std::string& path, std::string* found) {
   std::map<int64_t, std::pair<int, int>> sizes;
-  std::filesystem::path folder = std::filesystem::absolute(path).parent_path();
+  std::filesystem::path folder = std::filesystem::path(PathOnDisk(path)).parent_path();
   for (int up = 0; up <= 3; ++up, folder = folder.parent_path()) {
     const std::string file = (folder / "camera_array.toml").string();
     std::error_code ignored;

@@ -127,7 +127,7 @@ void RegisterAvatarCompare(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "run", arguments->runs, "folders of runs that `avatar eval` has scored; NAME=RUN gives the row's name")
       ->required();
   AddOption(sub, "--study", arguments->study, "answers to user studies between rows (mvstudio report --study)");
-  AddOption(sub, "--out", arguments->out, "also write the table as Markdown");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "also write the table as Markdown");
   AddFlag(sub, "--baselines,!--no-baselines", arguments->baselines,
           "rows of the fitted body, the mean image and the nearest view");
   registry.Add(sub, "avatar compare", [arguments](CommandContext&) { return Run(*arguments); });

@@ -79,7 +79,8 @@ void RegisterAvatarEval(CLI::App& avatar, Registry& registry) {
   auto arguments = std::make_shared<AvatarEvalArguments>();
   CLI::App* sub =
       avatar.add_subcommand("eval", "Score a trained avatar on the cameras and frames it never saw, beside simple baselines");
-  AddOption(sub, "run", arguments->run_folder, "folder of the training run (--out of `avatar train`)")->required();
+  AddOutput(sub, "run", arguments->run_folder, OutputKind::kFolder, "folder of the training run (--out of `avatar train`)")
+      ->required();
   AddOptions(sub, arguments->options);
   registry.Add(sub, "avatar eval", [arguments](CommandContext& context) { return RunAvatarEval(*arguments, context); });
 }

@@ -44,7 +44,7 @@ void RegisterAvatarFit(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<FitArguments>();
   CLI::App* sub = avatar.add_subcommand("fit", "Fit a body to a person's joints and silhouettes, and average its colours");
   AddOption(sub, "dataset", a->dataset, "dataset folder")->required();
-  AddOption(sub, "--out", a->out, "folder for the body")->required();
+  AddOutput(sub, "--out", a->out, OutputKind::kFolder, "folder for the body")->required();
   AddSplitOptions(sub, a->split);
   AddOption(sub, "--person", a->options.person, "person id in the dataset; -1: the one with most frames");
   AddOption(

@@ -262,7 +262,7 @@ void RegisterTrain(CLI::App& lift, Registry& registry) {
   auto a = std::make_shared<TrainArguments>();
   CLI::App* sub = lift.add_subcommand("train", "Learn to lift from the 3D poses of datasets");
   AddOption(sub, "datasets", a->datasets, "dataset folders in Panoptic layout; images are not needed")->required();
-  AddOption(sub, "--out", a->out, "file for the lifter, .safetensors")->required();
+  AddOutput(sub, "--out", a->out, OutputKind::kFile, "file for the lifter, .safetensors")->required();
   AddOption(sub, "--holdout-share", a->holdout_share,
             "share of each dataset's frames, its last ones, that is scored in all its cameras and not trained on")
       ->capture_default_str();
@@ -282,7 +282,7 @@ void RegisterApply(CLI::App& lift, Registry& registry) {
   AddOption(sub, "--lifter", a->lifter, "file of `avatar lift train`")->required();
   AddOption(sub, "--calib", a->calib, "calibration; its lens and place of the camera are used")->required();
   AddOption(sub, "--camera", a->camera, "name of the camera in --calib")->required();
-  AddOption(sub, "--out", a->out, "folder for points.csv, as triangulate writes it")->required();
+  AddOutput(sub, "--out", a->out, OutputKind::kFolder, "folder for points.csv, as triangulate writes it")->required();
   AddOption(sub, "--skeleton", a->skeleton, "of the 2D joints")->capture_default_str();
   AddOption(sub, "--height-m", a->height_m, "m; height of the person, which scales distance and size; 0: as those learned from")
       ->capture_default_str();

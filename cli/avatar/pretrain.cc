@@ -39,7 +39,7 @@ void RegisterAvatarPretrainRenderer(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "runs", a->pretraining.runs,
             "folders of `avatar train --method hf`, one a person, with networks of one size; --steps 0 is enough")
       ->required();
-  AddOption(sub, "--out", a->out, "folder of the renderer")->required();
+  AddOutput(sub, "--out", a->out, OutputKind::kFolder, "folder of the renderer")->required();
   AddOptions(sub, a->pretraining);
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older network in --out");
   registry.Add(sub, "avatar pretrain-renderer",
@@ -51,7 +51,7 @@ void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry) {
   CLI::App* sub = avatar.add_subcommand(
       "pretrain", "Teach a network parts and coordinates of bodies in random shapes and poses, for `avatar train --init-from`");
   StartGroup(sub, "Data");
-  AddOption(sub, "--out", a->out, "folder of the network")->required();
+  AddOutput(sub, "--out", a->out, OutputKind::kFolder, "folder of the network")->required();
   AddOption(sub, "--motion", a->motion, "animation files (Biovision hierarchy) and folders of them, with commas between");
   AddOption(sub, "--poses", a->poses,
             "datasets in Panoptic's layout whose 3D poses are learned from, with commas between; of DATASET:0-89+100-119 those "

@@ -14,6 +14,7 @@
 #include "cli/program/options.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
@@ -76,8 +77,11 @@ class PictureSink {
       if (!video_.empty() && !arguments.overwrite && fs::exists(VideoPath(view)))
         throw UsageError("--video " + VideoPath(view) + " is there: choose another name or give --overwrite");
     }
+    if (!video_.empty()) LockVideos();
     folder_path_ = !arguments.out.empty() ? arguments.out : video_.empty() ? arguments.run_folder + "/render" : "";
     const bool own_folder = arguments.out.empty();
+    if (!folder_path_.empty() && !video_.empty() && PathOnDisk(video_).rfind(PathOnDisk(folder_path_ + "/") + "/", 0) == 0)
+      throw UsageError("--video " + video_ + ": lies in --out, which is made anew as a whole; choose another name");
     if (!folder_path_.empty())
       // Files of the run, not its folder: RUN/render is a usual place, RUN itself is none.
       folder_ = std::make_unique<AtomicFolder>(folder_path_, arguments.overwrite || own_folder,
@@ -115,6 +119,11 @@ class PictureSink {
     if (arguments.rate_hz < 0 || arguments.rate_hz > 1000) throw UsageError("--fps must be in 0..1000");
     return arguments.rate_hz > 0 ? arguments.rate_hz : plan.rate_hz > 0 ? plan.rate_hz : kUsualHz;
   }
+  void LockVideos() {
+    std::vector<std::string> paths;
+    for (const std::string& view : views_) paths.push_back(VideoPath(view));
+    place_ = std::make_unique<OutputFiles>(paths, std::vector<std::string>());
+  }
   std::string VideoPath(const std::string& view) const {
     if (views_.size() < 2) return video_;
     const fs::path path(video_);
@@ -141,6 +150,7 @@ class PictureSink {
   avatar::Backdrop backdrop_;
   double rate_hz_;
   std::set<std::string> views_;
+  std::unique_ptr<OutputFiles> place_;
   std::unique_ptr<AtomicFolder> folder_;
   std::optional<FilesTogether> videos_{std::in_place};
   std::unique_ptr<dataset::VideoWriter> writer_;
@@ -230,8 +240,9 @@ void RegisterAvatarRender(CLI::App& avatar, Registry& registry) {
   CLI::App* sub = avatar.add_subcommand(
       "render", "New images of a trained avatar: any calibrated camera, other poses, or an orbiting camera");
   AddOption(sub, "run", a->run_folder, "folder of the training run (--out of `avatar train`)")->required();
-  AddOption(sub, "--out", a->out, "folder of the images; RUN/render unless given or only --video is asked for");
-  AddOption(sub, "--video", a->video, "video file, .mp4; with several cameras one each, NAME_CAMERA.mp4");
+  AddOutput(sub, "--out", a->out, OutputKind::kFolder,
+            "folder of the images; RUN/render unless given or only --video is asked for");
+  AddOutput(sub, "--video", a->video, OutputKind::kFile, "video file, .mp4; with several cameras one each, NAME_CAMERA.mp4");
   AddOption(sub, "--background", a->background,
             "colour (black, white, grey, green, #rrggbb or r,g,b) or image behind the person; none: PNG with opacity (videos: "
             "black)");

@@ -102,7 +102,7 @@ void RegisterAvatarTemplate(CLI::App& avatar, Registry& registry) {
   AddOption(sub, "source", arguments->source,
             "mannequin, a folder of MakeHuman's base mesh, rigs and targets, or a .npz or .pkl file in SMPL's layout")
       ->required();
-  AddOption(sub, "--out", arguments->out,
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFile,
             "new .npz file in SMPL's layout, for --template and numpy; a file that exists is kept");
   registry.Add(sub, "avatar template", [arguments](CommandContext&) { return Run(*arguments); });
 }

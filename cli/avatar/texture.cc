@@ -41,7 +41,7 @@ void RegisterAvatarTexture(CLI::App& avatar, Registry& registry) {
       "training run whose body gets them, or a fitted body, with --dataset. Only what was trained on, or what the body was "
       "fitted to, is looked at; a run's validation images score")
       ->required();
-  AddOption(sub, "--out", a->out, "folder for the body")->required();
+  AddOutput(sub, "--out", a->out, OutputKind::kFolder, "folder for the body")->required();
   AddOptions(sub, a->options);
   AddOption(sub, "--fps", a->frame_rate_hz, "frames a second of the motion in body.glb")->check(CLI::Range(0.1, 1000.0));
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older body in --out");

@@ -21,6 +21,7 @@
 #include "cli/program/redact.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 
 namespace mvstudio::cli {
@@ -100,8 +101,7 @@ std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const d
 /// Where files lie says who works where; relative to the run they can be found as well.
 RunConfig WithRelativePaths(RunConfig config, const std::string& run) {
   for (std::string* path : {&config.dataset, &config.pack.pose3d, &config.pack.iuv}) {
-    if (!path->empty())
-      *path = std::filesystem::path(*path).lexically_relative(std::filesystem::absolute(run).lexically_normal()).string();
+    if (!path->empty()) *path = std::filesystem::path(*path).lexically_relative(PathOnDisk(run)).string();
   }
   return config;
 }
@@ -109,7 +109,7 @@ RunConfig WithRelativePaths(RunConfig config, const std::string& run) {
 /// The dataset, crop, person and split of a run.
 RunConfig ConfigOf(const TrainArguments& arguments, const dataset::PanopticDataset& data) {
   RunConfig config;
-  config.dataset = std::filesystem::absolute(arguments.dataset).lexically_normal().string();
+  config.dataset = PathOnDisk(arguments.dataset);
   config.pack = arguments.pack;
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
   config.split = app::SplitOf(data, config.pack.person, arguments.split);
@@ -162,11 +162,10 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   const avatar::ModelOptions model = ModelOf(arguments.start, from, !arguments.pack.iuv.empty());
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   RunConfig config = ConfigOf(arguments, data);
-  if (!config.pack.iuv.empty()) config.pack.iuv = std::filesystem::absolute(config.pack.iuv).lexically_normal().string();
+  if (!config.pack.iuv.empty()) config.pack.iuv = PathOnDisk(config.pack.iuv);
   config.pack.num_joints = avatar::LayoutOf(model.inputs).num_joints;
   config.pack.template_input_px = model.prior == avatar::Prior::kTemplate ? config.pack.size_px : 0;
-  if (!config.pack.pose3d.empty())
-    config.pack.pose3d = std::filesystem::absolute(config.pack.pose3d).lexically_normal().string();
+  if (!config.pack.pose3d.empty()) config.pack.pose3d = PathOnDisk(config.pack.pose3d);
   avatar::TrainOptions options = arguments.train;
   SettleGain(arguments.start.given("least-gain"), config.split, &options);
   const bool body_alone = TakesBodyAlone(arguments, model, options);
@@ -290,7 +289,7 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
   StartGroup(sub, "Data");
   AddOption(sub, "dataset", a->dataset, "dataset folder")->required();
-  AddOption(sub, "--out", a->out, "folder of the run")->required();
+  AddOutput(sub, "--out", a->out, OutputKind::kFolder, "folder of the run")->required();
   AddSplitOptions(sub, a->split);
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   StartGroup(sub, "Network");
@@ -323,7 +322,7 @@ void RegisterAvatarTrain(CLI::App& avatar, Registry& registry) {
   RegisterTrain(avatar, registry);
   auto resume = std::make_shared<ResumeArguments>();
   CLI::App* again = avatar.add_subcommand("resume", "Continue an interrupted or finished training run");
-  AddOption(again, "run", resume->run, "folder of the run")->required();
+  AddOutput(again, "run", resume->run, OutputKind::kFolder, "folder of the run")->required();
   AddOption(again, "--steps", resume->steps,
             "end-to-end steps in all, counted from the beginning of the run; -1: as asked for then");
   AddOption(again, "--patience", resume->patience,

@@ -176,7 +176,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
             "and camera,point,x_px,y_px, in one file or two")
       ->take_all();
   AddFlag(sub, "--scale", arguments->scale, "--points: also change the rig's scale");
-  AddOption(sub, "--out", arguments->out, "file to write")->required();
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file to write")->required();
   AddSessionArguments(sub, arguments->session, "board and footage", "a board");
   AddCornerArguments(sub, arguments->corners);
   AddOption(sub, "--click-sigma-px", arguments->clicks.click_sigma_px,

@@ -219,7 +219,7 @@ void RegisterDraw(CLI::App& board, Registry& registry) {
   const auto arguments = std::make_shared<DrawArguments>();
   CLI::App* sub = board.add_subcommand("draw", "Write a board as PDF, SVG or PNG at true scale");
   AddOption(sub, "BOARD", arguments->board, calib::kBoardForms)->required();
-  AddOption(sub, "--out", arguments->out, "file to write: .pdf, .svg or .png")->required();
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file to write: .pdf, .svg or .png")->required();
   AddOptions(sub, arguments->options);
   registry.Add(sub, "board draw", [arguments](CommandContext&) { return RunDraw(*arguments); });
 }

@@ -258,8 +258,8 @@ void AddArguments(CLI::App* sub, const std::shared_ptr<Arguments>& arguments) {
   AddCornerArguments(sub, arguments->corners);
   AddSessionArguments(sub, arguments->session, "board and footage", "a board");
   StartGroup(sub, "Output");
-  AddOption(sub, "--save-corners", arguments->save_corners, "also write the corners that were found, CSV");
-  AddOption(sub, "--out", arguments->out, "folder for calibration.json; SESSION/calib unless given");
+  AddOutput(sub, "--save-corners", arguments->save_corners, OutputKind::kFile, "also write the corners that were found, CSV");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder for calibration.json; SESSION/calib unless given");
   AddOptions(sub, arguments->calibrate);
 }
 

@@ -179,8 +179,8 @@ void RegisterCalibClick(CLI::App& calib, Registry& registry) {
   AddOption(sub, "--frame", arguments->frame, "number of the frame or image that is shown, or the next one")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  AddOption(
-      sub, "--out", arguments->out,
+  AddOutput(
+      sub, "--out", arguments->out, OutputKind::kFile,
       "table camera,point,x_px,y_px, saved after each click and gone on with when it is there; SESSION/calib/clicks.csv unless "
       "given");
   AddOption(sub, "--port", arguments->port, "port on 127.0.0.1; 0: any that is free")

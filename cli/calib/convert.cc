@@ -8,6 +8,7 @@
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/panoptic/panoptic.h"
@@ -87,9 +88,10 @@ std::string OutputNames() {
 std::vector<std::string> WriteDatasetFormat(const Arguments& arguments, const Rig& rig, CommandResult* result) {
   if (arguments.out_unit != calib::LengthUnit::kMetre)
     throw UsageError("--out-unit: " + arguments.to + " has a unit of its own");
+  const bool one_file = exports::IsRigFile(exports::FormatByName(arguments.to), arguments.out);
   const exports::ExportReport report = exports::WriteRig(rig, arguments.to, arguments.out);
   std::vector<std::string> files;
-  for (const std::string& file : report.files) files.push_back(arguments.out + "/" + file);
+  for (const std::string& file : report.files) files.push_back(one_file ? arguments.out : arguments.out + "/" + file);
   for (const exports::ExportNote& note : report.notes) result->warnings.push_back({note.code, note.text, note.hint});
   for (const exports::ExportedCamera& camera : report.cameras) {
     if (camera.name != camera.source) result->metrics["renamed"][camera.source] = camera.name;
@@ -116,27 +118,48 @@ std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat for
   return {arguments.out};
 }
 
-CommandResult Convert(const Arguments& arguments) {
+/// Whether --out is the name of a file of this format, and not of a folder for its files.
+bool IsFile(const Arguments& arguments, const std::optional<CalibrationFormat>& format) {
+  if (std::filesystem::is_directory(arguments.out) || HasFolderForm(arguments.out)) return false;
+  if (!format) return exports::IsRigFile(exports::FormatByName(arguments.to), arguments.out);
+  const std::string ending = std::filesystem::path(arguments.out).extension().string();
+  switch (*format) {
+    case CalibrationFormat::kColmap:
+    case CalibrationFormat::kColmapText:
+    case CalibrationFormat::kEasyMocap:
+      return false;
+    case CalibrationFormat::kOpenCvYaml:
+      return ending == ".yml" || ending == ".yaml";
+    case CalibrationFormat::kMrcal:
+      return ending == ".cameramodel";
+    case CalibrationFormat::kNerfstudio:
+      return ending == ".json";
+    default:
+      return true;
+  }
+}
+
+CommandResult Convert(Arguments arguments) {
   calib::ImportedRig imported = app::ReadCalibrationFiles(arguments.in, arguments.read);
   CommandResult result;
   result.inputs = arguments.in;
   app::AddNotes(imported.notes, &result);
   Rename(arguments.rename, &imported.rig);
   const auto format = calib::CalibrationFormatFromString(arguments.to);
-  const bool folder = std::filesystem::is_directory(arguments.out);
+  const bool file = IsFile(arguments, format);
+  if (!file) arguments.out = OutputName(arguments.out, OutputKind::kFolder);
   const auto in_folder =
-      folder ? std::make_unique<OutputFolder>(arguments.out, arguments.in, std::vector<std::string>()) : nullptr;
-  const auto as_file = folder ? nullptr : std::make_unique<OutputFiles>(std::vector<std::string>{arguments.out}, arguments.in);
+      file ? nullptr : std::make_unique<OutputFolder>(arguments.out, arguments.in, std::vector<std::string>());
+  const auto as_file = file ? std::make_unique<OutputFiles>(std::vector<std::string>{arguments.out}, arguments.in) : nullptr;
   FilesTogether together;
-  for (const std::string& file :
+  for (const std::string& written :
        format ? Write(arguments, *format, &imported.rig, &result) : WriteDatasetFormat(arguments, imported.rig, &result)) {
-    result.outputs.push_back({file, "calibration"});
+    result.outputs.push_back({written, "calibration"});
   }
   together.Commit();
   app::AddCameraMetrics(imported.rig, &result);
   result.metrics["format"] = format ? std::string(ToString(*format)) : arguments.to;
-  const bool is_folder = std::filesystem::is_directory(arguments.out);
-  result.folder = is_folder ? arguments.out : std::filesystem::absolute(arguments.out).parent_path().string();
+  result.folder = file ? std::filesystem::path(PathOnDisk(arguments.out)).parent_path().string() : arguments.out;
   result.text = std::to_string(imported.rig.cameras.size()) + " cameras -> " + arguments.out + " (" + arguments.to + ")";
   return result;
 }
@@ -151,9 +174,9 @@ void RegisterCalibConvert(CLI::App& calib, Registry& registry) {
       ->capture_default_str()
       ->type_name("FORMAT")
       ->check(CLI::IsMember(OutputChoices()).description(""));
-  AddOption(sub, "--out", arguments->out,
-            "file to write; a folder for colmap, easymocap and the formats of datasets, and for opencv and mrcal with "
-            "several cameras")
+  AddOutput(sub, "--out", arguments->out, OutputKind::kAny,
+            "file to write; a folder for colmap and easymocap, and for opencv and mrcal with several cameras; the formats of "
+            "datasets write the file alone where the name ends as it does (.npz, .glb, .ply, …)")
       ->required();
   AddChoice(sub, "--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
       ->capture_default_str()

@@ -122,7 +122,8 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
       "eval", "Check a calibration on new footage of a board: has a camera been bumped, which one, how far");
   AddOption(sub, "CALIB", arguments->calibration, "calibration to check")->required();
   AddCornerArguments(sub, arguments->corners);
-  AddOption(sub, "--repair", arguments->repair, "write the calibration with the new poses of the cameras that have moved");
+  AddOutput(sub, "--repair", arguments->repair, OutputKind::kFile,
+            "write the calibration with the new poses of the cameras that have moved");
   AddOptions(sub, arguments->check);
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()

@@ -77,7 +77,7 @@ void RegisterCalibLenses(CLI::App& calib, Registry& registry) {
   lenses->require_subcommand(1);
   const auto added = std::make_shared<AddArguments>();
   CLI::App* add = lenses->add_subcommand("add", "Add the lens of a calibrated camera to a library, which is made if need be");
-  AddOption(add, "LIBRARY", added->library, "library: a file")->required();
+  AddOutput(add, "LIBRARY", added->library, OutputKind::kFile, "library: a file")->required();
   AddOption(add, "CALIB", added->calibration, "calibration with the camera")->required();
   AddOption(add, "--camera", added->camera, "its name in the calibration")->required();
   AddOption(add, "--serial", added->key.serial, "serial number, as mvstudio.toml has it")->required();

@@ -149,7 +149,7 @@ void RegisterCalibResize(CLI::App& calib, Registry& registry) {
       "X,Y,WIDTH,HEIGHT, or NAME=X,Y,WIDTH,HEIGHT: the part of the calibrated image that the new images show, in its px; it "
       "may reach beyond it; the whole image unless given")
       ->take_all();
-  AddOption(sub, "--out", arguments->out, "file to write")->required();
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file to write")->required();
   registry.Add(sub, "calib resize", [arguments](CommandContext&) { return Resize(*arguments); });
 }
 

@@ -146,7 +146,7 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
   AddSkeletonOption(sub, arguments->skeleton, "of the 3D joints, where --pose3d does not state it");
   StartGroup(sub, "Dataset");
-  AddOption(sub, "--out", arguments->out, "new folder; the session's dataset/TAKE unless given");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "new folder; the session's dataset/TAKE unless given");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {
     arguments->sequence_given = sub->count("--sequence") > 0, arguments->rate_given = sub->count("--frame-rate") > 0;

@@ -6,6 +6,7 @@
 
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -73,17 +74,19 @@ dataset::PanopticDataset Open(const Arguments& arguments) {
                                         : OpenWithoutPictures(arguments.folder);
 }
 
-CommandResult Export(const Arguments& arguments, CommandContext& context) {
+CommandResult Export(Arguments arguments, CommandContext& context) {
+  const bool file = exports::IsDatasetFile(exports::FormatByName(arguments.to), arguments.out);
+  if (!file) arguments.out = OutputName(arguments.out, OutputKind::kFolder);
   const exports::ExportOptions options = OptionsOf(arguments);
   const dataset::PanopticDataset dataset = Open(arguments);
   const exports::ExportReport report = exports::ExportDataset(dataset, arguments.to, arguments.out, options, context.run);
   CommandResult result;
   result.inputs = {arguments.folder};
   if (!options.split.empty()) result.inputs.push_back(options.split);
-  result.folder = arguments.out;
+  result.folder = file ? std::filesystem::path(PathOnDisk(arguments.out)).parent_path().string() : arguments.out;
   result.outputs.push_back({arguments.out, "export"});
   constexpr size_t kFewFiles = 20;
-  for (size_t i = 0; i < std::min(report.files.size(), kFewFiles); ++i) {
+  for (size_t i = 0; !file && i < std::min(report.files.size(), kFewFiles); ++i) {
     result.outputs.push_back({arguments.out + "/" + report.files[i], "export-file"});
   }
   result.metrics = Metrics(report);
@@ -104,7 +107,9 @@ void RegisterDatasetExport(CLI::App& dataset, Registry& registry) {
   CLI::App* sub = dataset.add_subcommand("export", "Write a dataset for the program that is to read it (docs/exports.md)");
   AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
   AddOption(sub, "--to", arguments->to, "format: " + FormatList())->required()->type_name("FORMAT");
-  AddOption(sub, "--out", arguments->out, "new folder")->required();
+  AddOutput(sub, "--out", arguments->out, OutputKind::kAny,
+            "new folder; of csv, npz and gltf also the file alone, where the name ends in .csv, .npz or .glb")
+      ->required();
   AddOption(sub, "--cameras", arguments->options.cameras, "only these, of either name, separated by commas; default: all")
       ->take_all();
   AddOption(sub, "--frames", arguments->frames,

@@ -59,7 +59,7 @@ void RegisterDatasetImport(CLI::App& dataset, Registry& registry) {
   CLI::App* sub = import->add_subcommand(
       "panoptic", "A CMU Panoptic sequence, or a folder in its layout -> session with calibration, joints, footage and times");
   AddOption(sub, "folder", arguments->folder, "folder with calibration_<sequence>.json")->required();
-  AddOption(sub, "--out", arguments->out, "new session folder")->required();
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "new session folder")->required();
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset import panoptic",
                [arguments](CommandContext& context) { return RunPanoptic(*arguments, context); });

@@ -3,6 +3,8 @@
 #include "body/skeleton.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
+#include "core/disk/output.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -137,12 +139,22 @@ void CheckJoints(const PackArguments& arguments, CommandResult* result) {
   result->warnings.push_back({"PCK-JOINTS", text, "the dataset keeps them, in " + folder});
 }
 
+/// The pack's own files have names of this kind.
+void RequireApart(const PackArguments& arguments) {
+  const std::filesystem::path file = PathOnDisk(arguments.single);
+  const std::string name = file.filename().string();
+  const bool own = name.rfind("shard-", 0) == 0 || name == "INDEX.json";
+  if (own && file.parent_path() == PathOnDisk(arguments.out + "/"))
+    throw UsageError("--single " + arguments.single + ": the pack itself has a file of this kind there; choose another name");
+}
+
 CommandResult RunPack(PackArguments arguments, CommandContext& context) {
   CheckUse(arguments);
   dataset::PackOptions& options = arguments.options;
   if (!arguments.frames.empty()) options.frames = ParseRanges("--frames", arguments.frames);
   const dataset::ShardShare share = arguments.shard.empty() ? dataset::ShardShare{} : ParseShare(arguments.shard);
   CommandResult result;
+  if (!arguments.single.empty()) RequireApart(arguments);
   if (!arguments.dataset.empty()) CheckJoints(arguments, &result);
   const dataset::PackBuildReport report =
       arguments.merge ? dataset::MergePack(arguments.out, context.run)
@@ -153,6 +165,7 @@ CommandResult RunPack(PackArguments arguments, CommandContext& context) {
   if (!arguments.dataset.empty()) result.inputs.push_back(arguments.dataset);
   AddNotices(report, &result);
   if (!arguments.single.empty() && report.complete) {
+    const OutputFiles place({arguments.single}, {arguments.dataset});
     dataset::WriteSinglePack(arguments.out, arguments.single);
     result.outputs.push_back({arguments.single, "pack"});
   }
@@ -167,13 +180,14 @@ void RegisterDatasetPack(CLI::App& dataset, Registry& registry) {
       "pack", "Dataset -> HDF5 shards of crops or whole images with cameras, masks and joints, for training and archive");
   StartGroup(sub, "Pack");
   AddOption(sub, "dataset", arguments->dataset, "dataset folder in Panoptic layout");
-  AddOption(sub, "--out", arguments->out, "folder of the pack; an unfinished one is continued")->required();
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder of the pack; an unfinished one is continued")
+      ->required();
   AddOption(sub, "--shard", arguments->shard,
             "K/N: make only every N-th shard, from K; several terminals or a job array share a pack");
   AddFlag(sub, "--merge", arguments->merge, "check that all shards are there and write INDEX.json");
   AddFlag(sub, "--allow-lost-joints", arguments->allow_lost_joints,
           "pack a dataset of another skeleton although most of its joints are none of Panoptic's 19");
-  AddOption(sub, "--single", arguments->single, "copy the finished pack into this one HDF5 file as well");
+  AddOutput(sub, "--single", arguments->single, OutputKind::kFile, "copy the finished pack into this one HDF5 file as well");
   StartGroup(sub, "Content");
   AddOption(sub, "--cameras", arguments->options.cameras, "Panoptic or studio names, separated by commas; default: all")
       ->delimiter(',');

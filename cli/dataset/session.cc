@@ -11,6 +11,7 @@
 #include "core/disk/manifest.h"
 #include "core/disk/new_folders.h"
 #include "core/disk/output.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/session/session_scan.h"
@@ -97,7 +98,7 @@ void LinkRaw(const InitArguments& arguments, LinkBack* back, CommandResult* resu
   std::error_code error;
   if (!fs::equivalent(raw, arguments.scan, error)) {
     back->raw = raw.string(), back->was_folder = fs::exists(fs::symlink_status(raw));
-    PlaceLink(fs::absolute(arguments.scan).string(), raw.string());
+    PlaceLink(PathOnDisk(arguments.scan), raw.string());
   }
   if (!fs::is_symlink(raw)) return;
   result->warnings.push_back({"SES-OUTSIDE", raw.string() + " is a link to " + arguments.scan + ", outside the session",
@@ -219,8 +220,10 @@ CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& co
     if (c.status == dataset::ClockStatus::kNoTime || c.status == dataset::ClockStatus::kNoOffset) result.exit = kExitPartial;
   }
   const std::string path = arguments.out.empty() ? dataset::TimelinePath(session, take.name) : arguments.out;
-  dataset::WriteTimeline(made.timeline, path);
   for (const dataset::SessionFootage& f : take.footage) result.inputs.push_back((fs::path(session.folder) / f.path).string());
+  std::optional<OutputFiles> place;
+  if (!arguments.out.empty()) place.emplace(std::vector<std::string>{path}, result.inputs);
+  dataset::WriteTimeline(made.timeline, path);
   result.outputs.push_back({path, "timeline"});
   result.metrics = app::TimelineJson(made.timeline);
   result.text = app::TimelineText(made.timeline);
@@ -230,7 +233,7 @@ CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& co
 void RegisterInit(CLI::App* session, Registry& registry) {
   auto arguments = std::make_shared<InitArguments>();
   CLI::App* sub = session->add_subcommand("init", "Make a session: its folders and a commented mvstudio.toml");
-  AddOption(sub, "folder", arguments->folder, "the session's folder")->required();
+  AddOutput(sub, "folder", arguments->folder, OutputKind::kFolder, "the session's folder")->required();
   AddOption(sub, "--units", arguments->units, "m, cm or mm: of the board's squares and of all lengths in the session")
       ->required();
   AddOption(sub, "--cameras", arguments->cameras, "how many (cam_01, cam_02, …), or their names with commas between them");
@@ -261,7 +264,7 @@ void RegisterTimeline(CLI::App* session, Registry& registry) {
       session->add_subcommand("timeline", "Which frame of each camera shows each time step; dropped and doubled frames");
   AddOption(sub, "folder", arguments->folder, "the session's folder")->required();
   AddOption(sub, "--take", arguments->take, "its only take with people unless given");
-  AddOption(sub, "--out", arguments->out, "file; FOLDER/sync/TAKE.timeline.json unless given");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file; FOLDER/sync/TAKE.timeline.json unless given");
   AddOption(sub, "--reference", arguments->options.timeline.reference, "camera whose frames count the time steps");
   AddOption(sub, "--max-residual-ms", arguments->options.timeline.max_residual_ms,
             "time steps farther from a frame have none; 0: half a frame of that camera")

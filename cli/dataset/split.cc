@@ -110,7 +110,7 @@ void RegisterDatasetSplit(CLI::App& dataset, Registry& registry) {
   const std::string presets =
       Join(dataset::SplitPresets(), "; ", [](const dataset::SplitPreset& preset) { return preset.name + ": " + preset.what; });
   AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
-  AddOption(sub, "--out", arguments->out, "file for the split (JSON)");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file for the split (JSON)");
   AddOption(sub, "--describe", arguments->from, "check and describe this split instead of making one");
   AddOption(sub, "--preset", o.preset, presets);
   AddOption(sub, "--test-cameras", o.test_cameras, "names, separated by commas")->delimiter(',');

@@ -59,7 +59,7 @@ CommandResult RunSynth(const SynthFlags& flags, CommandContext& context) {
 void RegisterSynth(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand("synth", "Write a synthetic session with ground truth");
   auto flags = std::make_shared<SynthFlags>();
-  AddOption(sub, "--out", flags->out, "session folder to write")->required();
+  AddOutput(sub, "--out", flags->out, OutputKind::kFolder, "session folder to write")->required();
   AddFlag(sub, "--overwrite", flags->overwrite, "replace an existing session");
   AddOptions(sub, flags->options);
   registry.Add(sub, "synth", [flags](CommandContext& context) { return RunSynth(*flags, context); });

@@ -18,7 +18,7 @@ void RegisterDatasetVerify(CLI::App& dataset, Registry& registry) {
       "verify", "List everything that is wrong with a dataset folder or a pack; exit 6 when parts are bad, 3 when all is");
   AddOption(verify, "folder", arguments->folder, "folder in Panoptic layout, or a pack (folder of shards, .h5 file)")
       ->required();
-  AddOption(verify, "--keep", arguments->keep,
+  AddOutput(verify, "--keep", arguments->keep, OutputKind::kFolder,
             "folder that keeps the findings for the report; the dataset itself is only read");
   AddOptions(verify, arguments->options);
   registry.Add(verify, "dataset verify", [arguments](CommandContext& context) {

@@ -18,7 +18,7 @@ struct Arguments {
 CommandResult Run(const Arguments& arguments) {
   CheckMarkerOptions(arguments.options);
   CommandResult result;
-  AtomicFolder folder(arguments.out, arguments.overwrite, {arguments.points});
+  AtomicFolder folder(arguments.out, arguments.overwrite, {arguments.points, arguments.skeleton});
   dataset::Pose3d pose = dataset::ReadPose3d(arguments.points);
   result.inputs.push_back(arguments.points);
   if (!arguments.skeleton.empty()) UseSkeleton(body::SkeletonFrom(arguments.skeleton), arguments.points, &pose);
@@ -38,7 +38,8 @@ void RegisterMarkers(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand(
       "markers", "3D joints -> .trc, .c3d, .bvh and tables of markers, filled and filtered; OpenSim's set-up files");
   AddOption(sub, "points", arguments->points, "folder of `triangulate`: points.csv and pose3d.json")->required();
-  AddOption(sub, "--out", arguments->out, "folder for person0.trc, …, and markers.html, the curves before and after")
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder,
+            "folder for person0.trc, …, and markers.html, the curves before and after")
       ->required();
   AddOptions(sub, arguments->options);
   AddSkeletonOption(sub, arguments->skeleton, "bones of the joints, where the folder does not state them");

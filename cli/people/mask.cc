@@ -204,7 +204,8 @@ CommandResult RunMask(app::MaskArguments arguments, CommandContext& context) {
   CommandResult result;
   const app::TakeInput take = app::ReadTakeInput(arguments.take, &result);
   FillFromSession(take, &arguments);
-  AtomicFolder folder(arguments.out, arguments.run.overwrite, Joined(PathsOf(take.footage), {arguments.pose3d}));
+  AtomicFolder folder(arguments.out, arguments.run.overwrite,
+                      Joined(Joined(PathsOf(take.footage), PathsIn(arguments.pose2d)), {arguments.pose3d, arguments.calib}));
   const std::vector<app::MaskBackend> backends = app::MaskBackends(arguments, &result);
   const app::MaskJob job = app::ReadMaskJob(arguments, take, &result, context.run);
   size_t chosen = 0;
@@ -242,7 +243,7 @@ void RegisterMask(CLI::App& app, Registry& registry) {
   AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints, a name or a file FILE.toml")->capture_default_str();
   StartGroup(sub, "Output");
-  AddOption(sub, "--out", arguments->out, "new folder; the session's masks/TAKE unless given");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "new folder; the session's masks/TAKE unless given");
   AddOptions(sub, arguments->run);
   StartGroup(sub, "Backend");
   AddOption(sub, "--backend", arguments->backend,

@@ -187,7 +187,8 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   const geometry::Rig rig = ReadRig(arguments.calib.empty() ? take.calibration : arguments.calib, &result);
   const std::string out = arguments.out.empty() ? take.Folder("pose2d") : arguments.out;
   if (out.empty()) throw UsageError("--out is needed without --session");
-  AtomicFolder folder(out, arguments.overwrite, PathsOf(take.footage));
+  const std::string given = existing ? arguments.backend.substr(arguments.backend.find(':') + 1) : "";
+  AtomicFolder folder(out, arguments.overwrite, Joined(PathsOf(take.footage), {given, arguments.calib, arguments.skeleton}));
   Detected detected;
   if (existing) {
     detected.backend = arguments.backend;
@@ -223,7 +224,7 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   arguments->take.with_timeline = false;  // poses are numbered as the footage is; triangulate turns them into instants
   AddTakeArguments(sub, arguments->take);
-  AddOption(sub, "--out", arguments->out,
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder,
             "folder: CAMERA/%012d_keypoints.json and overlay/ (default with --session: its pose2d/TAKE)");
   AddOption(sub, "--backend", arguments->backend,
             "posenet, movenet or blazepose (with feet; mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER "

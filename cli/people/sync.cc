@@ -355,7 +355,7 @@ void RegisterSync(CLI::App& app, Registry& registry) {
   AddOption(sub, "--project", arguments->project,
             "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
             "its takes");
-  AddOption(sub, "--out", arguments->out, "folder for sync.json; SESSION/sync/TAKE unless given");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder for sync.json; SESSION/sync/TAKE unless given");
   AddOption(sub, "--fps,--frame-rate", arguments->fps,
             "Hz; frame rate of all cameras; then offsets are searched within 3 s and given in ms, too");
   AddOptions(sub, arguments->options);

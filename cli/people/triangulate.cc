@@ -318,7 +318,7 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
             "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
             "its takes");
   StartGroup(sub, "Output");
-  AddOption(sub, "--out", arguments->out,
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder,
             "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
   StartGroup(sub, "Points");
   AddOptions(sub, arguments->options);

@@ -22,14 +22,26 @@ template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<std::
 template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<double>&, const std::string&);
 template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<int>&, const std::string&);
 
-void StartGroup(CLI::App* sub, const std::string& subject) {
-  sub->option_defaults()->group(subject);
-}
+void StartGroup(CLI::App* sub, const std::string& subject) { sub->option_defaults()->group(subject); }
 
 std::string GroupOf(const CLI::App* sub) { return const_cast<CLI::App*>(sub)->option_defaults()->get_group(); }
 
 CLI::Option* AddFlag(CLI::App* app, const std::string& name, bool& value, const std::string& help) {
   return app->add_flag(name, value, help)->default_function([&value] { return value ? "true" : "false"; });
+}
+
+CLI::Option* AddOutput(CLI::App* app, const std::string& name, std::string& value, OutputKind kind, const std::string& help) {
+  CLI::Option* option = AddOption(app, name, value, help);
+  NameOutput(option, kind);
+  return option;
+}
+
+void NameOutput(CLI::Option* option, OutputKind kind) {
+  const auto name = [kind](std::string& text) {
+    if (!text.empty()) text = OutputName(text, kind);  // the check of texts says that it is missing
+    return std::string();
+  };
+  option->transform(CLI::Validator(name, ""));
 }
 
 CLI::Option* AddWordOption(CLI::App* app, const std::string& name, const std::function<void(const std::string&)>& set,

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/program/flag_text.h"
+#include "core/disk/place.h"
 #include "core/fields.h"
 #include "core/join.h"
 
@@ -19,6 +20,9 @@ namespace mvstudio::cli {
 template <class T>
 CLI::Option* AddOption(CLI::App* app, const std::string& name, T& value, const std::string& help = "");
 CLI::Option* AddFlag(CLI::App* app, const std::string& name, bool& value, const std::string& help);
+/// An option, or an argument, for the place of an output: what is typed becomes its one name (core/disk/place.h).
+CLI::Option* AddOutput(CLI::App* app, const std::string& name, std::string& value, OutputKind kind, const std::string& help);
+void NameOutput(CLI::Option* option, OutputKind kind);
 /// An option of a few words: `set` takes the one that was typed and throws UsageError for another; `now` says the default.
 CLI::Option* AddWordOption(CLI::App* app, const std::string& name, const std::function<void(const std::string&)>& set,
                            const std::function<std::string()>& now, const std::string& help);

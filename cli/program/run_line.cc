@@ -35,9 +35,8 @@ void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
 
 /// Commands that go on with what is there, or that have rules of their own for it; a report says what other results hold.
 constexpr const char* kReplacing[] = {
-    "report",          "demo",        "avatar resume",    "avatar pretrain",         "avatar pretrain-renderer",
-    "avatar template", "calib click", "calib lenses add", "dataset import panoptic", "dataset pack",
-    "models fetch"};
+    "report",          "demo",        "avatar resume",    "avatar pretrain", "avatar pretrain-renderer",
+    "avatar template", "calib click", "calib lenses add", "dataset pack",    "models fetch"};
 
 bool GoesOn(const std::string& command) {
   return command.rfind("tradeoff ", 0) == 0 ||

@@ -140,7 +140,8 @@ void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry) {
                                           "Method x width or Gaussians x image size x steps x losses x cameras: held-out SSIM "
                                           "and FD, s a step, ms a frame, and the Pareto front");
   AddOption(sub, "dataset", a->options.dataset, "dataset folder, as for `avatar train`")->required();
-  AddOption(sub, "--out", a->options.out, "folder of the runs, the table and the figures; finished runs in it are kept")
+  AddOutput(sub, "--out", a->options.out, OutputKind::kFolder,
+            "folder of the runs, the table and the figures; finished runs in it are kept")
       ->required();
   AddOption(sub, "--methods", a->grid.methods, "of tna, direct, v2v, gaussians")->delimiter(',')->capture_default_str();
   AddOption(sub, "--gaussians", a->grid.gaussians, "Gaussians to begin with, in place of the width; 0: automatic")

@@ -190,7 +190,7 @@ void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry) {
   AddOption(sub, "--views", arguments->views, "time steps used; 0: all")->delimiter(',')->capture_default_str();
   AddOption(sub, "--models", arguments->models, "lens models, or auto")->delimiter(',')->capture_default_str();
   AddOption(sub, "--engines", arguments->engines, "mvstudio, mrcal")->delimiter(',')->capture_default_str();
-  AddOption(sub, "--out", arguments->out, "folder for the table and the figure");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder for the table and the figure");
   registry.Add(sub, "tradeoff calibrate", [arguments](CommandContext& context) { return RunTradeoff(*arguments, context); });
 }
 

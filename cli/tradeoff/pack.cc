@@ -81,7 +81,8 @@ void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry) {
   AddOption(sub, "--seconds", o.seconds, "of reading, each way")->capture_default_str();
   AddOption(sub, "--lossless", o.lossless,
             "dataset with the same images as PNG: packs are made from it and PSNR is against it");
-  AddOption(sub, "--out", arguments->out, "folder for the table and the figures; needs room for the packs meanwhile")
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder,
+            "folder for the table and the figures; needs room for the packs meanwhile")
       ->required();
   registry.Add(sub, "tradeoff pack", [arguments](CommandContext& context) { return Run(*arguments, context); });
 }

@@ -303,7 +303,7 @@ void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry) {
       ->capture_default_str();
   AddOption(sub, "--max-persons", arguments->take.max_persons, "the best supported persons of the take are kept")
       ->capture_default_str();
-  AddOption(sub, "--out", arguments->out, "folder for the table and the figure");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder for the table and the figure");
   registry.Add(sub, "tradeoff triangulate", [arguments](CommandContext& context) { return RunTradeoff(*arguments, context); });
 }
 

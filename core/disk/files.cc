@@ -182,12 +182,6 @@ void RemoveEmpty(const std::vector<std::string>& folders) {
   for (auto folder = folders.rbegin(); folder != folders.rend(); ++folder) rmdir(folder->c_str());
 }
 
-std::string Normal(const std::string& path) {
-  std::string normal = fs::absolute(path).lexically_normal().string();
-  while (normal.size() > 1 && normal.back() == '/') normal.pop_back();
-  return normal;
-}
-
 bool Exists(const std::string& path) {
   struct stat info {};
   return lstat(path.c_str(), &info) == 0;
@@ -286,13 +280,14 @@ void AppendLine(const std::string& path, std::string_view line) {
 void MakeFolder(const std::string& path) {
   std::error_code code;
   if (!Allowed("folder", path)) ThrowErrno(path, "cannot create folder", errno);
-  fs::create_directories(path, code);
+  fs::create_directories(internal::OneName(path), code);
   if (code) ThrowErrno(path, "cannot create folder", code.value());
 }
 
 NewFolders::~NewFolders() { internal::RemoveEmpty(made_); }
 
-void NewFolders::Make(const std::string& path) {
+void NewFolders::Make(const std::string& given) {
+  const std::string path = internal::OneName(given);
   const bool is_new = !internal::Exists(path);
   const std::vector<std::string> parents = internal::MakeParents(path);
   made_.insert(made_.end(), parents.begin(), parents.end());

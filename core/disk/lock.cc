@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <ctime>
@@ -53,7 +54,7 @@ struct Held {
 };
 
 struct HeldLocks {
-  std::mutex mutex;
+  std::recursive_mutex mutex;             // sweeping asks what is locked
   std::map<std::string, Held> by_output;  // normal path of what is locked
 };
 
@@ -85,6 +86,7 @@ bool FileLock::TryOnce() {
   if (!internal::Allowed("create", path_)) internal::ThrowErrno(shown_, "cannot write there", errno);
   const int fd = open(path_.c_str(), O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC | O_NONBLOCK, 0644);
   if (fd < 0 && errno == ELOOP) throw UsageError(path_ + ": is a symbolic link where a lock file goes; remove it");
+  if (fd < 0 && errno == EISDIR) throw UsageError(path_ + ": is a folder where a lock file goes; move it elsewhere");
   if (fd < 0) internal::ThrowErrno(shown_, "cannot write there", errno);
   struct stat mine {
   }, named{};
@@ -126,7 +128,7 @@ FileLock::~FileLock() {
 OutputLock::OutputLock(const std::string& path) : key_(internal::Normal(path)) {
   const std::lock_guard<std::recursive_mutex> publish(internal::PublishMutex());  // before the other mutex, as commits do
   HeldLocks& held = AllHeld();
-  const std::lock_guard<std::mutex> guard(held.mutex);
+  const std::lock_guard<std::recursive_mutex> guard(held.mutex);
   const auto found = held.by_output.find(key_);
   if (found != held.by_output.end() && found->second.process == getpid()) {
     ++found->second.count;
@@ -147,7 +149,7 @@ OutputLock::OutputLock(const std::string& path) : key_(internal::Normal(path)) {
 
 OutputLock::~OutputLock() {
   HeldLocks& held = AllHeld();
-  const std::lock_guard<std::mutex> guard(held.mutex);
+  const std::lock_guard<std::recursive_mutex> guard(held.mutex);
   const auto found = held.by_output.find(key_);
   if (found == held.by_output.end() || --found->second.count > 0) return;
   const std::vector<std::string> made = found->second.made_folders;
@@ -160,7 +162,7 @@ namespace internal {
 std::string LockedFolderOf(const std::string& path) {
   const std::string normal = Normal(path);
   HeldLocks& held = AllHeld();
-  const std::lock_guard<std::mutex> guard(held.mutex);
+  const std::lock_guard<std::recursive_mutex> guard(held.mutex);
   std::string best;
   for (const auto& [folder, lock] : held.by_output) {
     const bool below =
@@ -168,6 +170,15 @@ std::string LockedFolderOf(const std::string& path) {
     if (below && folder.size() > best.size()) best = folder;
   }
   return best;
+}
+
+bool InLockedOutput(const std::string& folder) {
+  HeldLocks& held = AllHeld();
+  const std::lock_guard<std::recursive_mutex> guard(held.mutex);
+  return std::any_of(held.by_output.begin(), held.by_output.end(), [&](const auto& output) {
+    const std::string& top = output.first;
+    return folder.compare(0, top.size(), top) == 0 && (folder.size() == top.size() || folder[top.size()] == '/');
+  });
 }
 
 std::string LockPathOf(const std::string& output) {

@@ -53,6 +53,9 @@ namespace internal {
 /// The innermost folder that this process has locked and that contains `path`; empty when there is none.
 std::string LockedFolderOf(const std::string& path);
 
+/// Whether an absolute path is an output that this process has locked, or below one.
+bool InLockedOutput(const std::string& folder);
+
 /// Name of the lock file beside an output.
 std::string LockPathOf(const std::string& output);
 

@@ -10,6 +10,7 @@
 #include <set>
 
 #include "core/disk/files.h"
+#include "core/disk/lock.h"
 #include "core/disk/manifest_write.h"
 #include "core/disk/parents.h"
 #include "core/disk/system_calls.h"
@@ -34,10 +35,20 @@ Writer& ThisWriter() {
   return *writer;
 }
 
-/// The manifests of all folders that were asked about.
+uid_t OwnerOf(const std::string& path) {
+  struct stat info {};
+  return lstat(path.c_str(), &info) == 0 ? info.st_uid : static_cast<uid_t>(-1);
+}
+
+/// The manifests of all folders that were asked about, as far as they may speak for what lies at or below `top`. One in a
+/// folder above does when it holds the folder that is asked about as well, or when that folder is a part of an output of this
+/// process: else whoever writes beside a folder could make its files ours. One of another user speaks for his files alone.
 class Ledger {
  public:
-  explicit Ledger(std::string top) : top_(std::move(top)) {}
+  explicit Ledger(std::string top)
+      : top_(std::move(top)), folder_(fs::is_directory(fs::symlink_status(top_)) ? top_ : internal::ParentOf(top_)) {
+    if (folder_ == "/") folder_.clear();
+  }
   /// Whether a manifest of a folder that the path lies in lists it with this digest.
   bool Lists(const std::string& path, const FileDigest& digest) {
     bool listed = false;
@@ -56,29 +67,47 @@ class Ledger {
   template <class Use>
   void ForEach(const std::string& path, const Use& use) {
     for (size_t slash = path.rfind('/', path.size() - 2); slash != std::string::npos;) {
-      const Manifest& manifest = Of(path.substr(0, slash));
-      const auto entry = manifest.files.find(path.substr(slash + 1));
-      if (entry != manifest.files.end()) use(entry->second);
+      const Listed& listed = Of(path.substr(0, slash));
+      const auto entry = listed.manifest.files.find(path.substr(slash + 1));
+      if (entry != listed.manifest.files.end() && MaySpeak(listed, path)) use(entry->second);
       if (slash == 0) return;
       slash = path.rfind('/', slash - 1);
     }
   }
 
-  const Manifest& Of(const std::string& folder) {
+  struct Listed {
+    Manifest manifest;
+    bool here = true;  // of a folder whose list counts
+    uid_t owner = 0;
+  };
+
+  static bool MaySpeak(const Listed& listed, const std::string& path) {
+    constexpr uid_t kRoot = 0;
+    return listed.here && (listed.owner == geteuid() || listed.owner == kRoot || listed.owner == OwnerOf(path));
+  }
+
+  bool IsHere(const std::string& folder, const Manifest& manifest) const {
+    if (folder.compare(0, folder_.size(), folder_) == 0 || internal::InLockedOutput(folder)) return true;
+    return manifest.files.count(folder_.substr(folder.size() + 1) + "/") > 0;
+  }
+
+  const Listed& Of(const std::string& folder) {
     const auto found = manifests_.find(folder);
     if (found != manifests_.end()) return found->second;
-    Manifest manifest;
+    Listed listed;
     try {
-      manifest = ReadManifest(folder.empty() ? "/" : folder).value_or(Manifest());
+      listed.manifest = ReadManifest(folder.empty() ? "/" : folder).value_or(Manifest());
     } catch (const FormatError&) {  // damaged or foreign: it lists nothing
     } catch (const IoError&) {      // what cannot be read says nothing about whose the files beside it are
       if (folder.compare(0, top_.size(), top_) == 0) throw;
     }
-    return manifests_[folder] = std::move(manifest);
+    listed.owner = OwnerOf(folder + "/" + kManifestName);
+    listed.here = IsHere(folder, listed.manifest);
+    return manifests_[folder] = std::move(listed);
   }
 
-  std::string top_;
-  std::map<std::string, Manifest> manifests_;
+  std::string top_, folder_;
+  std::map<std::string, Listed> manifests_;
 };
 
 /// Everything below `path` that has to be compared with the manifests; what cannot be ours goes to `in_the_way` at once.

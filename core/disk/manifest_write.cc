@@ -113,6 +113,19 @@ void RecordWrites(const std::vector<std::pair<std::string, FileDigest>>& files) 
   for (const auto& [folder, some] : by_home) RecordIn(folder, some);
 }
 
+void ListWithin(const std::string& folder) {
+  Manifest manifest = ReadManifest(folder).value_or(Manifest()), all = TakeInventory(folder);
+  bool complete = true;
+  for (const auto& [name, found] : all.files) {
+    ManifestEntry& entry = manifest.files[name];
+    if (name.back() == '/' || entry.now == found.now || entry.before == found.now) continue;
+    entry = found, complete = false;
+  }
+  if (complete) return;
+  std::tie(manifest.command, manifest.version) = WriterName();
+  WriteManifest(manifest, folder);
+}
+
 Manifest TakeInventory(const std::string& folder) {
   std::vector<std::string> names;
   ListAll(folder, "", &names);

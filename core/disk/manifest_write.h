@@ -18,4 +18,7 @@ void WriteManifest(const Manifest& manifest, const std::string& folder);
 /// A manifest of everything in a folder, with digests.
 Manifest TakeInventory(const std::string& folder);
 
+/// Gives a folder, in which all is known to be ours, a list of its own where that was known from the lists of folders above.
+void ListWithin(const std::string& folder);
+
 }  // namespace mvstudio::internal

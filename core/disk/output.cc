@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <filesystem>
 #include <mutex>
+#include <set>
 #include <utility>
 
 #include "core/check.h"
@@ -15,6 +16,7 @@
 #include "core/disk/manifest_write.h"
 #include "core/disk/output_publish.h"
 #include "core/disk/parents.h"
+#include "core/disk/place.h"
 #include "core/disk/replace.h"
 #include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
@@ -54,20 +56,59 @@ std::vector<std::string> PathsOf(const std::vector<internal::Replacement>& repla
 
 void RemoveLeftovers(const std::string& folder) { internal::SweepLeftovers(folder, true); }
 
+namespace internal {
+namespace {
+
+std::mutex claims_mutex;
+
+std::set<std::string>& Claimed() {
+  static auto* claimed = new std::set<std::string>;
+  return *claimed;
+}
+
+}  // namespace
+
+/// Names of outputs that are being made: what has one already is not to be written over by another of the same run.
+class Claims {
+ public:
+  explicit Claims(const std::vector<std::string>& paths) {
+    const std::lock_guard<std::mutex> guard(claims_mutex);
+    std::set<std::string> names;
+    for (const std::string& path : paths) {
+      const std::string name = Normal(NameOfFile(path));
+      if (Claimed().count(name) > 0 || !names.insert(name).second)
+        throw UsageError(path + ": two outputs of this run have this name; choose another one for one of them");
+    }
+    names_ = names;
+    Claimed().insert(names.begin(), names.end());
+  }
+  ~Claims() {
+    const std::lock_guard<std::mutex> guard(claims_mutex);
+    for (const std::string& name : names_) Claimed().erase(name);
+  }
+  Claims(const Claims&) = delete;
+  Claims& operator=(const Claims&) = delete;
+
+ private:
+  std::set<std::string> names_;
+};
+
+}  // namespace internal
+
 // --- Single files ---
 
-AtomicFile::AtomicFile(const std::string& path) : path_(path), in_work_folder_(internal::InWorkFolder(path)) {
-  if (path.empty()) throw UsageError("the name of an output is empty; give a path");
-  made_folders_ = MakeParents(path);
+AtomicFile::AtomicFile(const std::string& path)
+    : path_(internal::NameOfFile(path)), in_work_folder_(internal::InWorkFolder(path_)) {
+  made_folders_ = MakeParents(path_);
   if (in_work_folder_) {
-    temporary_ = path;
+    temporary_ = path_;
     return;
   }
   try {
-    RequireReplaceable(path);
-    internal::SweepLeftovers(internal::ParentOf(path));
-    temporary_ = internal::TemporaryBeside(path);
-    fd_ = internal::CreateTemporary(temporary_, path);
+    RequireReplaceable(path_);
+    internal::SweepLeftovers(internal::ParentOf(path_));
+    temporary_ = internal::TemporaryBeside(path_);
+    fd_ = internal::CreateTemporary(temporary_, path_);
   } catch (...) {
     RemoveEmpty(made_folders_);
     throw;
@@ -104,7 +145,8 @@ void CommitTogether(const std::vector<AtomicFile*>& files) {
   }
 }
 
-void PlaceLink(const std::string& target, const std::string& path) {
+void PlaceLink(const std::string& target, const std::string& given) {
+  const std::string path = internal::OneName(given);
   const std::vector<std::string> made = MakeParents(path);
   const std::lock_guard<std::recursive_mutex> publish(internal::PublishMutex());
   if (internal::Exists(path) && (fs::is_symlink(path) || !fs::is_directory(path) || !fs::is_empty(path)))
@@ -201,6 +243,7 @@ void AtomicFolder::Swap() {
   if (internal::Exists(path_) && !fs::is_empty(path_)) {
     if (!overwrite_) throw UsageError(path_ + ": somebody put files there in the meantime; choose another option 'out'");
     RequireOurs({path_});
+    internal::ListWithin(path_);  // under its hidden name it has to be known as ours still
   }
   internal::SwapFolders(work_path_, path_);
   committed_ = true;
@@ -225,13 +268,17 @@ OutputFolder::OutputFolder(const std::string& path, const std::vector<std::strin
   if (internal::Exists(path) && !fs::is_directory(path)) throw UsageError(path + ": is a file; a folder goes there");
   std::vector<std::string> paths;
   for (const std::string& name : names) paths.push_back(path + "/" + name);
+  claims_ = std::make_unique<internal::Claims>(paths);
   RequireOurs(paths);
   for (const std::string& name : paths) RequireNoResult(name);
 }
 
-OutputFiles::OutputFiles(const std::vector<std::string>& paths, const std::vector<std::string>& inputs) {
+OutputFolder::~OutputFolder() = default;
+
+OutputFiles::OutputFiles(const std::vector<std::string>& paths, const std::vector<std::string>& inputs)
+    : claims_(std::make_unique<internal::Claims>(paths)) {
   for (const std::string& path : paths) {
-    if (path.empty()) throw UsageError("the name of an output is empty; give a path");
+    RequireFreeName(path);
     for (const std::string& input : inputs) {
       std::error_code error;
       if (fs::equivalent(path, input, error))
@@ -245,6 +292,8 @@ OutputFiles::OutputFiles(const std::vector<std::string>& paths, const std::vecto
                        "`; choose another option 'out'");
   }
 }
+
+OutputFiles::~OutputFiles() = default;
 
 ScratchFolder::ScratchFolder(const std::string& parent) : path_(internal::TemporaryBeside(parent + "/scratch")) {
   MakeFolder(parent);

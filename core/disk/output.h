@@ -8,9 +8,14 @@
 
 namespace mvstudio {
 
+namespace internal {
+class Claims;
+}
+
 /// Throws UsageError for an output folder that could hide or contain needed files. These are one that is, contains or is
-/// inside an input; `/`, the home folder, the current folder or a parent of them; symbolic links to any of those. Inputs
-/// that mvstudio wrote into that folder are allowed unless the folder is to be replaced as a whole.
+/// inside an input; `/`, the home folder, the current folder or a parent of them; symbolic links to any of those. So are names
+/// that mvstudio keeps for itself. Inputs that mvstudio wrote into that folder are allowed unless the folder is to be replaced
+/// as a whole.
 void RequireSafeOutput(const std::string& out, const std::vector<std::string>& inputs, bool replaced_as_a_whole);
 
 /// Removes what killed processes left in a folder; each command does so where it writes.
@@ -97,21 +102,29 @@ class AtomicFolder {
 
 /// The right to write files with these names into a folder that may hold other things too. The place is safe for an
 /// output, nobody else writes there, leftovers are removed, and each name is free or a file of mvstudio (otherwise
-/// UsageError, before any work is done). Hold it until everything is written.
+/// UsageError, before any work is done) and of one output of this run alone. Hold it until everything is written.
 class OutputFolder {
  public:
   OutputFolder(const std::string& path, const std::vector<std::string>& inputs, const std::vector<std::string>& names);
+  ~OutputFolder();
+  OutputFolder(const OutputFolder&) = delete;
+  OutputFolder& operator=(const OutputFolder&) = delete;
 
  private:
   OutputLock lock_;
+  std::unique_ptr<internal::Claims> claims_;
 };
 
 /// Same for one file, or several that belong together: none of them is an input.
 class OutputFiles {
  public:
   OutputFiles(const std::vector<std::string>& paths, const std::vector<std::string>& inputs);
+  ~OutputFiles();
+  OutputFiles(const OutputFiles&) = delete;
+  OutputFiles& operator=(const OutputFiles&) = delete;
 
  private:
+  std::unique_ptr<internal::Claims> claims_;
   std::vector<std::unique_ptr<OutputLock>> locks_;
 };
 

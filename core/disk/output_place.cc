@@ -1,29 +1,38 @@
 #include <pwd.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"
+#include "core/disk/parents.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 
 namespace mvstudio {
 namespace fs = std::filesystem;
 namespace {
 
-/// With symbolic links followed as far as the path is there, also of a path whose end is not.
+/// With the last link followed as well, where it leads somewhere.
 fs::path Real(const std::string& path) {
   std::error_code error;
-  fs::path real = fs::weakly_canonical(fs::absolute(path), error);
-  if (error) throw IoError(path, error.message());
-  if (real.filename().empty() && real.has_parent_path() && real != real.root_path()) real = real.parent_path();
-  return real;
+  const fs::path normal = internal::Normal(path), real = fs::canonical(normal, error);
+  return error ? normal : real;
 }
 
-bool IsWithin(const fs::path& inner, const fs::path& outer) {
-  return std::mismatch(outer.begin(), outer.end(), inner.begin(), inner.end()).first == outer.end();
+/// By name, or as the system knows them: a folder may be mounted in two places, or its name be known in capitals too.
+bool IsSame(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  return a == b || fs::equivalent(a, b, error);
+}
+
+bool IsWithin(fs::path inner, const fs::path& outer) {
+  while (!IsSame(inner, outer)) {
+    if (inner == inner.parent_path()) return false;
+    inner = inner.parent_path();
+  }
+  return true;
 }
 
 std::string HomeFolder() {
@@ -38,7 +47,7 @@ void RequireApart(const std::string& out, const fs::path& real, const std::strin
   std::error_code error;
   if (folder.empty() || !fs::exists(folder, error)) return;
   const fs::path other = Real(folder);
-  if (real == other) throw UsageError(out + ": is " + what + "; name a folder of its own with option 'out'");
+  if (IsSame(real, other)) throw UsageError(out + ": is " + what + "; name a folder of its own with option 'out'");
   if (whole && IsWithin(other, real))
     throw UsageError(out + ": contains " + what + "; name a folder of its own with option 'out'");
 }
@@ -54,7 +63,7 @@ bool WrittenThere(const fs::path& input, const fs::path& out) {
   for (fs::path folder = input.parent_path(); IsWithin(folder, out); folder = folder.parent_path()) {
     try {
       const auto manifest = ReadManifest(folder.string());
-      if (manifest && Lists(*manifest, fs::relative(input, folder).string())) return true;
+      if (manifest && Lists(*manifest, input.lexically_relative(folder).string())) return true;
     } catch (const Error&) {
       return false;
     }
@@ -67,6 +76,7 @@ bool WrittenThere(const fs::path& input, const fs::path& out) {
 
 void RequireSafeOutput(const std::string& out, const std::vector<std::string>& inputs, bool replaced_as_a_whole) {
   if (out.empty()) throw UsageError("the name of an output is empty; give a path");
+  RequireFreeName(out);
   const fs::path real = Real(out);
   RequireApart(out, real, "/", "the root of the file system", false);
   RequireApart(out, real, HomeFolder(), "the home folder", replaced_as_a_whole);
@@ -75,7 +85,7 @@ void RequireSafeOutput(const std::string& out, const std::vector<std::string>& i
     std::error_code error;
     if (input.empty() || !fs::exists(input, error)) continue;
     const fs::path other = Real(input);
-    if (real == other) throw UsageError(out + ": is the input " + input + " itself; choose another option 'out'");
+    if (IsSame(real, other)) throw UsageError(out + ": is the input " + input + " itself; choose another option 'out'");
     const bool within = IsWithin(real, other) && fs::is_directory(other, error);
     if (within) throw UsageError(out + ": lies in the input " + input + "; choose another option 'out'");
     if (IsWithin(other, real) && (replaced_as_a_whole || !WrittenThere(other, real)))

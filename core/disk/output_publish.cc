@@ -249,7 +249,7 @@ std::string FollowedFolder(const std::string& path) {
   const std::string normal = Normal(path);
   if (!fs::is_symlink(fs::symlink_status(normal))) return normal;
   std::error_code error;
-  const fs::path target = fs::canonical(normal, error);
+  const fs::path target = fs::canonical(normal, error);  // with the last link followed, too
   if (error) throw UsageError(path + ": is a symbolic link that leads nowhere; choose another option 'out'");
   return target.string();
 }

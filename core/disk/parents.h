@@ -15,7 +15,12 @@ std::vector<std::string> MakeParents(const std::string& path);
 /// Removes those that are empty.
 void RemoveEmpty(const std::vector<std::string>& folders);
 
-/// Absolute path without `.`, `..` and trailing slashes; symbolic links are not resolved.
+/// Absolute path without `.`, `..` and trailing slashes, of the place that the system finds: links of the parents are
+/// followed, not that of the last part unless a slash or a dot is behind it. Throws IoError where a parent leads nowhere.
 std::string Normal(const std::string& path);
+/// Same, but a relative path stays one.
+std::string OneName(const std::string& path);
+/// Same, of a file: throws UsageError for a path that is empty or a folder's.
+std::string NameOfFile(const std::string& path);
 
 }  // namespace mvstudio::internal

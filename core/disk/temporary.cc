@@ -51,6 +51,15 @@ Registry& All() {
   return *registry;
 }
 
+/// By which temporaries are known; their own names lead somewhere, those of other files need not.
+std::string KeyOf(const std::string& path) {
+  try {
+    return internal::Normal(path);
+  } catch (const std::exception&) {
+    return path;
+  }
+}
+
 bool IsBelow(const std::string& path, const std::string& folder) {
   return path.size() > folder.size() && path.compare(0, folder.size(), folder) == 0 && path[folder.size()] == '/';
 }
@@ -217,19 +226,19 @@ bool IsLockName(const std::string& name) {
 void RegisterTemporary(const std::string& path, const std::string& final_path, TemporaryKind kind) {
   const std::lock_guard<std::recursive_mutex> publish(PublishMutex());  // not after AbandonTemporaries
   const std::lock_guard<std::mutex> guard(All().mutex);
-  All().alive[Normal(path)] = {final_path, kind};
+  All().alive[KeyOf(path)] = {final_path, kind};
   if (kind == TemporaryKind::kLock || All().final_names.size() >= 10000) return;
   All().final_names[path] = final_path;
-  All().final_names[Normal(path)] = Normal(final_path);
+  All().final_names[KeyOf(path)] = KeyOf(final_path);
 }
 
 void UnregisterTemporary(const std::string& path) {
   const std::lock_guard<std::mutex> guard(All().mutex);
-  All().alive.erase(Normal(path));
+  All().alive.erase(KeyOf(path));
 }
 
 bool InWorkFolder(const std::string& path) {
-  const std::string normal = Normal(path);
+  const std::string normal = KeyOf(path);
   const std::lock_guard<std::mutex> guard(All().mutex);
   for (const auto& [folder, item] : All().alive) {
     if (item.kind == TemporaryKind::kFolder && IsBelow(normal, folder)) return true;
@@ -239,7 +248,7 @@ bool InWorkFolder(const std::string& path) {
 
 bool IsTemporaryHere(const std::string& path) {
   const std::lock_guard<std::mutex> guard(All().mutex);
-  return All().alive.count(Normal(path)) > 0;
+  return All().alive.count(KeyOf(path)) > 0;
 }
 
 std::recursive_mutex& PublishMutex() {
@@ -250,7 +259,7 @@ std::recursive_mutex& PublishMutex() {
 void SweepLeftovers(const std::string& folder, bool again) {
   {
     const std::lock_guard<std::mutex> guard(All().mutex);
-    if (!All().swept.insert({getpid(), Normal(folder)}).second && !again) return;
+    if (!All().swept.insert({getpid(), KeyOf(folder)}).second && !again) return;
   }
   std::error_code error;
   std::vector<std::string> found;
@@ -261,13 +270,14 @@ void SweepLeftovers(const std::string& folder, bool again) {
   for (const std::string& path : found) {
     {
       const std::lock_guard<std::mutex> guard(All().mutex);
-      if (All().alive.count(Normal(path))) continue;
+      if (All().alive.count(KeyOf(path))) continue;
     }
     try {
-      if (fs::is_directory(fs::symlink_status(path))) {
+      const bool lock = IsLockName(fs::path(path).filename().string());
+      if (!fs::is_directory(fs::symlink_status(path))) {
+        SweepFile(path, lock);
+      } else if (!lock) {  // no lock is a folder
         SweepFolder(path);
-      } else {
-        SweepFile(path, IsLockName(fs::path(path).filename().string()));
       }
     } catch (const std::exception&) {  // it stays where it is
     }

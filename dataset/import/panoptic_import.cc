@@ -314,7 +314,7 @@ PanopticImportReport ImportPanoptic(const std::string& root, const std::string& 
   CheckOptions(root, options);
   PanopticImportReport report;
   ImportJob job = MakeJob(root, options, run, &report);
-  AtomicFolder folder(session_folder, false, {root});
+  AtomicFolder folder(session_folder, options.overwrite, {root});
   job.work = folder.work_path();
   const bool without_hd = HasFootageWithoutHd(job);
   const std::map<int, double> scene_times = ImportHdJoints(&job, without_hd, &report);

@@ -26,6 +26,7 @@ struct PanopticImportOptions {
   std::string take;
   int quality = 95;
   bool follow_links = false;
+  bool overwrite = false;
 };
 
 template <class Visitor>
@@ -38,6 +39,7 @@ void VisitFields(Visitor&& visit, PanopticImportOptions& o) {
   visit("take", o.take, "name of the take; empty: that of the sequence");
   visit("quality", o.quality, "JPEG quality of decoded images");
   visit("follow-links", o.follow_links, "read through symbolic links that lead out of the sequence; off refuses them");
+  visit("overwrite", o.overwrite, "replace the output folder");
 }
 
 struct PanopticImportReport {

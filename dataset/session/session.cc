@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "core/disk/paths.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/fields.h"
 #include "core/join.h"
@@ -107,9 +108,6 @@ const SessionTake& TakeOf(const Session& session, const std::string& name) {
 }
 
 std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside) {
-  const fs::path joined = (fs::path(session.folder) / path).lexically_normal();
-  const fs::path fixed = FixedPart(joined);
-  std::error_code error;
   allow_outside = allow_outside || session.allow_outside;
   if (path.empty() || path.find('\0') != std::string::npos) Leaves(session, path, "is not a path");
   if (!allow_outside) {
@@ -117,6 +115,9 @@ std::string ResolveInSession(const Session& session, const std::string& path, bo
     const fs::path relative = fs::path(path).lexically_normal();
     if (!relative.empty() && *relative.begin() == "..") Leaves(session, path, "leaves the session");
   }
+  const fs::path joined = PlainPath((fs::path(session.folder) / path).string());
+  const fs::path fixed = FixedPart(joined);
+  std::error_code error;
   if (!fs::exists(fixed, error)) throw IoError(joined.string(), "no such file or folder (named in mvstudio.toml)");
   if (!allow_outside) {
     const fs::path real_folder = Real(session.folder);

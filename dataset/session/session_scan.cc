@@ -7,6 +7,7 @@
 #include <set>
 
 #include "core/disk/paths.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/fields.h"
 #include "dataset/footage/chapters.h"
@@ -216,8 +217,7 @@ void FromString(const std::string& text, SessionLayout* layout) {
 }
 
 ScannedSession ScanRaw(const std::string& folder, SessionLayout layout) {
-  fs::path raw = fs::absolute(folder).lexically_normal();
-  if (raw.filename().empty()) raw = raw.parent_path();
+  const fs::path raw = PathOnDisk(folder);
   ScannedSession scanned;
   std::vector<internal::FootageFolder> folders = ListFolders(raw, &scanned.skipped);
   scanned.missing = MissingBelow(raw, folders);
@@ -253,8 +253,7 @@ ScannedSession ScanSession(const std::string& folder) { return ScanRaw((fs::path
 
 SessionTake ScanFolder(const std::string& folder, std::vector<SessionCamera>* cameras) {
   SessionTake take;
-  take.name = fs::absolute(folder).lexically_normal().filename().string();
-  if (take.name.empty()) take.name = fs::absolute(folder).lexically_normal().parent_path().filename().string();
+  take.name = fs::path(PathOnDisk(folder)).filename().string();
   for (const auto& [camera, files] : FootageIn(folder)) {
     if (!WhyNotAName(camera).empty()) continue;
     take.footage.push_back({camera, Relative(files[0], folder), ""});

@@ -6,6 +6,7 @@
 #include <regex>
 
 #include "core/disk/files.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/toml_depth.h"
 #include "dataset/trackers/project_readers.h"
@@ -194,7 +195,7 @@ TrackedProject ReadAniposeProject(const std::string& folder) {
   TrackedProject project;
   project.program = "anipose";
   project.board_square = config.board_square, project.bones = config.bones;
-  const fs::path root = fs::path(folder).lexically_normal();
+  const fs::path root = PlainPath(folder);
   const fs::path project_folder = root.has_filename() ? root : root.parent_path();
   for (const std::string& session : Sessions(project_folder.string(), config.nesting)) {
     AddTakes(config, names, project_folder, session, &project);

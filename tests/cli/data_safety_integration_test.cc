@@ -141,6 +141,66 @@ TEST_F(DataSafety, OverwriteReplacesNoInput) {
   Refused({"dataset", "pack", out("d"), "--out", out("d")}, "input");
 }
 
+/// `latest` is a link to other/today: `latest/..` is `other` for the system, and the folder around it for who reads the text.
+TEST_F(DataSafety, OutputsAreWhereTheSystemFindsThem) {
+  fs::create_directories(out("other/today"));
+  fs::create_directory_symlink("other/today", out("latest"));
+  fs::copy(data(), out("other/ds"), fs::copy_options::recursive);
+  fs::copy(studio(), out("other/s"), fs::copy_options::recursive);
+  const std::string truth = "latest/../s/truth/calibration.json";
+  const std::string here = "cd " + folder_.path() + " && ";
+  const auto before = StateOf(folder_.path());
+  for (const Words& words : {Words{"dataset", "export", "other/ds", "--to", "npz", "--out", "latest/../ds"},
+                             Words{"dataset", "pack", "latest/../ds", "--out", "other/ds"},
+                             Words{"dataset", "import", "panoptic", "other/ds", "--out", "latest/../ds"},
+                             Words{"calib", "convert", truth, "--out", "other/s/truth/calibration.json"},
+                             Words{"markers", "other/s/truth/pose3d", "--to", "trc", "--out", "latest/../s/truth/pose3d"},
+                             Words{"pose2d", "--session", "other/s", "--backend", "openpose:other/s/pose2d/take1", "--out",
+                                   "latest/../s/pose2d/take1"}}) {
+    const bool pack = words[1] == "pack";
+    const CliRun run = RunCli(pack ? words : words + Words{"--overwrite"}, here);
+    EXPECT_EQ(run.exit, 2) << words[0] << " " << words[1] << run.out << run.err;
+    EXPECT_THAT(run.err, HasSubstr("the input"));
+    EXPECT_EQ(StateOf(folder_.path()), before) << words[0] << " " << words[1];
+  }
+  const CliRun written = RunCli({"calib", "convert", truth, "--out", "latest/../r.json", "--json"}, here);
+  ASSERT_EQ(written.exit, 0) << written.err;
+  EXPECT_EQ(written.Json()["outputs"][0]["path"], "other/r.json");
+  EXPECT_TRUE(fs::exists(out("other/r.json")));
+  EXPECT_FALSE(fs::exists(out("r.json")));
+}
+
+/// These need no inputs: the name is looked at first.
+TEST_F(DataSafety, NamesThatAreKeptAndPlacesThatAreNotThereAreNoOutputs) {
+  const Words commands[] = {{"synth", "--out"},
+                            {"session", "init", "--units", "m"},
+                            {"board", "draw", "chessboard:9x6:20mm", "--out"},
+                            {"calibrate", "--corners", "none.csv", "--save-corners"},
+                            {"calib", "convert", "none.json", "--out"},
+                            {"calib", "eval", "none.json", "--repair"},
+                            {"calib", "lenses", "add"},
+                            {"triangulate", "--calib", "none.json", "--out"},
+                            {"sync", "--calib", "none.json", "--out"},
+                            {"markers", "none", "--to", "trc", "--out"},
+                            {"dataset", "export", "none", "--to", "csv", "--out"},
+                            {"dataset", "pack", "none", "--out"},
+                            {"dataset", "split", "none", "--out"},
+                            {"dataset", "verify", "none", "--keep"},
+                            {"report", "none", "--out"},
+                            {"tradeoff", "calibrate", "--out"},
+                            {"demo", "--out"}};
+  const std::string kept[] = {"x.result.json", "provenance.jsonl", ".mvstudio.json", ".mvstudio-" + std::string(32, '0'),
+                              ".mvstudio.x.lock"};
+  size_t next = 0;
+  for (const Words& words : commands) {
+    Refused(words + Words{out("new/" + kept[next++ % std::size(kept)])}, "keeps the name");
+    const CliRun run = RunCli(words + Words{out("none/../x")});
+    EXPECT_EQ(run.exit, 3) << words[0] << run.err;
+    EXPECT_THAT(run.err, HasSubstr("there is no folder"));
+  }
+  EXPECT_TRUE(Entries(folder_.path()).empty());
+}
+
 TEST_F(DataSafety, NoOutputIsTheRootTheHomeOrTheCurrentFolder) {
   const std::string here = "cd " + folder_.path() + " && HOME=" + folder_.path() + "/me ";
   fs::create_directories(out("me"));

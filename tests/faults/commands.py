@@ -66,7 +66,7 @@ CASES = {}
 
 
 # Commands that go on with what is there, or never replace anything: they have no --overwrite.
-WITHOUT_OVERWRITE = ("report", "tradeoff ", "avatar resume", "avatar template", "dataset import", "dataset pack", "dataset verify")
+WITHOUT_OVERWRITE = ("report", "tradeoff ", "avatar resume", "avatar template", "dataset pack", "dataset verify")
 
 
 def replacing(argv):
@@ -216,7 +216,7 @@ shared_folder("calibrate --scene-points", "calibrate --start {in}/session/truth/
                    "{in}/places.csv --out out"])
 for _to, _out in {"mvstudio": "c.json", "panoptic": "c.json", "toml": "c.toml", "caliscope": "c.toml", "qca": "c.qca.txt", "opencv": "cv",
                   "mrcal": "cv", "colmap": "cv", "colmap-text": "cv", "nerfstudio": "transforms.json", "kalibr": "c.yaml",
-                  "easymocap": "cv", "zju": "cv", "actorshq": "cv", "dna": "cv", "humman": "cv", "npz": "c.npz", "gltf": "c.gltf",
+                  "easymocap": "cv", "zju": "cv", "actorshq": "cv", "dna": "cv", "humman": "cv", "npz": "c.npz", "gltf": "c.glb",
                   "ply": "c.ply"}.items():
     _some = _to in ("panoptic", "opencv", "colmap", "easymocap", "dna", "gltf")
     _from = "session/truth/calibration.json" if _to in ("actorshq", "humman") else "calib/calibration.json"
@@ -260,9 +260,10 @@ shared_folder("tradeoff pack", "tradeoff pack {in}/dataset --frames 1 --codecs r
 _BUILD = (f"dataset build --calib {{in}}/session/truth/calibration.json {TAKE} --pose3d {{in}}/pose3d --mask-background-frames 4 "
           "--out out")
 case("dataset build", f"{_BUILD} --masks --overwrite", needs=["pose3d"], old=[f"{_BUILD} --png"], weight=2)
-case("dataset import panoptic", "dataset import panoptic {in}/dataset --out out", needs=["dataset"], overwrites=False)
+case("dataset import panoptic", "dataset import panoptic {in}/dataset --out out", needs=["dataset"],
+     old=["dataset import panoptic {in}/dataset --frames 2-5 --out out"])
 case("dataset import panoptic decode", "dataset import panoptic {in}/dataset --pictures decode --out out", needs=["dataset"],
-     overwrites=False, partial=True)
+     partial=True)
 _PACK = "dataset pack {in}/dataset --crop 32 --shard-samples 6"
 case("dataset pack", f"{_PACK} --frames 0-3 --out out", old=[f"{_PACK} --frames 0-3 --out out --shard 0/2"], late=dict(INSIDE),
      needs=["dataset"], grows=True, repeats=False)

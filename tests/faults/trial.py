@@ -21,11 +21,15 @@ ERRORS = {"open": [errno.EIO, errno.EACCES], "create": [errno.ENOSPC, errno.EACC
 KILLS = {"kill": (CHANGES, "kill"), "torn": (["write"], "torn"), "killafter": (["rename", "mkdir", "link", "unlink"], "killafter")}
 DEAD_DISK = {"full": (["create", "write", "mkdir", "fsync", "link"], errno.ENOSPC),
              "read-only": (["create", "mkdir", "unlink", "rename", "link"], errno.EROFS)}
-COLUMNS = [*ERRORS, *DEAD_DISK, *KILLS, "tmpfs", "ro-out", "ro-in", "pair"]
+COLUMNS = [*ERRORS, *DEAD_DISK, *KILLS, "tmpfs", "ro-out", "ro-in", "pair", "names"]
 # Told, and counted apart: the result stands, but its command says that it failed, or has no record of all of it; a library of
 # others ended the process when it got no memory.
 NOTES = {"late", "unrecorded", "third-party"}
-GROUPS = [list(ERRORS)[:5], list(ERRORS)[5:] + [*DEAD_DISK], [*KILLS, "tmpfs", "ro-out", "ro-in", "pair"]]
+GROUPS = [list(ERRORS)[:5], list(ERRORS)[5:] + [*DEAD_DISK], [*KILLS, "tmpfs", "ro-out", "ro-in", "pair", "names"]]
+# What stands beside the box's own files while other names are tried. `deep/latest/..` is the box for the system, and `deep` for who
+# reads the text alone.
+LINKS = {"deep/latest": "../aside", "deep/back": ".."}
+RESERVED = ["any.result.json", "provenance.jsonl", ".mvstudio.json", ".mvstudio-" + "0a" * 16, ".mvstudio.any.lock"]
 
 
 def sample(count, most, seed):
@@ -180,6 +184,8 @@ class Trial:
             return [self.read_only_inputs]
         if column == "pair":
             return [lambda at=at: self.pair(at) for at in ([0] if most < 8 else [0, 0, 0.3, 0.6, 0.9])]
+        if column == "names":
+            return self.other_names()
         count, classes = self.places_of(column)
         self.places[column] = count
         many = most * 2 if column == "kill" else min(most, 12) if column in DEAD_DISK else most
@@ -243,6 +249,34 @@ class Trial:
             self.report("ro-in", "EROFS", 0, outcome, verdict.after_rerun(outcome, self.state(), self.states, self.case))
         finally:
             subprocess.run(["umount", "-l", folder], check=True)
+
+    def other_names(self):
+        """Each output under other names of its place, under names that are kept, and through a folder that is not there."""
+        jobs = []
+        for at, word in enumerate(self.case.argv):
+            if at == 0 or word.split("/")[0] not in ("out", "one.h5") or self.case.argv[at - 1] == "--cache":
+                continue
+            jobs += [lambda at=at, name=f"deep/{link}/{word}": self.other_name(at, name, True) for link in ("latest/..", "back")]
+            folder = word[:word.rfind("/") + 1]
+            jobs += [lambda at=at, name=name: self.other_name(at, name, False)
+                     for name in [f"nowhere/../{word}", *(folder + reserved for reserved in RESERVED)]]
+        return jobs
+
+    def other_name(self, at, name, same):
+        self.box.restore()
+        (self.box.path / "deep").mkdir()
+        (self.box.path / "aside").mkdir()
+        for link, target in LINKS.items():
+            (self.box.path / link).symlink_to(target)
+        self.tried["names"] += 1
+        words = list(self.case.argv)
+        words[at] = name
+        outcome = self.run(words=words)
+        outcome.what = name
+        state = self.state()
+        for path in ("deep/", "aside/", *LINKS):
+            state.pop(path, None)
+        self.report("names", name, at, outcome, verdict.after_other_name(outcome, state, self.states, same))
 
     def pair(self, at):
         self.box.restore()

@@ -140,6 +140,23 @@ def after_rerun(outcome, state, states, case):
     return []
 
 
+def after_other_name(outcome, state, states, same):
+    """An output under another name of its place is the same output; another is refused and changes nothing. The records hold
+    the line that was typed."""
+    def compared(s):
+        return {p: "" if same and snapshot.is_bookkeeping(p) else v for p, v in s.items()}
+
+    problems, expected = [], states.new if same else states.old
+    if outcome.exit not in ({states.exit} if same else {2, 3}):
+        problems.append(("exit", f"{outcome.exit}: " + outcome.err.strip()[:200]))
+    if compared(state) != compared(expected):
+        problems.append(("names", snapshot.difference(compared(state), compared(expected))))
+    lines = [line for line in outcome.err.splitlines() if line.startswith("error: ")]
+    if not same and len(lines) != 1:
+        problems.append(("message", f"{len(lines)} error lines"))
+    return problems
+
+
 def after_pair(exits, errs, state, states, case):
     """Two runs of the same command at once."""
     problems = list(_always(state, states, case))

@@ -6,6 +6,7 @@
 
 #include "avatar/maps/bone_lists.h"
 #include "core/disk/files.h"
+#include "core/disk/place.h"
 #include "core/error.h"
 #include "core/json_view.h"
 
@@ -39,7 +40,7 @@ std::vector<std::string> Texts(const JsonView& list) {
 std::string FromFolderOf(const std::string& file, const std::string& path) {
   namespace fs = std::filesystem;
   if (path.empty() || fs::path(path).is_absolute()) return path;
-  return (fs::absolute(file).parent_path() / path).lexically_normal().string();
+  return PathOnDisk((fs::path(file).parent_path() / path).string());
 }
 
 double Positive(const JsonView& json) {
