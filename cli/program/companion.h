@@ -11,7 +11,8 @@ bool Runs(char** argv);
 /// Whether `argv` names a command that trains.
 bool Trains(char** argv);
 
-/// Becomes `mvstudio-avatar`. Comes back only by MissingToolError, when that is not possible.
+/// Becomes `mvstudio-avatar`. Comes back only by MissingToolError, when that is not possible, and by
+/// ResourceError, when memory is limited too much for it.
 [[noreturn]] void HandOver(char** argv);
 
 }  // namespace mvstudio::cli

@@ -265,7 +265,7 @@ PackBuildReport BuildPack(const std::string& dataset_root, const std::string& ou
 
 PackBuildReport MergePack(const std::string& out, const RunContext& run) {
   const auto start = Clock::now();
-  if (!fs::is_directory(out)) throw IoError(out, "no such folder");
+  RequireFolder(out);
   const std::vector<DoneMarker> shards = AllDone(out);
   RequireDigests(out, shards, run);
   WriteIndex(out, shards);
