@@ -3,14 +3,12 @@
 #include <stdexcept>
 #include <string>
 
-#include "core/format.h"
-
 namespace mvstudio {
 
 /// Base class of all exceptions of this project. The message is one line: what, where, likely cause, what to do.
 class Error : public std::runtime_error {
  public:
-  explicit Error(const std::string& text) : std::runtime_error(ShortNumbers(text)) {}
+  using std::runtime_error::runtime_error;
 };
 
 /// A broken precondition: the caller's mistake. Thrown by MVS_CHECK.

@@ -11,7 +11,7 @@ namespace mvstudio {
 class ProgressSink {
  public:
   virtual ~ProgressSink() = default;
-  virtual void Begin(const std::string& /*stage*/, int64_t /*total*/) {}  ///< `total` 0: not known
+  virtual void Begin(const std::string& /*stage*/, int64_t /*total*/) {}
   virtual void Advance(int64_t /*done*/, const std::string& /*note*/) {}
   virtual void End() {}
   virtual bool Cancelled() const { return false; }

@@ -6,8 +6,8 @@
 
 #include "core/error.h"
 #include "core/format.h"
+#include "core/frame_rate.h"
 #include "core/text/shortest_text.h"
-#include "core/units.h"
 #include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {

@@ -6,7 +6,6 @@
 #include <map>
 
 #include "core/error.h"
-#include "core/units.h"
 
 namespace mvstudio::markers {
 namespace {

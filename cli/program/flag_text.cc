@@ -2,6 +2,8 @@
 
 #include <regex>
 
+#include "core/text/short_numbers.h"
+
 namespace mvstudio::cli {
 namespace {
 
@@ -24,7 +26,7 @@ std::string WithFlags(const std::string& text) {
 
 void NameFlags(CommandResult* result) {
   for (std::vector<Notice>* notices : {&result->warnings, &result->errors}) {
-    for (Notice& notice : *notices) notice.text = WithFlags(notice.text), notice.hint = WithFlags(notice.hint);
+    for (Notice& notice : *notices) notice.text = ShortNumbers(WithFlags(notice.text)), notice.hint = WithFlags(notice.hint);
   }
   result->text = WithFlags(result->text);
   NameFlagsIn(&result->metrics);

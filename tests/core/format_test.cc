@@ -4,6 +4,8 @@
 
 #include <string>
 
+#include "core/text/short_numbers.h"
+
 namespace mvstudio {
 namespace {
 
