@@ -6,6 +6,7 @@
 #include <map>
 
 #include "core/error.h"
+#include "core/frame_rate.h"
 
 namespace mvstudio::markers {
 namespace {

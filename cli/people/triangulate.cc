@@ -346,8 +346,8 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   StartGroup(sub, "Points");
   AddOption(
       sub, "--chunk-frames", arguments->chunk_frames,
-      "for takes longer than memory: frames processed at a time; noise and method come from frames spread over the take; 0: "
-      "all at once")
+      "for takes longer than memory: frames of --pose2d processed at a time (a table is held whole); noise and method come from "
+      "frames spread over the take; 0: all at once")
       ->capture_default_str();
   StartGroup(sub, "Marker files");
   AddOptions(sub, arguments->markers);
