@@ -8,7 +8,6 @@
 #include "cli/program/companion.h"
 #include "cli/program/console.h"
 #include "cli/program/interrupt.h"
-#include "cli/program/memory_limit.h"
 #include "cli/program/redact.h"
 #include "cli/program/result.h"
 #include "cli/program/run_line.h"

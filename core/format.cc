@@ -5,7 +5,6 @@
 #include <cstdio>
 
 #include "core/check.h"
-#include "core/text/short_numbers.h"
 
 namespace mvstudio {
 
@@ -23,7 +22,7 @@ std::string Format(const char* format, ...) {
   }
   va_end(again);
   MVS_CHECK(size >= 0, "format " << format);
-  return ShortNumbers(std::move(text));
+  return text;
 }
 
 }  // namespace mvstudio

@@ -6,7 +6,7 @@
 #include <map>
 
 #include "core/error.h"
-#include "core/frame_rate.h"
+#include "dataset/time/frame_rate.h"
 
 namespace mvstudio::markers {
 namespace {
@@ -60,7 +60,7 @@ MarkerTake EmptyTake(int id, const Person& person, double rate_hz) {
 }  // namespace
 
 std::vector<MarkerTake> MarkersOf(const dataset::Pose3d& pose, double rate_hz) {
-  if (!IsFrameRate(rate_hz)) throw UsageError(std::string("the frame rate ") + kFrameRates);
+  if (!dataset::IsFrameRate(rate_hz)) throw UsageError(std::string("the frame rate ") + dataset::kFrameRates);
   const std::map<int, Person> persons = FindPersons(pose);
   std::map<int, MarkerTake> takes;
   for (const auto& [id, person] : persons) takes.emplace(id, EmptyTake(id, person, rate_hz));

@@ -178,7 +178,7 @@ void ShallowFirst(std::vector<File>* files) {
 
 ReportNotice LeadsOut(const std::string& what) {
   return {"REP-OUTSIDE", what + " leads out of the run's folder, and is not read",
-          "copy what belongs to the run into its folder, or pass --follow-links for a run that you trust"};
+          "copy what belongs to the run into its folder, or pass option 'follow-links' for a run that you trust"};
 }
 
 int PipelineOrder(const std::string& command) {

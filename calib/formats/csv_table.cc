@@ -81,7 +81,7 @@ int64_t CsvTable::Integer(size_t row, int column) const {
 int64_t CsvTable::Frame(size_t row, int column) const {
   std::string why;
   const int64_t frame = ReadFrameNumber(Text(row, column), kMostWhole, &why);
-  if (frame < 0) throw FormatError(path_, Where(row, column), internal::Printable(why));
+  if (frame < 0) throw FormatError(path_, Where(row, column), why);
   return frame;
 }
 

@@ -17,10 +17,10 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
-#include "core/frame_rate.h"
 #include "core/parallel.h"
 #include "dataset/footage/frames.h"
 #include "dataset/session/timeline_source.h"
+#include "dataset/time/frame_rate.h"
 #include "dataset/time/motion_sync.h"
 #include "dataset/time/sync_file.h"
 
@@ -325,7 +325,8 @@ CommandResult RunMotion(const Arguments& arguments, const app::FoundTake& found,
 }
 
 CommandResult Run(Arguments arguments, CommandContext& context) {
-  if (arguments.fps != 0 && !IsFrameRate(arguments.fps)) throw UsageError(std::string("--fps ") + kFrameRates);
+  if (arguments.fps != 0 && !dataset::IsFrameRate(arguments.fps))
+    throw UsageError(std::string("--fps ") + dataset::kFrameRates);
   CommandResult result;
   if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.session, &arguments.pose, &result);
   const auto found = arguments.project.empty() ? FillFromSession(&arguments, &result) : std::nullopt;

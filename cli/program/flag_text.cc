@@ -19,14 +19,14 @@ void NameFlagsIn(nlohmann::ordered_json* value) {
 
 std::string WithFlags(const std::string& text) {
   constexpr char kWord[] = "option '";
-  if (text.find(kWord) == std::string::npos) return text;
+  if (text.find(kWord) == std::string::npos) return ShortNumbers(text);
   static const std::regex option("\\boption '([a-z0-9][a-z0-9-]*)'");
-  return std::regex_replace(text, option, "--$1");
+  return ShortNumbers(std::regex_replace(text, option, "--$1"));
 }
 
 void NameFlags(CommandResult* result) {
   for (std::vector<Notice>* notices : {&result->warnings, &result->errors}) {
-    for (Notice& notice : *notices) notice.text = ShortNumbers(WithFlags(notice.text)), notice.hint = WithFlags(notice.hint);
+    for (Notice& notice : *notices) notice.text = WithFlags(notice.text), notice.hint = WithFlags(notice.hint);
   }
   result->text = WithFlags(result->text);
   NameFlagsIn(&result->metrics);

@@ -12,7 +12,6 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
-#include "core/frame_rate.h"
 #include "core/hash/sha256.h"
 #include "core/join.h"
 #include "core/parallel.h"
@@ -22,6 +21,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
 #include "dataset/session/session.h"
+#include "dataset/time/frame_rate.h"
 #include "geometry/rig/plausible.h"
 
 namespace mvstudio::dataset {

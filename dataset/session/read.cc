@@ -9,11 +9,11 @@
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
-#include "core/frame_rate.h"
 #include "core/toml_depth.h"
 #include "dataset/json/json_file.h"
 #include "dataset/session/session.h"
 #include "dataset/session/session_scan.h"
+#include "dataset/time/frame_rate.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
