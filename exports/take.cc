@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/text/shortest_text.h"
-#include "dataset/time/frame_rate.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {

@@ -6,7 +6,6 @@
 #include <map>
 
 #include "core/error.h"
-#include "dataset/time/frame_rate.h"
 
 namespace mvstudio::markers {
 namespace {
@@ -60,7 +59,7 @@ MarkerTake EmptyTake(int id, const Person& person, double rate_hz) {
 }  // namespace
 
 std::vector<MarkerTake> MarkersOf(const dataset::Pose3d& pose, double rate_hz) {
-  if (!dataset::IsFrameRate(rate_hz)) throw UsageError(std::string("the frame rate ") + dataset::kFrameRates);
+  if (!(rate_hz > 0) || !std::isfinite(rate_hz)) throw UsageError("the frame rate must be positive");
   const std::map<int, Person> persons = FindPersons(pose);
   std::map<int, MarkerTake> takes;
   for (const auto& [id, person] : persons) takes.emplace(id, EmptyTake(id, person, rate_hz));

@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
-#include "dataset/time/frame_rate.h"
+#include "dataset/footage/frame_rate.h"
 #include "markers/bvh.h"
 #include "markers/marker_files.h"
 #include "markers/opensim.h"

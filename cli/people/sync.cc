@@ -18,9 +18,9 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/parallel.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/footage/frames.h"
 #include "dataset/session/timeline_source.h"
-#include "dataset/time/frame_rate.h"
 #include "dataset/time/motion_sync.h"
 #include "dataset/time/sync_file.h"
 

@@ -17,11 +17,11 @@
 #include "core/parallel.h"
 #include "core/statistics.h"
 #include "dataset/build/build_camera.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
 #include "dataset/session/session.h"
-#include "dataset/time/frame_rate.h"
 #include "geometry/rig/plausible.h"
 
 namespace mvstudio::dataset {

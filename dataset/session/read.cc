@@ -10,10 +10,10 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/toml_depth.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
 #include "dataset/session/session.h"
 #include "dataset/session/session_scan.h"
-#include "dataset/time/frame_rate.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;

@@ -268,9 +268,9 @@ TEST_F(ReportTest, NothingFromOutsideTheRunIsEmbeddedAndNobodyLearnsWhetherItIsT
   WriteFileAtomic(outside + "/provenance.jsonl", "{\"command\": \"" + lure + "\"}\n");
   WriteFileAtomic(outside + "/points.csv", "frame,person,joint,status," + lure + "\n0,0,a,Ok,1\n");
   const auto build = [&](const std::string& path, bool follow = false) {
-    Json result = Result("avatar fit", Json::object());
+    Json result = Result("avatar eval", {{"holdout", {{"n", 8}, {"ssim", 0.9}}}});
     result["outputs"] = {{{"path", path}, {"role", "textures"}}};
-    Save("avatar_fit.result.json", result);
+    Save("avatar_eval.result.json", result);
     ReportOptions options;
     options.follow_links = follow;
     const Report report = Build(options);
@@ -286,14 +286,14 @@ TEST_F(ReportTest, NothingFromOutsideTheRunIsEmbeddedAndNobodyLearnsWhetherItIsT
     const auto [html, said] = build(there);
     const auto [other, other_said] = build(gone);
     EXPECT_THAT(html, Not(HasSubstr("data:image"))) << there;
-    EXPECT_THAT(said, HasSubstr("REP-OUTSIDE: avatar_fit.result.json: image " + there)) << there;
+    EXPECT_THAT(said, HasSubstr("REP-OUTSIDE: avatar_eval.result.json: image " + there)) << there;
     EXPECT_THAT(html, HasSubstr("REP-OUTSIDE")) << "the page says so";
     EXPECT_EQ(std::regex_replace(said, std::regex("there"), "gone"), other_said);
     EXPECT_EQ(std::regex_replace(html, std::regex("there"), "gone"), std::regex_replace(other, std::regex("there"), "gone"));
     EXPECT_THAT(html, Not(HasSubstr(lure))) << "nor results through links";
     EXPECT_THAT(build(there, true).first, HasSubstr("data:image")) << "for a run that one trusts";
   }
-  EXPECT_THAT(build("out_and_in.png").second, HasSubstr("REP-OUTSIDE: avatar_fit"));
+  EXPECT_THAT(build("out_and_in.png").second, HasSubstr("REP-OUTSIDE: avatar_eval"));
   EXPECT_THAT(build("inside.png").first, HasSubstr("data:image")) << "a link inside the run";
   EXPECT_THAT(build(run_ + "/sub/own.png").first, HasSubstr("data:image"));
   EXPECT_THAT(build("/elsewhere/sub/own.png").first, HasSubstr("data:image")) << "a run that was moved";
