@@ -18,7 +18,9 @@ void ValueView::Fail(const std::string& what) const { throw FormatError(*path_, 
 
 const Value* ValueView::Find(std::string_view key) const {
   for (const auto& [name, value] : value_->entries) {
-    if (name == key) return &value;
+    if (name != key) continue;
+    value.used = true;
+    return &value;
   }
   return nullptr;
 }

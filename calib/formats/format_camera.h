@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
@@ -18,6 +19,11 @@ namespace mvstudio::calib::internal {
 /// lens model has.
 geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
                             const Eigen::VectorXd& distortion, bool fisheye, const Place& place);
+
+/// Same; a skew goes the way of ReplaceSkew. The pose is that turn or none: multiply it by the file's from the right.
+geometry::RigCamera MakeRigCamera(const std::string& name, const Eigen::Vector2d& size_px, const Eigen::Matrix3d& k,
+                                  const Eigen::VectorXd& distortion, bool fisheye, const ReadOptions& options,
+                                  const Place& place, std::vector<ImportNote>* notes);
 
 /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
 Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy);

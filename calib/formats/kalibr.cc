@@ -2,6 +2,7 @@
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
+#include "calib/formats/unused.h"
 #include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
@@ -126,6 +127,9 @@ ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
   }
   if (imported.rig.cameras.empty()) throw FormatError(path, "cam0", "this entry is missing");
   imported.rig.gauge = "camera " + imported.rig.cameras[0].camera.name;
+  geometry::UnusedKeys unused(path, options.metres_per_unit);
+  internal::AddUnused(root, {"rostopic", "camoverlaps", "tcamimu", "tcncnm1"}, &unused);
+  internal::AddUnusedNote(unused, &imported);
   return imported;
 }
 

@@ -299,6 +299,20 @@ void DescribePictures(FootageInfo* info) {
 
 }  // namespace
 
+void RefuseOrder(const std::string& path, const std::string& label, int64_t number, int64_t last) {
+  std::string lower = label;
+  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
+  bool other = false;
+  for (const char* word : {"mask", "seg", "matte", "alpha", "depth", "normal"}) other |= lower.find(word) != std::string::npos;
+  throw FormatError(
+      path, label,
+      "its number " + std::to_string(number) + " does not come after the one before, " + std::to_string(last) +
+          (other ? "; it looks like no image of the camera: masks and the like belong in a folder of their own, or give "
+                   "a pattern in quotes that the images alone fit"
+                 : "; a camera's images have one number each: are two cameras or kinds of images in one folder? A "
+                   "pattern in quotes takes some of them"));
+}
+
 std::optional<int64_t> NumberInName(const std::string& path) {
   const std::string stem = fs::path(path).stem().string();
   const auto last = stem.find_last_of("0123456789");

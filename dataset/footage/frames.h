@@ -61,6 +61,9 @@ struct FootageFiles {
 /// Throws like OpenFrames.
 FootageFiles ListFootage(const std::string& path_or_pattern);
 
+/// Throws FormatError for the image `label` of footage at `path`, whose number is not above `last`, that of the one before.
+[[noreturn]] void RefuseOrder(const std::string& path, const std::string& label, int64_t number, int64_t last);
+
 /// The last number in a file name without its extension, if any: the number of an image.
 std::optional<int64_t> NumberInName(const std::string& path);
 
