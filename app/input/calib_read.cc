@@ -92,6 +92,12 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
   calib::ImportedRig imported = format == calib::CalibrationFormat::kPanoptic ? ReadPanoptic(paths[0], read)
                                                                               : calib::ReadCalibration(format, paths, read);
   MendPoses(options, format, &imported);
+  if (options.unit != calib::LengthUnit::kMetre && !calib::NamesNoUnit(format)) {
+    imported.notes.push_back({"CAL-UNIT",
+                              "option 'unit' " + std::string(ToString(options.unit)) + " changes nothing in " + named.front() +
+                                  ": the format " + std::string(calib::ToString(format)) + " has a unit of its own",
+                              "option 'out-unit' of calib convert writes other units, in formats that name none"});
+  }
   for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(imported.rig)) {
     imported.notes.push_back({doubt.code, doubt.text, doubt.hint});
   }

@@ -6,7 +6,6 @@
 #include "calib/formats/colmap_files.h"
 #include "calib/formats/format_camera.h"
 #include "calib/formats/formats.h"
-#include "calib/formats/picture_cameras.h"
 #include "core/check.h"
 #include "core/error.h"
 

@@ -136,7 +136,8 @@ void ReplaceSkew(double skew_px, const ReadOptions& options, const std::string& 
   const geometry::WithoutSkew nearest = geometry::ReplaceSkew(camera->camera, skew_px);
   const std::string what = "the camera matrix has skew " + Format("%.6g", skew_px) + " px, which no lens model here has";
   const std::string off = "off by " + Format("%.3g", nearest.worst_px) + " px at worst";
-  if (!(nearest.worst_px <= options.allow_approximation_px)) {
+  constexpr double kNothing = 0.01;  // px; below what any calibration knows
+  if (!(nearest.worst_px <= std::max(kNothing, options.allow_approximation_px))) {
     throw FormatError(path, where,
                       what + "; the nearest camera without it is " + off +
                           ": pass option 'allow-approximation' PX to calib convert or calib show to accept it");

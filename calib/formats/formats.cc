@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/join.h"
 #include "core/label.h"
+#include "core/text/words.h"
 #include "geometry/rig/foreign_layout.h"
 #include "geometry/rig/rig_io.h"
 

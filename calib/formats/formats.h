@@ -38,6 +38,8 @@ inline constexpr CalibrationFormat kAllCalibrationFormats[] = {
 
 std::string_view ToString(CalibrationFormat format);
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name);
+/// Whether lengths in its files are in whatever unit their writer took: all but mvstudio, panoptic and qca.
+bool NamesNoUnit(CalibrationFormat format);
 /// "mvstudio, panoptic, …".
 std::string CalibrationFormatNames();
 /// As an option (core/fields.h): a format's name, or auto for none. Throws UsageError that names `option`.
@@ -80,7 +82,8 @@ struct ReadOptions {
 ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options = {});
 
 /// Puts the nearest camera without skew in place of one whose matrix has `skew_px` at K[0][1] (geometry/lens/skew.h); the turn
-/// goes into its pose, and a note says so. Throws FormatError when it is off by more than options.allow_approximation_px.
+/// goes into its pose, and a note says so. Throws FormatError when it is off by more than options.allow_approximation_px, and
+/// 0.01 px.
 void ReplaceSkew(double skew_px, const ReadOptions& options, const std::string& path, const std::string& where,
                  geometry::RigCamera* camera, std::vector<ImportNote>* notes);
 

@@ -7,8 +7,6 @@
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
-#include "calib/formats/picture_cameras.h"
-#include "calib/formats/unused.h"
 #include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"

@@ -7,8 +7,8 @@
 #include <string>
 
 #include "calib/formats/document.h"
+#include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
-#include "calib/formats/unused.h"
 
 /// OpenCV's FileStorage YAML 1.0.
 namespace mvstudio::calib::internal {
@@ -30,7 +30,7 @@ const Entry* FindFirst(const Entries& entries, std::initializer_list<const char*
 
 /// What the entries say about their lens.
 geometry::LensWords LensWordsOf(const Entries& entries);
-/// The entries that nobody looked for; `harmless` as in unused.h.
+/// The entries that nobody looked for; `harmless` as in AddUnused.
 void AddUnusedEntries(const Entries& entries, std::initializer_list<const char*> harmless, geometry::UnusedKeys* unused);
 
 double ReadNumber(const Entry& entry);

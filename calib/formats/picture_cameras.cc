@@ -1,5 +1,3 @@
-#include "calib/formats/picture_cameras.h"
-
 #include <algorithm>
 #include <map>
 #include <set>
@@ -63,11 +61,11 @@ Names StemNames(const std::vector<PictureCamera>& pictures) {
   return names;
 }
 
-/// Without the number at its end: `cam1_0007` is of cam1.
+/// Without the number at its end, of three digits or more: `cam1_0007` is of cam1.
 Names WithoutNumbers(Names names) {
   for (std::string& name : names) {
     const size_t last = name.find_last_not_of("0123456789");
-    if (last == std::string::npos || last + 1 == name.size()) continue;
+    if (last == std::string::npos || name.size() - last - 1 < 3) continue;
     const size_t end = name.find_last_not_of("_-. ", last);
     name = end == std::string::npos || end == last ? std::string() : name.substr(0, end + 1);
   }

@@ -6,7 +6,6 @@
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
-#include "calib/formats/unused.h"
 #include "calib/formats/writers.h"
 #include "calib/formats/xml.h"
 #include "core/disk/files.h"
@@ -70,7 +69,8 @@ geometry::RigCamera ReadIntrinsics(const pugi::xml_node& element, const std::str
   if (distortion[4] == 0) distortion.conservativeResize(4);
   intrinsic.AddUnused({"focallength", "sensorminu", "sensormaxu", "sensorminv", "sensormaxv"}, unused);
   const Eigen::Vector2d size(window("right") - window("left") + 1, window("bottom") - window("top") + 1);
-  return internal::MakeRigCamera(name, size, k, distortion / options.qca_distortion_divisor, false, options, place, notes);
+  return internal::MakeRigCamera(name, size, k, distortion / options.qca_distortion_divisor, false, options, intrinsic.place(),
+                                 notes);
 }
 
 geometry::Rigid3 ReadTransform(const pugi::xml_node& element, const Place& place) {

@@ -59,6 +59,13 @@ constexpr Words<6> kDirectionKeys = {"posetype",       "transformtype", "extrins
 constexpr Words<7> kOurDirections = {"worldtocamera",   "worldtocam", "w2c",      "camfromworld",
                                      "camerafromworld", "false",      "extrinsic"};
 
+/// At most 40 characters of a file's text, with '?' for whatever is not printable ASCII.
+std::string Shown(const std::string& value) {
+  std::string shown = value.substr(0, 40);
+  for (char& c : shown) c = c >= ' ' && c <= '~' ? c : '?';
+  return shown;
+}
+
 /// Nothing said: zero, false, none, empty, a list of zeros.
 bool IsNeutral(const std::string& value) {
   const std::string plain = PlainKey(value);
@@ -82,7 +89,7 @@ std::string OtherMeaning(const std::string& key, const std::string& value, doubl
   if (Has(kLensKeys, plain) && !Has(kPinholes, word))
     return "says what kind of lens it is, which this format's reader does not know";
   if (Has(kSkewKeys, plain)) return "is a skew, which no lens model here has";
-  if (Has(kBinningKeys, plain) && word != "1")
+  if (Has(kBinningKeys, plain) && std::atof(value.c_str()) != 1)
     return "says that images are smaller than the calibration's: resize it (calib resize)";
   if (Has(kAxesKeys, plain) && !Has(kOurAxes, word))
     return "says that axes point otherwise than this format's; option 'mirror' reads left-handed ones";
@@ -115,7 +122,7 @@ void LensWords::Add(const std::string& path, const std::string& where, std::stri
   const LensKind kind = weak || Has(kPerspectives, word) ? LensKind::kPerspective : LensKind::kFisheye;
   if (kind == LensKind::kFisheye && (!Has(kFisheyes, word) || PlainKey(key) == "isequirectangular")) {
     throw FormatError(path, where,
-                      "the lens '" + value.substr(0, 40) +
+                      "the lens '" + Shown(value) +
                           "' is not known here (pinhole, opencv, plumb_bob, rational_polynomial, radtan; fisheye, equidistant, "
                           "opencv_fisheye)");
   }
@@ -124,7 +131,7 @@ void LensWords::Add(const std::string& path, const std::string& where, std::stri
     return;
   }
   if (strong_ != LensKind::kUnsaid && strong_ != kind)
-    throw FormatError(path, where, "'" + value.substr(0, 40) + "' contradicts " + said_by_ + ": is it a fisheye lens?");
+    throw FormatError(path, where, "'" + Shown(value) + "' contradicts " + said_by_ + ": is it a fisheye lens?");
   strong_ = kind;
   said_by_ = where;
 }
@@ -132,7 +139,7 @@ void LensWords::Add(const std::string& path, const std::string& where, std::stri
 void UnusedKeys::Add(const std::string& where, const std::string& key, const std::string& value) {
   const std::string other = OtherMeaning(key, value, metres_per_unit_);
   if (!other.empty())
-    throw FormatError(path_, where, "'" + value.substr(0, 40) + "' " + other + "; take the key out if it does not apply");
+    throw FormatError(path_, where, "'" + Shown(value) + "' " + other + "; take the key out if it does not apply");
   Seen& seen = seen_[key];
   if (seen.times++ == 0) seen.where = where;
 }

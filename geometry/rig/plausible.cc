@@ -126,7 +126,10 @@ bool LookAtDirections(const Rig& rig, std::vector<RigDoubt>* doubts) {
   for (const RigCamera& camera : rig.cameras)
     farthest_world = std::max(farthest_world, camera.cam_from_world.translation.norm());
   const double apart = FarthestApart(rig);
-  const bool one_place = count > 1 && farthest_world > 0 && apart < kOnePlace * farthest_world;
+  const bool turned = std::any_of(rig.cameras.begin(), rig.cameras.end(), [&](const RigCamera& camera) {
+    return RotationAngle(camera.cam_from_world.rotation, rig.cameras[0].cam_from_world.rotation) > kOnePlace;
+  });  // otherwise these are lenses alone, without places
+  const bool one_place = turned && farthest_world > 0 && apart < kOnePlace * farthest_world;
   const AxesMeeting as_read = MeetingOfAxes(rig), inverted = MeetingOfAxes(WithPosesInverted(rig));
   const bool reads_well = as_read.sharp() && 2 * as_read.in_front > count;
   const bool faces = inverted.in_front == count || inverted.in_front == 0;  // files with OpenGL's axes: all behind
