@@ -122,8 +122,8 @@ void SayTheyMove(const Names& folders, const Names& stems, ImportedRig* imported
       std::all_of(by_folder.begin(), by_folder.end(), [](const auto& group) { return group.second.size() > 1; });
   if (by_folder.size() < 2 || !several || Unique(stems)) return;
   imported->notes.push_back({"CAL-MOVING",
-                             "the pictures of a folder do not share pose and lens, in " + std::to_string(by_folder.size()) +
-                                 " folders: each of the " + std::to_string(folders.size()) + " pictures is a camera by itself",
+                             "the images of a folder do not share pose and lens, in " + std::to_string(by_folder.size()) +
+                                 " folders: each of the " + std::to_string(folders.size()) + " images is a camera by itself",
                              "if the cameras stood still: let the program that wrote the file keep them fixed, one lens each"});
 }
 
@@ -141,7 +141,7 @@ void AddPictureCameras(std::vector<PictureCamera> pictures, ImportedRig* importe
       if (added.insert(names[i]).second) Add(pictures[i], names[i], imported);
     }
     imported->notes.push_back({"CAL-MERGED",
-                               std::to_string(pictures.size()) + " pictures are of " + std::to_string(groups.size()) +
+                               std::to_string(pictures.size()) + " images are of " + std::to_string(groups.size()) +
                                    " cameras that stand still (" + groups.begin()->first + ", …): one camera each",
                                ""});
     return;
