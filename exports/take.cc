@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/text/shortest_text.h"
@@ -47,10 +48,9 @@ std::vector<size_t> ChooseCameras(const dataset::PanopticDataset& dataset, const
 std::vector<int> ChooseFrames(const dataset::PanopticDataset& dataset, const FormatInfo& format, const ExportOptions& options,
                               const std::optional<dataset::Split>& split, ExportReport* report) {
   const std::set<int> have(dataset.frames.begin(), dataset.frames.end());
-  std::vector<int> chosen = options.frames;
-  for (const int frame : chosen) {
-    if (!have.count(frame)) throw UsageError("option 'frames': the dataset has no joints of frame " + std::to_string(frame));
-  }
+  std::vector<int> chosen = KnownFrames(
+      options.frames, [&](int frame) { return have.count(frame) > 0; },
+      [&](int frame) { throw UsageError("option 'frames': the dataset has no joints of frame " + std::to_string(frame)); });
   if (!chosen.empty()) return chosen;
   chosen = dataset.frames;
   if (split) {

@@ -23,7 +23,7 @@ MAY_INCLUDE = {
     "geometry/rigid": {"core"},
     "geometry/solve": {"core"},
     "geometry/lens/models": {"core"},
-    "geometry/lens": {"core", "geometry/rigid", "geometry/lens/models"},
+    "geometry/lens": {"core", "core/text", "geometry/rigid", "geometry/lens/models"},
     "geometry/rig": {"core", "core/disk", "geometry/rigid", "geometry/lens/models", "geometry/lens"},
     "body": CORE | GEOMETRY,
     "body/fit": CORE | GEOMETRY | {"body"},

@@ -39,7 +39,8 @@ ordered_json FootageJson(const dataset::SessionReport& report) {
       entry["bits"] = f.info->bits;
       entry["width"] = f.info->width;
       entry["height"] = f.info->height;
-      entry["rotation_clockwise_deg"] = 90 * f.info->quarter_turns_clockwise;
+      entry["mirrored"] = f.info->turn.mirrored;
+      entry["rotation_clockwise_deg"] = 90 * f.info->turn.quarter_turns_clockwise;
       entry["fps_hz"] = f.info->fps_hz > 0 ? FiniteOrNull(f.info->fps_hz) : ordered_json(nullptr);
       entry["frames"] = f.num_frames;
       entry["duration_s"] = f.info->is_video ? FiniteOrNull(f.duration_s) : ordered_json(nullptr);

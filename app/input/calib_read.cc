@@ -4,10 +4,13 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <utility>
 
 #include "core/error.h"
 #include "core/units.h"
 #include "dataset/panoptic/panoptic.h"
+#include "dataset/panoptic/panoptic_files.h"
+#include "geometry/rig/meeting.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/decompositions.h"
 
@@ -35,19 +38,66 @@ void FromString(const std::string& text, ImageSize* size) {
   *size = read;
 }
 
-calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options) {
-  if (paths.empty()) throw UsageError("no calibration file is named");
+namespace {
+
+calib::ImportedRig ReadPanoptic(const std::string& path, const calib::ReadOptions& options) {
+  dataset::PanopticCalibrationFile file = dataset::ReadPanopticCalibrationFile(path);
+  std::vector<double> skews_px;
+  for (dataset::PanopticCamera& camera : file.cameras) skews_px.push_back(std::exchange(camera.K(0, 1), 0));
+  calib::ImportedRig imported{dataset::ToRig(file, path), {}};
+  for (size_t i = 0; i < skews_px.size(); ++i) {
+    if (skews_px[i] == 0) continue;
+    calib::ReplaceSkew(skews_px[i], options, path, "cameras[" + std::to_string(i) + "].K", &imported.rig.cameras[i],
+                       &imported.notes);
+  }
+  const std::string keys = dataset::UnusedKeysOf(file, path);
+  if (!keys.empty()) imported.notes.push_back(calib::UnusedKeysNote(keys));
+  return imported;
+}
+
+/// The poses as the options say that the file means them.
+void MendPoses(const CalibReadOptions& options, calib::CalibrationFormat format, calib::ImportedRig* imported) {
+  if (options.invert) {
+    const bool panoptic = format == calib::CalibrationFormat::kPanoptic;
+    imported->rig = geometry::WithPosesInverted(
+        imported->rig, panoptic ? dataset::OursFromPanoptic() : Eigen::Matrix3d(Eigen::Matrix3d::Identity()));
+    const geometry::AxesMeeting meeting = geometry::MeetingOfAxes(imported->rig);
+    if (format == calib::CalibrationFormat::kNerfstudio && meeting.sharp() && meeting.in_front == 0) {
+      imported->rig = geometry::WithAxesTurned(imported->rig);
+      imported->notes.push_back({"CAL-INVERT",
+                                 "inverted with OpenGL's axes (y up, looking along -z): otherwise the cameras "
+                                 "look away from the place where their axes meet",
+                                 ""});
+    }
+  }
+  if (options.mirror) imported->rig = geometry::WithAxesMirrored(imported->rig);
+}
+
+}  // namespace
+
+calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, const CalibReadOptions& options) {
+  if (named.empty()) throw UsageError("no calibration file is named");
+  std::vector<std::string> paths;
+  for (const std::string& path : named) paths.push_back(calib::CalibrationIn(path));
   calib::ReadOptions read;
   read.width_px = options.size.width_px, read.height_px = options.size.height_px;
   read.metres_per_unit = MetresPer(options.unit);
   read.qca_distortion_divisor = options.qca_distortion_divisor;
+  read.lens = options.lens;
+  read.allow_approximation_px = options.allow_approximation_px;
   const calib::CalibrationFormat format = options.from ? *options.from : calib::DetectFormat(paths.front());
   if (format == calib::CalibrationFormat::kPanoptic && paths.size() > 1) {
     throw UsageError(paths[1] + ": Panoptic's calibration is one file");
   }
-  calib::ImportedRig imported = format == calib::CalibrationFormat::kPanoptic
-                                    ? calib::ImportedRig{dataset::ReadPanopticCalibration(paths[0]), {}}
-                                    : calib::ReadCalibration(format, paths, read);
+  calib::ImportedRig imported = format == calib::CalibrationFormat::kPanoptic ? ReadPanoptic(paths[0], read)
+                                                                              : calib::ReadCalibration(format, paths, read);
+  MendPoses(options, format, &imported);
+  if (options.unit != calib::LengthUnit::kMetre && !calib::NamesNoUnit(format)) {
+    imported.notes.push_back({"CAL-UNIT",
+                              "option 'unit' " + std::string(ToString(options.unit)) + " changes nothing in " + named.front() +
+                                  ": the format " + std::string(calib::ToString(format)) + " has a unit of its own",
+                              "option 'out-unit' of calib convert writes other units, in formats that name none"});
+  }
   for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(imported.rig)) {
     imported.notes.push_back({doubt.code, doubt.text, doubt.hint});
   }
@@ -55,13 +105,17 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, c
 }
 
 void AddDoubts(const geometry::Rig& rig, CommandResult* result) {
-  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
-    result->warnings.push_back({doubt.code, doubt.text, doubt.hint});
-  }
+  std::vector<calib::ImportNote> notes;
+  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) notes.push_back({doubt.code, doubt.text, doubt.hint});
+  AddNotes(notes, result);
 }
 
 void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result) {
-  for (const calib::ImportNote& note : notes) result->warnings.push_back({note.code, note.text, note.hint});
+  for (const calib::ImportNote& note : notes) {
+    const bool said = std::any_of(result->warnings.begin(), result->warnings.end(),
+                                  [&](const auto& warning) { return warning.code == note.code && warning.text == note.text; });
+    if (!said) result->warnings.push_back({note.code, note.text, note.hint});
+  }
 }
 
 Eigen::Vector3d FieldOfViewDeg(const geometry::Camera& camera) {

@@ -23,10 +23,14 @@ struct CalibReadOptions {
   ImageSize size;                                ///< where the file does not give it
   calib::LengthUnit unit = calib::LengthUnit::kMetre;
   double qca_distortion_divisor = 1;
+  geometry::LensKind lens = geometry::LensKind::kUnsaid;  ///< where the file does not say it
+  bool invert = false;                                    ///< the file's poses go the other way (geometry/rig/meeting.h)
+  bool mirror = false;                                    ///< the file is left-handed
+  double allow_approximation_px = 0;                      ///< see calib::ReadOptions
 };
 
-/// Reads a calibration of any format from one or several files; implausible properties (geometry/rig/plausible.h) are
-/// among its notes. Throws UsageError, IoError, FormatError.
+/// Reads a calibration of any format from one or several files, or from a folder that holds one (calib::CalibrationIn);
+/// implausible properties (geometry/rig/plausible.h) are among its notes. Throws UsageError, IoError, FormatError.
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options);
 
 /// Turns notes into warnings.

@@ -64,6 +64,14 @@ void ScorePair(PicturePair* pair) {
 
 PicturePairs PairPictures(const std::string& reference, const std::string& other, const std::string& masks) {
   PicturePairs result;
+  for (const std::string& path : {reference, other}) {
+    if (fs::path(path).extension() == ".npz" && fs::is_regular_file(path)) {
+      throw FormatError(
+          path, "",
+          "is of a kind that is not read here: NumPy's .npz, such as stored statistics of features; known are images, "
+          "folders of images, and features as .npy");
+    }
+  }
   if (fs::is_regular_file(reference) && fs::is_regular_file(other)) {
     result.pairs.push_back({fs::path(reference).stem().string(), reference, other, masks, {}, {}, {}, 0, 0});
     return result;

@@ -45,6 +45,7 @@ PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
   if (body::IsSkeletonFile(SkeletonNameOf(arguments))) result->inputs.push_back(SkeletonNameOf(arguments));
   CalibReadOptions read;
   if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "unit", &read.unit);
+  read.invert = arguments.invert, read.mirror = arguments.mirror;
   const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, read);
   AddNotes(imported.notes, result);
   input.rig = imported.rig;

@@ -17,10 +17,11 @@ namespace mvstudio::app {
 
 struct PoseArguments {
   std::string calib;
-  std::string calib_unit;  ///< of a calibration that names none: m, cm, mm, in; empty: m
-  std::string skeleton;    ///< name or file; empty: pose2d's skeleton.json beside the folders, else body25; or the joints named
-                           ///< in the table of points, DeepLabCut's or SLEAP's files
-  std::string points2d;    ///< table of points of all cameras, ours or caliscope's, instead of pose2d
+  std::string calib_unit;               ///< of a calibration that names none: m, cm, mm, in; empty: m
+  bool invert = false, mirror = false;  ///< of the calibration's poses, see CalibReadOptions
+  std::string skeleton;  ///< name or file; empty: pose2d's skeleton.json beside the folders, else body25; or the joints named
+                         ///< in the table of points, DeepLabCut's or SLEAP's files
+  std::string points2d;  ///< table of points of all cameras, ours or caliscope's, instead of pose2d
   std::vector<std::pair<std::string, std::string>> bones = {};  ///< of a project's configuration, for files that state none
   std::vector<std::string> without_joints = {};                 ///< names of joints whose detections are left out
   std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, DeepLabCut's and SLEAP's too, one per camera

@@ -22,6 +22,7 @@
 #include "calib/board/pixel_origin.h"
 #include "core/check.h"
 #include "core/join.h"
+#include "core/text/words.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -135,6 +136,20 @@ const std::vector<std::string>& AllTagFamilies() {
 }
 
 std::string TagFamilyNames() { return Join(AllTagFamilies(), ", "); }
+
+std::string CanonicalTagFamily(const std::string& name) {
+  const auto plain = [](const std::string& text) {
+    std::string word = PlainWord(text);
+    for (const std::string prefix : {"apriltag", "tag"}) {
+      if (word.rfind(prefix, 0) == 0) word.erase(0, prefix.size());
+    }
+    return word;
+  };
+  for (const std::string& known : AllTagFamilies()) {
+    if (plain(known) == plain(name)) return known;
+  }
+  return name;
+}
 
 std::optional<TagFamily> FindTagFamily(const std::string& name) {
   const apriltag_family_t* family = AllFamilies().Get(name, 1);

@@ -20,6 +20,8 @@ struct TagFamily {
   bool white_inside = false;  ///< the found square is white inside and black outside (newer families), else the reverse
 };
 
+/// The family that `name` means in any case and with or without `tag` before it; `name` itself for none.
+std::string CanonicalTagFamily(const std::string& name);
 std::optional<TagFamily> FindTagFamily(const std::string& name);
 const std::vector<std::string>& AllTagFamilies();
 /// All names, separated by ", ".
@@ -37,9 +39,9 @@ TagPattern PatternOf(const TagFamily& family, int id, int border = 1);
 /// A tag found in an image.
 struct Tag {
   int id = 0;
-  int border = 1;            ///< width of the black border in cells with which the tag decoded
-  int hamming = 0;           ///< bits corrected
-  double decision_margin = 0;  ///< mean grey-value distance of the bits from the threshold
+  int border = 1;                  ///< width of the black border in cells with which the tag decoded
+  int hamming = 0;                 ///< bits corrected
+  double decision_margin = 0;      ///< mean grey-value distance of the bits from the threshold
   Eigen::Matrix<double, 2, 4> px;  ///< bottom left, bottom right, top right, top left of the upright tag
 };
 

@@ -12,6 +12,7 @@
 #include "calib/board/charuco_layout.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/text/words.h"
 
 namespace mvstudio::calib {
 
@@ -28,8 +29,36 @@ namespace {
 
 using Parts = std::vector<std::string>;
 
+struct Form {
+  const char *kind, *form, *example;
+};
+constexpr Form kForms[] = {
+    {"chessboard", "chessboard:COLSxROWS:SQUARE (INNER corners)", "chessboard:9x6:25mm"},
+    {"charuco", "charuco:COLSxROWS:SQUARE:MARKER[:DICTIONARY][:legacy][:inverted][:first=ID][:two-sided=THICKNESS] (squares)",
+     "charuco:8x6:60mm:45mm:4x4_1000"},
+    {"aprilgrid",
+     "aprilgrid:COLSxROWS:SIDE:GAP/SIDE[:FAMILY][:first=ID][:border=CELLS][:two-sided=THICKNESS] (tags, Kalibr's layout)",
+     "aprilgrid:6x6:88mm:0.3:36h11"},
+    {"tag", "tag:FAMILY:ID:SIDE[:border=CELLS] (one AprilTag)", "tag:36h11:7:100mm"},
+    {"grid", "grid:COLSxROWS:STEP (points, for corner files)", "grid:9x6:25mm"}};
+
+/// The kind of the text's first part, by the names that other programs give it too; null for an unknown one.
+const Form* FormOf(const std::string& text) {
+  std::string kind = PlainWord(text.substr(0, text.find(':')));
+  if (kind == "checkerboard" || kind == "checker" || kind == "chess") kind = "chessboard";
+  if (kind == "charucoboard") kind = "charuco";
+  if (kind == "apriltaggrid" || kind == "aprilboard") kind = "aprilgrid";
+  if (kind == "apriltag") kind = "tag";
+  for (const Form& form : kForms) {
+    if (kind == form.kind) return &form;
+  }
+  return nullptr;
+}
+
 [[noreturn]] void Fail(const std::string& text, const std::string& what) {
-  throw UsageError("board '" + text + "': " + what + "; expected " + kBoardForms);
+  const Form* const form = FormOf(text);
+  throw UsageError("board '" + text + "': " + what + "; expected " +
+                   (form ? std::string(form->form) + ", e.g. " + form->example : std::string(kBoardForms)));
 }
 
 Parts Split(const std::string& text) {
@@ -58,8 +87,12 @@ double ParseDistance(const std::string& text, const std::string& board) {
   std::string unit;
   const double value = LeadingNumber(text, board, &unit);
   const std::map<std::string, double> units = {{"mm", 1e-3}, {"cm", 1e-2}, {"m", 1}, {"in", 0.0254}};
-  const auto known = units.find(unit);
-  if (known == units.end()) Fail(board, "the length '" + text + "' needs a unit mm, cm, m or in");
+  const auto known = units.find(PlainWord(unit));
+  if (known == units.end()) {
+    Fail(board, unit.empty() ? "the length '" + text + "' has no unit: write " + text + "mm, " + text + "cm, " + text +
+                                   "m or " + text + "in"
+                             : "the unit of '" + text + "' is none of mm, cm, m and in");
+  }
   const double metres = value * known->second;
   if (!(metres >= 0) || !std::isfinite(metres)) Fail(board, "the length '" + text + "' must be positive");
   return metres;
@@ -82,7 +115,8 @@ int ParseCount(const std::string& text, const std::string& board, int low, int h
 
 void ParseGridSize(const std::string& text, const std::string& board, int least, Board* out) {
   char end = 0;
-  if (std::sscanf(text.c_str(), "%5dx%5d%c", &out->cols, &out->rows, &end) != 2) Fail(board, "'" + text + "' is not COLSxROWS");
+  if (std::sscanf(text.c_str(), "%5d%*1[xX*]%5d%c", &out->cols, &out->rows, &end) != 2)
+    Fail(board, "'" + text + "' is not COLSxROWS");
   if (std::min(out->cols, out->rows) < least || std::max(out->cols, out->rows) > 200) {
     Fail(board, "the grid " + text + " must be from " + std::to_string(least) + "x" + std::to_string(least) + " to 200x200");
   }
@@ -105,7 +139,7 @@ bool ParseMarkerPart(const std::string& part, const std::string& text, Board* bo
 
 void CheckMarkers(const Board& board, const std::string& text) {
   const int index = DictionaryIndex(board.dictionary);
-  if (index < 0) Fail(text, "unknown dictionary '" + board.dictionary + "'");
+  if (index < 0) Fail(text, "unknown dictionary '" + board.dictionary + "'; known are " + DictionaryNames());
   const int available = cv::aruco::getPredefinedDictionary(index)->bytesList.rows;
   if (board.first_tag + static_cast<int>(MarkerSquares(board).size()) > available) {
     Fail(text, "dictionary " + board.dictionary + " has only " + std::to_string(available) + " markers");
@@ -123,12 +157,12 @@ Board ParseCharuco(const Parts& parts, const std::string& text) {
   board.marker_m = ParseLength(parts[3], text);
   if (board.marker_m >= board.square_m) Fail(text, "the marker must be smaller than the square");
   for (size_t i = 4; i < parts.size(); ++i) {
-    if (parts[i] == "legacy") {
+    if (PlainWord(parts[i]) == "legacy") {
       board.legacy = true;
-    } else if (parts[i] == "inverted") {
+    } else if (PlainWord(parts[i]) == "inverted") {
       board.inverted = true;
     } else if (!ParseMarkerPart(parts[i], text, &board)) {
-      board.dictionary = parts[i];
+      board.dictionary = CanonicalDictionary(parts[i]);
     }
   }
   CheckMarkers(board, text);
@@ -166,7 +200,7 @@ Board ParseAprilGrid(const Parts& parts, const std::string& text) {
     if (const char* width = ValueOf(parts[i], "border")) {
       border = ParseCount(width, text, 1, 2);
     } else if (!ParseMarkerPart(parts[i], text, &board)) {
-      board.dictionary = parts[i];
+      board.dictionary = CanonicalTagFamily(parts[i]);
     }
   }
   const auto family = FindTagFamily(board.dictionary);
@@ -180,7 +214,7 @@ Board ParseTag(const Parts& parts, const std::string& text) {
   board.kind = Board::Kind::kTag;
   board.cols = board.rows = 1;
   if (parts.size() < 4 || parts.size() > 5) Fail(text, "a tag has 4 or 5 parts");
-  board.dictionary = parts[1];
+  board.dictionary = CanonicalTagFamily(parts[1]);
   board.first_tag = ParseCount(parts[2], text, 0, 99999);
   board.square_m = ParseLength(parts[3], text);
   if (parts.size() == 5) {
@@ -221,13 +255,18 @@ std::string Size(int cols, int rows) { return std::to_string(cols) + "x" + std::
 
 Board ParseBoard(const std::string& text) {
   const Parts parts = Split(text);
-  const std::string kind = parts.empty() ? "" : parts[0];
+  const Form* const form = FormOf(text);
+  if (!form) {
+    const std::string kind = parts.empty() ? "" : parts[0];
+    Fail(text,
+         "unknown kind of board" + DidYouMean(kind, {"chessboard", "checkerboard", "charuco", "aprilgrid", "tag", "grid"}));
+  }
+  const std::string kind = form->kind;
   if (kind == "chessboard") return ParseGrid(parts, Board::Kind::kChessboard, text);
   if (kind == "charuco") return ParseCharuco(parts, text);
   if (kind == "aprilgrid") return ParseAprilGrid(parts, text);
   if (kind == "tag") return ParseTag(parts, text);
-  if (kind == "grid") return ParseGrid(parts, Board::Kind::kGrid, text);
-  Fail(text, "unknown kind of board");
+  return ParseGrid(parts, Board::Kind::kGrid, text);
 }
 
 std::string ToString(const Board& board) {

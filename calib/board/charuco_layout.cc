@@ -4,6 +4,9 @@
 #include <iterator>
 #include <string>
 
+#include "core/join.h"
+#include "core/text/words.h"
+
 namespace mvstudio::calib {
 namespace {
 
@@ -28,6 +31,17 @@ std::vector<Square> MarkerSquares(const Board& board) {
     }
   }
   return squares;
+}
+
+std::string DictionaryNames() { return Join(kDictionaries, ", "); }
+
+std::string CanonicalDictionary(const std::string& name) {
+  std::string plain = PlainWord(name);
+  if (plain.rfind("dict", 0) == 0) plain.erase(0, 4);
+  for (const std::string known : kDictionaries) {
+    if (PlainWord(known) == plain) return known;
+  }
+  return name;
 }
 
 int DictionaryIndex(const std::string& name) {

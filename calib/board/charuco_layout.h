@@ -20,6 +20,9 @@ bool IsBlack(const Board& board, Square square);
 /// list. Empty for a chessboard.
 std::vector<Square> MarkerSquares(const Board& board);
 
+/// "4x4_50, …", and the one of them that `name` means in any case and with or without `DICT_`; `name` itself for none.
+std::string DictionaryNames();
+std::string CanonicalDictionary(const std::string& name);
 /// Index of OpenCV's predefined dictionary called `name` (`4x4_50` … `apriltag_36h11`), or -1.
 int DictionaryIndex(const std::string& name);
 

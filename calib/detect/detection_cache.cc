@@ -19,7 +19,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// To be raised whenever detection gives other results than before.
-constexpr char kDetectorVersion[] = "mvstudio detections 3";
+constexpr char kDetectorVersion[] = "mvstudio detections 4";
 constexpr size_t kDigestSize = 64;
 constexpr uint64_t kMaxCount = 1u << 26;
 

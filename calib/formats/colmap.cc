@@ -191,6 +191,7 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
     throw FormatError(folder, "images", "there is no image in this model, hence no camera with a place");
   ImportedRig imported;
   imported.rig.gauge = "COLMAP's world";
+  std::vector<internal::PictureCamera> pictures;
   for (const internal::ColmapImage& image : model.images) {
     const auto found = model.cameras.find(image.camera_id);
     if (found == model.cameras.end()) {
@@ -200,8 +201,9 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
     geometry::RigCamera camera;
     camera.camera = internal::ToCamera(found->second, name);
     camera.cam_from_world = {image.rotation, image.translation * options.metres_per_unit};
-    internal::AddCamera(std::move(camera), image.place, &imported.rig);
+    pictures.push_back({image.name, name, std::move(camera), image.place});
   }
+  internal::AddPictureCameras(std::move(pictures), &imported);
   imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   return imported;
 }

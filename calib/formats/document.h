@@ -21,6 +21,7 @@ struct Value {
   std::string text;  ///< of YAML: also numbers, as written
   std::vector<Value> items;
   std::vector<std::pair<std::string, Value>> entries;
+  mutable bool used = false;  ///< of an entry: a ValueView was asked for its key
 };
 
 /// Parses one value in the syntax of JSON or of Python literals (dict, list, tuple, numbers, strings, None, True, False,

@@ -48,10 +48,10 @@ Eigen::Vector2d ReadSize(const Entries& entries, const std::string& name, const 
 }
 
 geometry::Rigid3 ReadPose(const Entries& entries, const std::string& name, const std::string& path) {
-  const Entry* matrix = FindEntry(entries, "Rot_" + name);
+  const Entry *matrix = FindEntry(entries, "Rot_" + name), *vector = FindEntry(entries, "R_" + name);
   const Entry& translation = Require(entries, "T_" + name, path);
   geometry::Rigid3 pose;
-  pose.rotation = internal::ReadRotation(matrix ? *matrix : Require(entries, "R_" + name, path));
+  pose.rotation = internal::ReadRotation(matrix ? *matrix : vector ? *vector : Require(entries, "R_" + name, path));
   const Eigen::VectorXd t = internal::ReadVector(translation);
   if (t.size() != 3) throw FormatError(path, translation.place.where, "3 numbers were expected");
   pose.translation = t;
@@ -81,13 +81,18 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
     const Entry* distortion = FindEntry(intrinsics, "dist_" + name);
     if (!distortion) distortion = FindEntry(intrinsics, "D_" + name);
     const Eigen::Vector2d size = ReadSize(intrinsics, name, files[0], options);
-    geometry::RigCamera camera;
-    camera.camera = internal::MakeCamera(name, size[0], size[1], internal::ReadMatrix3(matrix),
-                                         internal::ReadDistortion(distortion), false, matrix.place);
-    camera.cam_from_world = ReadPose(extrinsics, name, files[1]);
-    camera.cam_from_world.translation *= options.metres_per_unit;
+    geometry::RigCamera camera =
+        internal::MakeRigCamera(name, size, internal::ReadMatrix3(matrix), internal::ReadDistortion(distortion),
+                                options.lens == geometry::LensKind::kFisheye, options, matrix.place, &imported.notes);
+    geometry::Rigid3 pose = ReadPose(extrinsics, name, files[1]);
+    pose.translation *= options.metres_per_unit;
+    camera.cam_from_world = camera.cam_from_world * pose;
     internal::AddCamera(std::move(camera), matrix.place, &imported.rig);
   }
+  FindEntry(extrinsics, "names");
+  geometry::UnusedKeys unused(files[0], options.metres_per_unit);
+  for (const Entries* entries : {&intrinsics, &extrinsics}) internal::AddUnusedEntries(*entries, {}, &unused);
+  internal::AddUnusedNote(unused, &imported);
   return imported;
 }
 

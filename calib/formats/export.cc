@@ -16,10 +16,6 @@ namespace {
 
 using geometry::LensModel;
 
-bool NamesNoUnit(CalibrationFormat format) {
-  return format != CalibrationFormat::kMvstudio && format != CalibrationFormat::kPanoptic && format != CalibrationFormat::kQca;
-}
-
 geometry::Rig Scaled(geometry::Rig rig, double metres_per_unit) {
   for (geometry::RigCamera& camera : rig.cameras) camera.cam_from_world.translation /= metres_per_unit;
   return rig;
@@ -72,6 +68,10 @@ std::optional<Nearest> NearestCarried(CalibrationFormat format, const geometry::
 std::string PxText(double px) { return Format("%.3g", px); }
 
 }  // namespace
+
+bool NamesNoUnit(CalibrationFormat format) {
+  return format != CalibrationFormat::kMvstudio && format != CalibrationFormat::kPanoptic && format != CalibrationFormat::kQca;
+}
 
 bool CanCarry(CalibrationFormat format, const geometry::Camera& camera) {
   const auto opencv = internal::ToOpenCvLens(camera);

@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/utf8.h"
+#include "geometry/lens/skew.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/rigid3.h"
 
@@ -54,6 +55,17 @@ geometry::Camera MakeCamera(const std::string& name, double width_px, double hei
   Eigen::VectorXd params(4 + count);
   params << k(0, 0), k(1, 1), k(0, 2), k(1, 2), distortion.head(count);
   return MakeModelCamera(name, width_px, height_px, *model, params, place);
+}
+
+geometry::RigCamera MakeRigCamera(const std::string& name, const Eigen::Vector2d& size_px, const Eigen::Matrix3d& k,
+                                  const Eigen::VectorXd& distortion, bool fisheye, const ReadOptions& options,
+                                  const Place& place, std::vector<ImportNote>* notes) {
+  Eigen::Matrix3d plain = k;
+  plain(0, 1) = 0;
+  geometry::RigCamera camera;
+  camera.camera = MakeCamera(name, size_px[0], size_px[1], plain, distortion, fisheye, place);
+  if (k(0, 1) != 0) ReplaceSkew(k(0, 1), options, place.path, place.where, &camera, notes);
+  return camera;
 }
 
 Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy) {
@@ -116,3 +128,28 @@ ImportNote UnitNote(double metres_per_unit) {
 }
 
 }  // namespace mvstudio::calib::internal
+
+namespace mvstudio::calib {
+
+void ReplaceSkew(double skew_px, const ReadOptions& options, const std::string& path, const std::string& where,
+                 geometry::RigCamera* camera, std::vector<ImportNote>* notes) {
+  const geometry::WithoutSkew nearest = geometry::ReplaceSkew(camera->camera, skew_px);
+  const std::string what = "the camera matrix has skew " + Format("%.6g", skew_px) + " px, which no lens model here has";
+  const std::string off = "off by " + Format("%.3g", nearest.worst_px) + " px at worst";
+  constexpr double kNothing = 0.01;  // px; below what any calibration knows
+  if (!(nearest.worst_px <= std::max(kNothing, options.allow_approximation_px))) {
+    throw FormatError(path, where,
+                      what + "; the nearest camera without it is " + off +
+                          ": pass option 'allow-approximation' PX to calib convert or calib show to accept it");
+  }
+  notes->push_back({"CAL-APPROXIMATED",
+                    "camera " + internal::Printable(camera->camera.name) + ": " + what +
+                        "; half of it became a turn about the optical axis, " + off,
+                    ""});
+  geometry::Rigid3 turn;
+  turn.rotation = nearest.turn;
+  camera->camera = nearest.camera;
+  camera->cam_from_world = turn * camera->cam_from_world;
+}
+
+}  // namespace mvstudio::calib

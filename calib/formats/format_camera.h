@@ -2,12 +2,16 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <initializer_list>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "calib/formats/document.h"
 #include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
 #include "geometry/lens/camera.h"
+#include "geometry/rig/file_keys.h"
 #include "geometry/rig/rig.h"
 
 /// Cameras, lenses and poses as several formats have them.
@@ -18,6 +22,11 @@ namespace mvstudio::calib::internal {
 /// lens model has.
 geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
                             const Eigen::VectorXd& distortion, bool fisheye, const Place& place);
+
+/// Same; a skew goes the way of ReplaceSkew. The pose is that turn or none: multiply it by the file's from the right.
+geometry::RigCamera MakeRigCamera(const std::string& name, const Eigen::Vector2d& size_px, const Eigen::Matrix3d& k,
+                                  const Eigen::VectorXd& distortion, bool fisheye, const ReadOptions& options,
+                                  const Place& place, std::vector<ImportNote>* notes);
 
 /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
 Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy);
@@ -48,5 +57,34 @@ void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* ri
 
 /// Note for files that name no unit.
 ImportNote UnitNote(double metres_per_unit);
+
+/// A picture of a file: its path there, the name it would give its camera, lens and pose.
+struct PictureCamera {
+  std::string path, name;
+  geometry::RigCamera camera;
+  Place place;
+};
+
+/// The cameras that took the pictures. Pictures of one folder, or of one name in several folders, that share pose and lens are
+/// one camera: `cam1/000000.jpg`, `cam1/000001.jpg`. Where file names repeat, a camera is named by its folder. Notes say both,
+/// and when the pictures of a folder stand at different places. Throws FormatError for names that are used twice nevertheless.
+void AddPictureCameras(std::vector<PictureCamera> pictures, ImportedRig* imported);
+
+// Keys that a reader did not ask for: a ValueView remembers those it was asked for.
+
+/// A number, a text, or JSON-like text of a list or table; empty for null.
+std::string TextOf(const Value& value);
+
+/// What the table's keys say about its lens; marks them as read.
+void AddLensWords(const ValueView& table, geometry::LensWords* words);
+/// The kind that file and option state. Throws FormatError when they differ.
+geometry::LensKind LensKindOf(const geometry::LensWords& words, const ReadOptions& options, const Place& place);
+
+/// Adds the keys that nobody read in the table and in the tables and lists that were read; `harmless` names, in lower case
+/// letters and digits, those that say nothing about geometry.
+void AddUnused(const ValueView& table, std::initializer_list<const char*> harmless, geometry::UnusedKeys* unused);
+
+/// The note on them, if there are any.
+void AddUnusedNote(const geometry::UnusedKeys& unused, ImportedRig* imported);
 
 }  // namespace mvstudio::calib::internal

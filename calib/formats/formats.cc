@@ -9,6 +9,8 @@
 #include "core/error.h"
 #include "core/join.h"
 #include "core/label.h"
+#include "core/text/words.h"
+#include "geometry/rig/foreign_layout.h"
 #include "geometry/rig/rig_io.h"
 
 namespace mvstudio::calib {
@@ -19,19 +21,30 @@ namespace fs = std::filesystem;
 constexpr std::string_view kNames[] = {"mvstudio", "panoptic", "toml",        "caliscope",  "qca",    "opencv",
                                        "mrcal",    "colmap",   "colmap-text", "nerfstudio", "kalibr", "easymocap"};
 
-[[noreturn]] void Unknown(const std::string& path) {
+[[noreturn]] void Unknown(const std::string& path, std::string_view text = {}) {
+  const std::string layout = geometry::ForeignLayout(text);
   throw FormatError(path, "",
-                    "not a calibration that is known here; name its format with option 'from' (" + Join(kNames, ", ") + ")");
+                    "not a calibration that is known here" + (layout.empty() ? "" : "; it looks like " + layout) +
+                        "; known are " + Join(kNames, ", ") + ", to be named with option 'from'");
 }
 
-CalibrationFormat DetectFolder(const std::string& path) {
+/// The format of a folder that holds the files themselves.
+std::optional<CalibrationFormat> FormatOfFolder(const std::string& path) {
   const auto has = [&](const char* name) { return fs::exists(fs::path(path) / name); };
   if (has("cameras.bin") && has("images.bin")) return CalibrationFormat::kColmap;
   if (has("cameras.txt") && has("images.txt")) return CalibrationFormat::kColmapText;
   if (has("intri.yml")) return CalibrationFormat::kEasyMocap;
   if (has("transforms.json")) return CalibrationFormat::kNerfstudio;
   if (!FilesNamed(path, "", ".cameramodel").empty()) return CalibrationFormat::kMrcal;
-  Unknown(path);
+  return std::nullopt;
+}
+
+CalibrationFormat DetectFolder(const std::string& path) {
+  if (const auto format = FormatOfFolder(path)) return *format;
+  throw FormatError(
+      path, "",
+      "no calibration is found in this folder: neither calibration.json, cameras and images of COLMAP (here or in "
+      "sparse/0), transforms.json, intri.yml, *.cameramodel, nor one calibration_*.json; name the file");
 }
 
 /// The paths with folders replaced by the files in them that end in `extension`.
@@ -95,9 +108,11 @@ std::string_view ToString(CalibrationFormat format) { return kNames[static_cast<
 
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name) {
   for (const CalibrationFormat format : kAllCalibrationFormats) {
-    if (ToString(format) == name) return format;
+    if (PlainWord(ToString(format)) == PlainWord(name)) return format;
   }
-  if (name == "qualisys" || name == "pose2sim" || name == "aniposelib") return CalibrationFormat::kToml;
+  for (const char* toml : {"qualisys", "pose2sim", "aniposelib"}) {
+    if (PlainWord(name) == toml) return CalibrationFormat::kToml;
+  }
   return std::nullopt;
 }
 
@@ -107,9 +122,22 @@ std::string_view ToString(const std::optional<CalibrationFormat>& format) { retu
 
 void FromString(const std::string& text, const std::string& option, std::optional<CalibrationFormat>* format) {
   const std::optional<CalibrationFormat> named = CalibrationFormatFromString(text);
-  if (!named && text != "auto")
+  if (!named && PlainWord(text) != "auto")
     throw UsageError("option '" + option + "' " + text + ": expected auto, " + CalibrationFormatNames());
   *format = named;
+}
+
+std::string CalibrationIn(const std::string& path) {
+  if (!fs::is_directory(path)) return path;
+  const std::string own = path + "/calibration.json";
+  if (fs::is_regular_file(own)) return own;
+  if (FormatOfFolder(path)) return path;
+  for (const char* inside : {"sparse/0", "sparse", "colmap/sparse/0", "0"}) {
+    const std::string model = (fs::path(path) / inside).string();
+    if (fs::is_directory(model) && FormatOfFolder(model)) return model;
+  }
+  const std::vector<std::string> panoptic = FilesNamed(path, "calibration_", ".json");
+  return panoptic.size() == 1 ? panoptic[0] : path;
 }
 
 CalibrationFormat DetectFormat(const std::string& path) {
@@ -126,15 +154,19 @@ CalibrationFormat DetectFormat(const std::string& path) {
   }
   if (text[start] == '{') {
     if (has("transform_matrix")) return CalibrationFormat::kNerfstudio;
-    return has("mvstudio.calibration") ? CalibrationFormat::kMvstudio : CalibrationFormat::kPanoptic;
+    if (has("mvstudio.calibration")) return CalibrationFormat::kMvstudio;
+    if (has("\"camera_matrix\"") || has("\"cameraMatrix\"")) return CalibrationFormat::kOpenCvYaml;
+    if (geometry::LooksLikePanoptic(text)) return CalibrationFormat::kPanoptic;
+    Unknown(path, text);
   }
   if (text[start] == '<' && has("<calibration")) return CalibrationFormat::kQca;
   if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return CalibrationFormat::kColmapText;
-  if (has("camera_model:") && has("intrinsics:")) return CalibrationFormat::kKalibr;
+  if (has("camera_matrix:")) return CalibrationFormat::kOpenCvYaml;  // ROS's camera_info
+  if (has("camera_model:") && has("intrinsics:") && has("cam0:")) return CalibrationFormat::kKalibr;
   if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
     return has("[cameras") ? CalibrationFormat::kCaliscope : CalibrationFormat::kToml;
   }
-  Unknown(path);
+  Unknown(path, text);
 }
 
 ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options) {

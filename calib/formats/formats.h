@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "geometry/rig/file_keys.h"
 #include "geometry/rig/rig.h"
 
 /// Calibration files of other programs. Every reader returns metres, `cam_from_world` and pixel (0, 0) at the centre of
@@ -37,19 +38,29 @@ inline constexpr CalibrationFormat kAllCalibrationFormats[] = {
 
 std::string_view ToString(CalibrationFormat format);
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name);
+/// Whether lengths in its files are in whatever unit their writer took: all but mvstudio, panoptic and qca.
+bool NamesNoUnit(CalibrationFormat format);
 /// "mvstudio, panoptic, …".
 std::string CalibrationFormatNames();
 /// As an option (core/fields.h): a format's name, or auto for none. Throws UsageError that names `option`.
 std::string_view ToString(const std::optional<CalibrationFormat>& format);
 void FromString(const std::string& text, const std::string& option, std::optional<CalibrationFormat>* format);
 
-/// Detects the format by content, then by name; a folder by the files in it. Throws FormatError for an unknown format.
+/// Detects the format by content, then by name; a folder by the files in it. Throws FormatError for an unknown format; it names
+/// layouts of other programs that are known and not read.
 CalibrationFormat DetectFormat(const std::string& path);
+
+/// The path itself, or what holds the calibration in a folder that has one inside: `calibration.json` of a run, `sparse/0` of a
+/// COLMAP project, the one `calibration_*.json` of a Panoptic dataset.
+std::string CalibrationIn(const std::string& path);
 
 /// An assumption of a reader or writer, for the user to check.
 struct ImportNote {
   std::string code, text, hint;
 };
+
+/// CAL-KEYS: the file has keys that its reader does not use (geometry::UnusedKeys::Text).
+ImportNote UnusedKeysNote(const std::string& keys);
 
 struct ImportedRig {
   geometry::Rig rig;
@@ -61,11 +72,20 @@ struct ReadOptions {
   int width_px = 0, height_px = 0;    ///< image size where the file does not give it (opencv, easymocap, nerfstudio)
   double metres_per_unit = 1;         ///< of formats that name no unit: all but mvstudio, panoptic and qca
   double qca_distortion_divisor = 1;  ///< see ReadQca
+  geometry::LensKind lens =
+      geometry::LensKind::kUnsaid;    ///< where the file does not say it (opencv, easymocap, nerfstudio, toml)
+  double allow_approximation_px = 0;  ///< a skew is replaced by a turn about the axis if no pixel moves farther than this
 };
 
 /// Reads any format but panoptic. Formats with a file per camera (mrcal, opencv) take several paths; formats with several
 /// files also take a folder.
 ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options = {});
+
+/// Puts the nearest camera without skew in place of one whose matrix has `skew_px` at K[0][1] (geometry/lens/skew.h); the turn
+/// goes into its pose, and a note says so. Throws FormatError when it is off by more than options.allow_approximation_px, and
+/// 0.01 px.
+void ReplaceSkew(double skew_px, const ReadOptions& options, const std::string& path, const std::string& where,
+                 geometry::RigCamera* camera, std::vector<ImportNote>* notes);
 
 struct WriteOptions {
   double metres_per_unit = 1;         ///< of formats that name no unit; 0.001 writes millimetres

@@ -126,6 +126,9 @@ ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
   }
   if (imported.rig.cameras.empty()) throw FormatError(path, "cam0", "this entry is missing");
   imported.rig.gauge = "camera " + imported.rig.cameras[0].camera.name;
+  geometry::UnusedKeys unused(path, options.metres_per_unit);
+  internal::AddUnused(root, {"rostopic", "camoverlaps", "tcamimu", "tcncnm1"}, &unused);
+  internal::AddUnusedNote(unused, &imported);
   return imported;
 }
 

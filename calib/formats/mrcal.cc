@@ -50,7 +50,7 @@ geometry::Camera ReadModel(const ValueView& lensmodel) {
                  "' is not known here; convert it with mrcal-convert-lensmodel to LENSMODEL_OPENCV8 or a splined one");
 }
 
-geometry::RigCamera ReadOne(const std::string& path, double metres_per_unit) {
+geometry::RigCamera ReadOne(const std::string& path, double metres_per_unit, geometry::UnusedKeys* unused) {
   const internal::Value document = internal::ParseLiteral(path, ReadFile(path));
   const ValueView root(path, document);
   const Eigen::VectorXd size = root["imagersize"].Vector(2);
@@ -62,6 +62,10 @@ geometry::RigCamera ReadOne(const std::string& path, double metres_per_unit) {
   const Eigen::VectorXd rt = root[root.Has("rt_cam_ref") ? "rt_cam_ref" : "extrinsics"].Vector(6);
   camera.cam_from_world.rotation = geometry::RotationExp(rt.head<3>());
   camera.cam_from_world.translation = rt.tail<3>() * metres_per_unit;
+  internal::AddUnused(root,
+                      {"validintrinsicsregion", "optimizationinputs", "icamintrinsics", "icamintrinsicsoptimizationinputs",
+                       "extrinsics", "note", "range", "rtfromref"},
+                      unused);
   return camera;
 }
 
@@ -101,7 +105,9 @@ ImportedRig ReadMrcal(const std::vector<std::string>& paths, const ReadOptions& 
   ImportedRig imported;
   imported.rig.gauge = "mrcal's reference";
   for (const std::string& path : paths) {
-    internal::AddCamera(ReadOne(path, options.metres_per_unit), {path, ""}, &imported.rig);
+    geometry::UnusedKeys unused(path, options.metres_per_unit);
+    internal::AddCamera(ReadOne(path, options.metres_per_unit, &unused), {path, ""}, &imported.rig);
+    internal::AddUnusedNote(unused, &imported);
   }
   return imported;
 }

@@ -25,6 +25,14 @@ class FrameKeys {
   bool Has(const char* key) const { return frame_.Has(key) || root_.Has(key); }
   ValueView operator[](const char* key) const { return frame_.Has(key) || !root_.Has(key) ? frame_[key] : root_[key]; }
   double Number(const char* key, double fallback) const { return Has(key) ? (*this)[key].Number() : fallback; }
+  /// What the frame says about its lens, else the file.
+  geometry::LensKind LensKindOf(const ReadOptions& options) const {
+    geometry::LensWords of_frame, of_file;
+    internal::AddLensWords(frame_, &of_frame);
+    internal::AddLensWords(root_, &of_file);
+    const bool own = of_frame.kind() != geometry::LensKind::kUnsaid;
+    return internal::LensKindOf(own ? of_frame : of_file, options, frame_.place());
+  }
 
  private:
   const ValueView &frame_, &root_;
@@ -43,7 +51,8 @@ Eigen::Vector4d ReadFocalAndCentre(const FrameKeys& keys, const Eigen::Vector2d&
   Eigen::Vector4d k;
   const bool by_angle = !keys.Has("fl_x") && keys.Has("camera_angle_x");
   k[0] = by_angle ? size[0] / 2 / std::tan(keys["camera_angle_x"].Number() / 2) : keys["fl_x"].Number();
-  k[1] = keys.Number("fl_y", k[0]);
+  const bool by_height = !keys.Has("fl_y") && !keys.Has("fl_x") && keys.Has("camera_angle_y");
+  k[1] = by_height ? size[1] / 2 / std::tan(keys["camera_angle_y"].Number() / 2) : keys.Number("fl_y", k[0]);
   k[2] = keys.Number("cx", size[0] / 2) - kCornerOriginShiftPx;
   k[3] = keys.Number("cy", size[1] / 2) - kCornerOriginShiftPx;
   return k;
@@ -52,11 +61,7 @@ Eigen::Vector4d ReadFocalAndCentre(const FrameKeys& keys, const Eigen::Vector2d&
 geometry::Camera ReadLens(const FrameKeys& keys, const ReadOptions& options, const ValueView& frame, const std::string& name) {
   const Eigen::Vector2d size = ReadSize(keys, options, frame);
   const Eigen::Vector4d k = ReadFocalAndCentre(keys, size);
-  const std::string model = keys.Has("camera_model") ? keys["camera_model"].Text() : "OPENCV";
-  const bool fisheye = model == "OPENCV_FISHEYE";
-  if (!fisheye && model != "OPENCV" && model != "PINHOLE" && model != "SIMPLE_PINHOLE") {
-    keys["camera_model"].Fail("the lens '" + internal::Printable(model) + "' is not known here");
-  }
+  const bool fisheye = keys.LensKindOf(options) == geometry::LensKind::kFisheye;
   const double k1 = keys.Number("k1", 0), k2 = keys.Number("k2", 0), k3 = keys.Number("k3", 0), k4 = keys.Number("k4", 0);
   const double p1 = keys.Number("p1", 0), p2 = keys.Number("p2", 0);
   Eigen::VectorXd distortion = (Eigen::VectorXd(5) << k1, k2, p1, p2, k3).finished();
@@ -65,7 +70,10 @@ geometry::Camera ReadLens(const FrameKeys& keys, const ReadOptions& options, con
     if (p1 != 0 || p2 != 0) frame.Fail("OPENCV_FISHEYE has no p1 and p2");
     distortion = Eigen::Vector4d(k1, k2, k3, k4);
   } else if (k4 != 0) {
-    frame.Fail("a k4 beside OPENCV's k1, k2, p1, p2 is no lens model here");
+    frame.Fail("a k4 beside OPENCV's k1, k2, p1, p2 is no lens model here; of a fisheye lens: option 'lens' fisheye");
+  }
+  for (const char* key : {"k5", "k6"}) {
+    if (keys.Number(key, 0) != 0) keys[key].Fail("is no term of a lens that nerfstudio reads");
   }
   return internal::MakeCamera(name, size[0], size[1], internal::CameraMatrix(k[0], k[1], k[2], k[3]), distortion, fisheye,
                               frame.place());
@@ -78,6 +86,67 @@ geometry::Rigid3 TurnAxes(const geometry::Rigid3& world_from_cam) {
   return world_from_cam * half_turn;
 }
 
+/// Names of files, times, and how other programs show or train on the scene.
+constexpr std::initializer_list<const char*> kHarmless = {"maskpath",
+                                                          "depthfilepath",
+                                                          "depthpath",
+                                                          "colmapimid",
+                                                          "plyfilepath",
+                                                          "aabbscale",
+                                                          "aabb",
+                                                          "scale",
+                                                          "offset",
+                                                          "sharpness",
+                                                          "cameraanglex",
+                                                          "cameraangley",
+                                                          "timestamp",
+                                                          "time",
+                                                          "trainfilenames",
+                                                          "valfilenames",
+                                                          "testfilenames",
+                                                          "fromna",
+                                                          "enabledepthloading",
+                                                          "integerdepthscale",
+                                                          "nextralearnabledims",
+                                                          "whitetransparent",
+                                                          "blacktransparent",
+                                                          "orientationoverride",
+                                                          "rotation",
+                                                          "renderaabb",
+                                                          "up",
+                                                          "centroid",
+                                                          "k3",
+                                                          "k4",
+                                                          "k5",
+                                                          "k6",
+                                                          "p1",
+                                                          "p2",
+                                                          "frameindex",
+                                                          "frameid",
+                                                          "cameraid",
+                                                          "cam",
+                                                          "fps"};
+
+/// The file's poses are those of the program before times `applied_scale`, and turned by `applied_transform`: the scale is
+/// undone, so that the unit is that program's; the world stays as the file has it.
+void UndoScale(const ValueView& root, ImportedRig* imported) {
+  const double scale = root.Number("applied_scale", 1);
+  if (!(scale > 0)) root["applied_scale"].Fail("must be positive");
+  if (scale != 1) {
+    for (geometry::RigCamera& camera : imported->rig.cameras) camera.cam_from_world.translation /= scale;
+    imported->notes.push_back({"CAL-SCALED",
+                               "the file says that its lengths were multiplied by applied_scale = " +
+                                   internal::NumberText(scale) + "; they are divided by it",
+                               ""});
+  }
+  if (!root.Has("applied_transform")) return;
+  const Eigen::MatrixXd turn = root["applied_transform"].Matrix(root["applied_transform"].ListSize(), 4);
+  if (turn.isIdentity(1e-12)) return;
+  imported->notes.push_back({"CAL-TURNED",
+                             "the file says that its world was turned by applied_transform; it is left as the file has it",
+                             "calib align brings it into another frame"});
+}
+
 }  // namespace
 
 ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options) {
@@ -87,18 +156,26 @@ ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options) 
   const ValueView frames = root["frames"];
   ImportedRig imported;
   imported.rig.gauge = "nerfstudio's world";
+  std::vector<internal::PictureCamera> pictures;
   for (size_t i = 0; i < frames.ListSize(); ++i) {
     const ValueView frame = frames[i];
     const FrameKeys keys(frame, root);
+    const std::string& file_path = frame["file_path"].Text();
+    const std::string stem = internal::Stem(file_path);
     geometry::RigCamera camera;
-    camera.camera = ReadLens(keys, options, frame, internal::Stem(frame["file_path"].Text()));
+    camera.camera = ReadLens(keys, options, frame, stem);
     geometry::Rigid3 world_from_cam = TurnAxes(frame["transform_matrix"].Transform());
     world_from_cam.translation *= options.metres_per_unit;
     camera.cam_from_world = Inverse(world_from_cam);
-    internal::AddCamera(std::move(camera), frame.place(), &imported.rig);
+    pictures.push_back({file_path, stem, std::move(camera), frame.place()});
   }
+  internal::AddPictureCameras(std::move(pictures), &imported);
   if (imported.rig.cameras.empty()) frames.Fail("there is no frame, hence no camera");
   imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  UndoScale(root, &imported);
+  geometry::UnusedKeys unused(file, options.metres_per_unit);
+  internal::AddUnused(root, kHarmless, &unused);
+  internal::AddUnusedNote(unused, &imported);
   return imported;
 }
 

@@ -26,20 +26,38 @@ Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const 
   if (width && height) {
     return {internal::ReadNumber(*width), internal::ReadNumber(*height)};
   }
+  const Entry* both = FindFirst(entries, {"resolution", "imagesize", "imgsize"});
+  if (both && both->value.kind == internal::Value::Kind::kList && both->value.items.size() == 2)
+    return {both->value.items[0].number, both->value.items[1].number};
+  if (both && both->value.kind == internal::Value::Kind::kTable) {
+    const Eigen::VectorXd size = internal::ReadVector(*both);
+    if (size.size() == 2) return size;
+  }
   if (options.width_px <= 0 || options.height_px <= 0) {
     throw UsageError(path + ": the file does not give the image size; pass option 'size' WIDTHxHEIGHT");
   }
   return {options.width_px, options.height_px};
 }
 
+/// OpenCV's functions for fisheye lenses write four coefficients in a column, the others a row or five; a column whose last two
+/// are no lens's decentring is not taken for either without a word.
+void CheckKindIsSaid(const Entry& distortion, const Eigen::VectorXd& terms) {
+  constexpr double kMaxMeasuredDecentring = 0.01;
+  const Eigen::MatrixXd matrix = internal::ReadMatrix(distortion);
+  if (matrix.rows() != 4 || matrix.cols() != 1 || terms.tail(2).cwiseAbs().maxCoeff() <= kMaxMeasuredDecentring) return;
+  throw FormatError(
+      distortion.place.path, distortion.place.where,
+      "four coefficients in a column, as OpenCV's fisheye functions write them, and nothing says what lens it is; "
+      "pass option 'lens' fisheye or perspective");
+}
+
 geometry::RigCamera ReadCamera(const Entries& entries, const std::string& name, const Entry& matrix, const Entry* distortion,
-                               const Eigen::Vector2d& size) {
-  const Entry* fisheye = FindEntry(entries, "fisheyemodel");
-  const bool is_fisheye = fisheye && internal::ReadNumber(*fisheye) != 0;
-  geometry::RigCamera camera;
-  camera.camera = internal::MakeCamera(name, size[0], size[1], ReadMatrix3(matrix), internal::ReadDistortion(distortion),
-                                       is_fisheye, matrix.place);
-  return camera;
+                               const Eigen::Vector2d& size, const ReadOptions& options, std::vector<ImportNote>* notes) {
+  const geometry::LensKind kind = internal::LensKindOf(internal::LensWordsOf(entries), options, matrix.place);
+  const bool is_fisheye = kind == geometry::LensKind::kFisheye;
+  const Eigen::VectorXd terms = internal::ReadDistortion(distortion);
+  if (distortion && terms.size() == 4 && kind == geometry::LensKind::kUnsaid) CheckKindIsSaid(*distortion, terms);
+  return internal::MakeRigCamera(name, size, ReadMatrix3(matrix), terms, is_fisheye, options, matrix.place, notes);
 }
 
 geometry::Rigid3 ReadPose(const Entry& rotation, const Entry& translation, double metres_per_unit) {
@@ -57,11 +75,14 @@ const ImportNote kNoPose = {"CAL-NOPOSE", "the file has no R and T: every camera
 void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const ReadOptions& options, ImportedRig* imported) {
   geometry::Rig& rig = imported->rig;
   rig.gauge = "camera left";
-  rig.cameras.push_back(ReadCamera(entries, "left", entries.at("m1"), FindEntry(entries, "d1"), size));
-  rig.cameras.push_back(ReadCamera(entries, "right", entries.at("m2"), FindEntry(entries, "d2"), size));
+  rig.cameras.push_back(
+      ReadCamera(entries, "left", *FindEntry(entries, "m1"), FindEntry(entries, "d1"), size, options, &imported->notes));
+  rig.cameras.push_back(
+      ReadCamera(entries, "right", *FindEntry(entries, "m2"), FindEntry(entries, "d2"), size, options, &imported->notes));
   const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
   if (rotation && translation) {
-    rig.cameras[1].cam_from_world = ReadPose(*rotation, *translation, options.metres_per_unit);
+    geometry::Rigid3& right = rig.cameras[1].cam_from_world;
+    right = right * ReadPose(*rotation, *translation, options.metres_per_unit);
     imported->notes.push_back(internal::UnitNote(options.metres_per_unit));
   } else {
     imported->notes.push_back(kNoPose);
@@ -70,14 +91,67 @@ void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const ReadOp
 
 /// A camera from entries with one camera matrix; true when its place is in them.
 bool AddSingle(const Entries& entries, const std::string& name, const std::string& path, const ReadOptions& options,
-               geometry::Rig* rig) {
+               ImportedRig* imported) {
   const Entry& matrix = *FindFirst(entries, kMatrixKeys);
-  geometry::RigCamera camera =
-      ReadCamera(entries, name, matrix, FindFirst(entries, kDistortionKeys), ReadSize(entries, path, options));
+  geometry::RigCamera camera = ReadCamera(entries, name, matrix, FindFirst(entries, kDistortionKeys),
+                                          ReadSize(entries, path, options), options, &imported->notes);
   const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
-  if (rotation && translation) camera.cam_from_world = ReadPose(*rotation, *translation, options.metres_per_unit);
-  internal::AddCamera(std::move(camera), matrix.place, rig);
+  if (rotation && translation)
+    camera.cam_from_world = camera.cam_from_world * ReadPose(*rotation, *translation, options.metres_per_unit);
+  internal::AddCamera(std::move(camera), matrix.place, &imported->rig);
   return rotation && translation;
+}
+
+/// What OpenCV's and ROS's calibration programs write beside the lens and the pose.
+constexpr std::initializer_list<const char*> kHarmless = {"calibrationtime",
+                                                          "calibrationdate",
+                                                          "nrofframes",
+                                                          "nframes",
+                                                          "boardwidth",
+                                                          "boardheight",
+                                                          "squaresize",
+                                                          "flags",
+                                                          "flagvalue",
+                                                          "aspectratio",
+                                                          "avgreprojectionerror",
+                                                          "reprojectionerror",
+                                                          "perviewreprojectionerrors",
+                                                          "extrinsicparameters",
+                                                          "imagepoints",
+                                                          "gridpoints",
+                                                          "rms",
+                                                          "error",
+                                                          "name",
+                                                          "cameraname",
+                                                          "cameraid",
+                                                          "rectificationmatrix",
+                                                          "projectionmatrix",
+                                                          "projectmatrix",
+                                                          "scalexy",
+                                                          "shiftxy",
+                                                          "e",
+                                                          "f",
+                                                          "r1",
+                                                          "r2",
+                                                          "p1",
+                                                          "p2",
+                                                          "q",
+                                                          "p",
+                                                          "rect",
+                                                          "validroi1",
+                                                          "validroi2",
+                                                          "header",
+                                                          "fixedpointusage",
+                                                          "fixedaspectratio",
+                                                          "boardtype",
+                                                          "calibrationpattern",
+                                                          "markersize"};
+
+void AddUnusedNote(const std::vector<std::string>& paths, const std::vector<Entries>& files, const ReadOptions& options,
+                   ImportedRig* imported) {
+  geometry::UnusedKeys unused(paths.front(), options.metres_per_unit);
+  for (const Entries& entries : files) internal::AddUnusedEntries(entries, kHarmless, &unused);
+  internal::AddUnusedNote(unused, imported);
 }
 
 /// The entries of all files; each may stand in one of them.
@@ -99,9 +173,10 @@ ImportedRig ReadMany(const std::vector<std::string>& paths, const std::vector<En
   imported.rig.gauge = "as imported";
   bool placed = true;
   for (size_t i = 0; i < paths.size(); ++i) {
-    placed &= AddSingle(files[i], internal::Stem(paths[i]), paths[i], options, &imported.rig);
+    placed &= AddSingle(files[i], internal::Stem(paths[i]), paths[i], options, &imported);
   }
   imported.notes.push_back(placed ? internal::UnitNote(options.metres_per_unit) : kNoPose);
+  AddUnusedNote(paths, files, options, &imported);
   return imported;
 }
 
@@ -145,12 +220,13 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOpti
   if (entries.count("m1") && entries.count("m2")) {
     AddStereo(entries, ReadSize(entries, paths.front(), options), options, &imported);
   } else if (FindFirst(entries, kMatrixKeys)) {
-    const bool placed = AddSingle(entries, "camera", paths.front(), options, &imported.rig);
+    const bool placed = AddSingle(entries, "camera", paths.front(), options, &imported);
     imported.rig.gauge = placed ? "as imported" : "camera camera";
     if (placed) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   } else {
     throw FormatError(paths.front(), "", "no calibration in it: neither camera_matrix nor M1 and M2");
   }
+  AddUnusedNote(paths, {entries}, options, &imported);
   return imported;
 }
 

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 
@@ -46,7 +47,10 @@ int SizeOf(const Entry& entry, const char* key) {
 
 void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   const std::string text = ReadFile(path);
-  if (text.compare(0, 5, "%YAML") != 0) throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
+  // ROS's camera_info and files written from Python have no head, but OpenCV's keys.
+  const bool ros =
+      normalised && (text.find("camera_matrix") != std::string::npos || text.find("cameraMatrix") != std::string::npos);
+  if (text.compare(0, 5, "%YAML") != 0 && !ros) throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
   Value root = ParseYaml(path, text);
   if (root.kind != Value::Kind::kTable) {
     throw FormatError(path, "line " + std::to_string(root.line), "'key: value' was expected; is the file truncated?");
@@ -61,7 +65,22 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
 
 double ReadNumber(const Entry& entry) { return NumberOf(entry.value, entry.place); }
 
+namespace {
+
+/// A plain list of numbers (9 are a 3x3 matrix, others a column), or a list of rows: ROS's camera_info, Python's YAML and JSON.
+Eigen::MatrixXd ReadList(const Entry& entry) {
+  const ValueView view(entry.place.path, entry.value, entry.place.where);
+  const size_t size = view.ListSize();
+  if (size > 0 && view[0].value().kind == Value::Kind::kList) return view.Matrix(size, view[0].ListSize());
+  const Eigen::VectorXd numbers = view.Vector();
+  if (size != 9) return numbers;
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(numbers.data());
+}
+
+}  // namespace
+
 Eigen::MatrixXd ReadMatrix(const Entry& entry) {
+  if (entry.value.kind == Value::Kind::kList) return ReadList(entry);
   if (entry.value.kind != Value::Kind::kTable) Fail(entry.place, "an !!opencv-matrix was expected");
   const int rows = SizeOf(entry, "rows"), cols = SizeOf(entry, "cols");
   const Value* const data = FindIn(entry.value, "data");
@@ -81,7 +100,26 @@ Eigen::MatrixXd ReadMatrix(const Entry& entry) {
 
 const Entry* FindEntry(const Entries& entries, const std::string& key) {
   const auto found = entries.find(key);
-  return found == entries.end() ? nullptr : &found->second;
+  if (found == entries.end()) return nullptr;
+  found->second.value.used = true;
+  return &found->second;
+}
+
+geometry::LensWords LensWordsOf(const Entries& entries) {
+  geometry::LensWords words;
+  for (const auto& [key, entry] : entries) {
+    if (!geometry::LensWords::IsKey(key)) continue;
+    entry.value.used = true;
+    words.Add(entry.place.path, entry.place.where, key, TextOf(entry.value));
+  }
+  return words;
+}
+
+void AddUnusedEntries(const Entries& entries, std::initializer_list<const char*> harmless, geometry::UnusedKeys* unused) {
+  for (const auto& [key, entry] : entries) {
+    if (entry.value.used || std::find(harmless.begin(), harmless.end(), geometry::PlainKey(key)) != harmless.end()) continue;
+    unused->Add(entry.place.where, entry.place.where, TextOf(entry.value));
+  }
 }
 
 const Entry* FindFirst(const Entries& entries, std::initializer_list<const char*> keys) {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "calib/formats/document.h"
+#include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 
 /// OpenCV's FileStorage YAML 1.0.
@@ -26,6 +27,11 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries);
 const Entry* FindEntry(const Entries& entries, const std::string& key);
 /// The first of several names of the same thing.
 const Entry* FindFirst(const Entries& entries, std::initializer_list<const char*> keys);
+
+/// What the entries say about their lens.
+geometry::LensWords LensWordsOf(const Entries& entries);
+/// The entries that nobody looked for; `harmless` as in AddUnused.
+void AddUnusedEntries(const Entries& entries, std::initializer_list<const char*> harmless, geometry::UnusedKeys* unused);
 
 double ReadNumber(const Entry& entry);
 Eigen::MatrixXd ReadMatrix(const Entry& entry);

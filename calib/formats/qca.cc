@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
+#include <set>
 
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
@@ -27,6 +29,7 @@ class Numbers {
     if (!element_) throw FormatError(place_.path, place_.where, "this element is missing");
   }
   double operator()(const std::string& key) const {
+    used_.insert(key);
     const pugi::xml_attribute attribute = element_.attribute(key.c_str());
     if (!attribute) throw FormatError(place_.path, place_.where, "attribute '" + key + "' is missing");
     return internal::ParseNumber(attribute.value(), {place_.path, place_.where + "." + key});
@@ -35,17 +38,27 @@ class Numbers {
     return element_.attribute(key.c_str()) ? (*this)(key) : fallback;
   }
   const Place& place() const { return place_; }
+  /// Attributes that nobody asked for.
+  void AddUnused(std::initializer_list<const char*> harmless, geometry::UnusedKeys* unused) const {
+    for (const pugi::xml_attribute& attribute : element_.attributes()) {
+      const std::string key = attribute.name(), plain = geometry::PlainKey(key);
+      if (used_.count(key) > 0 || std::find(harmless.begin(), harmless.end(), plain) != harmless.end()) continue;
+      unused->Add(place_.where + "." + internal::Printable(key), internal::Printable(key), attribute.value());
+    }
+  }
 
  private:
   pugi::xml_node element_;
   Place place_;
+  mutable std::set<std::string> used_;
 };
 
-/// The camera without its place in the world.
-geometry::Camera ReadIntrinsics(const pugi::xml_node& element, const std::string& name, const Place& place, double divisor) {
+/// The camera without its place in the world, but for a turn that stands for skew.
+geometry::RigCamera ReadIntrinsics(const pugi::xml_node& element, const std::string& name, const Place& place,
+                                   const ReadOptions& options, geometry::UnusedKeys* unused, std::vector<ImportNote>* notes) {
   const Numbers window(element, "fov_video", place), intrinsic(element, "intrinsic", place);
-  if (intrinsic("skew", 0) != 0) throw FormatError(intrinsic.place().path, intrinsic.place().where, "skew is not supported");
   Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
+  k(0, 1) = intrinsic("skew", 0) / kPerPixel;
   k(0, 0) = intrinsic("focalLengthU") / kPerPixel;
   k(1, 1) = intrinsic("focalLengthV") / kPerPixel;
   k(0, 2) = intrinsic("centerPointU") / kPerPixel - window("left");
@@ -54,8 +67,10 @@ geometry::Camera ReadIntrinsics(const pugi::xml_node& element, const std::string
   const double p1 = intrinsic("tangentalDistortion1"), p2 = intrinsic("tangentalDistortion2");
   Eigen::VectorXd distortion = (Eigen::VectorXd(5) << k1, k2, p1, p2, k3).finished();
   if (distortion[4] == 0) distortion.conservativeResize(4);
-  return internal::MakeCamera(name, window("right") - window("left") + 1, window("bottom") - window("top") + 1, k,
-                              distortion / divisor, false, place);
+  intrinsic.AddUnused({"focallength", "sensorminu", "sensormaxu", "sensorminv", "sensormaxv"}, unused);
+  const Eigen::Vector2d size(window("right") - window("left") + 1, window("bottom") - window("top") + 1);
+  return internal::MakeRigCamera(name, size, k, distortion / options.qca_distortion_divisor, false, options, intrinsic.place(),
+                                 notes);
 }
 
 geometry::Rigid3 ReadTransform(const pugi::xml_node& element, const Place& place) {
@@ -89,6 +104,7 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
   elements.sort();
   ImportedRig imported;
   imported.rig.gauge = "as imported";
+  geometry::UnusedKeys unused(path, 0.001);
   for (size_t i = 0; i < elements.size(); ++i) {
     const Place place{path, "camera[" + std::to_string(i) + "]"};
     const pugi::xml_node element = elements[i].node();
@@ -100,14 +116,14 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
            "camera " + name + " is shown rotated by " + turned + " degrees in QTM; its calibration is for the sensor as it is",
            "use its footage unrotated"});
     }
-    geometry::RigCamera camera;
-    camera.camera = ReadIntrinsics(element, name, place, options.qca_distortion_divisor);
-    camera.cam_from_world = ReadTransform(element, place);
+    geometry::RigCamera camera = ReadIntrinsics(element, name, place, options, &unused, &imported.notes);
+    camera.cam_from_world = camera.cam_from_world * ReadTransform(element, place);
     internal::AddCamera(std::move(camera), place, &imported.rig);
   }
   if (imported.rig.cameras.empty()) throw FormatError(path, "", "there is no <camera> in it");
   const auto note = internal::QcaDivisorNote(imported.rig, options.qca_distortion_divisor, false);
   if (note) imported.notes.push_back(*note);
+  internal::AddUnusedNote(unused, &imported);
   return imported;
 }
 

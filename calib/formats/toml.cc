@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
@@ -25,14 +26,26 @@ double Number(const toml::node& node, const Place& place) {
   return *number;
 }
 
+/// Settings and figures of Pose2Sim, caliscope and aniposelib beside the lens and the pose.
+const std::set<std::string> kHarmless = {"error", "port", "camid", "rotationcount", "exposure", "gridcount", "verified"};
+
+std::string TextOf(const toml::node& node) {
+  if (const auto truth = node.as_boolean()) return **truth ? "true" : "false";
+  if (const auto text = node.as_string()) return **text;
+  const std::optional<double> number = node.value<double>();
+  return number ? internal::NumberText(*number) : "[…]";
+}
+
 /// One camera's table with its place.
 struct CameraTable {
   const toml::table* table;
   std::string name;
   Place place;
+  mutable std::set<std::string> used = {"name", "ignore"};
 
   Place At(const std::string& key) const { return {place.path, place.where + "." + key}; }
   const toml::array& Array(const std::string& key) const {
+    used.insert(key);
     const toml::array* array = table->get_as<toml::array>(key);
     if (!array) Fail(At(key), "missing, or not a list");
     return *array;
@@ -62,6 +75,24 @@ struct CameraTable {
     return matrix;
   }
   bool Flag(const char* key) const { return table->at_path(key).value_or(false); }
+
+  geometry::LensKind LensKindOf(const ReadOptions& options) const {
+    geometry::LensWords words;
+    for (const auto& [key, node] : *table) {
+      const std::string name_of(key.str());
+      if (!geometry::LensWords::IsKey(name_of)) continue;
+      used.insert(name_of);
+      words.Add(place.path, At(name_of).where, name_of, TextOf(node));
+    }
+    return internal::LensKindOf(words, options, place);
+  }
+  void AddUnused(geometry::UnusedKeys* unused) const {
+    for (const auto& [key, node] : *table) {
+      const std::string id(key.str());
+      if (used.count(id) == 0 && kHarmless.count(geometry::PlainKey(id)) == 0)
+        unused->Add(At(id).where, internal::Printable(id), TextOf(node));
+    }
+  }
 };
 
 toml::table Parse(const std::string& path) {
@@ -97,19 +128,21 @@ std::vector<CameraTable> CamerasInFileOrder(const toml::table& root, const std::
   return cameras;
 }
 
-geometry::RigCamera ReadCamera(const CameraTable& table) {
-  geometry::RigCamera camera;
+geometry::RigCamera ReadCamera(const CameraTable& table, const ReadOptions& options, std::vector<ImportNote>* notes) {
   const Eigen::VectorXd size = table.Vector("size", 2);
   const Eigen::VectorXd distortion = table.Vector("distortions", table.Array("distortions"));
-  camera.camera = internal::MakeCamera(table.name, size[0], size[1], table.Matrix("matrix"), distortion, table.Flag("fisheye"),
-                                       table.place);
+  geometry::RigCamera camera =
+      internal::MakeRigCamera(table.name, size, table.Matrix("matrix"), distortion,
+                              table.LensKindOf(options) == geometry::LensKind::kFisheye, options, table.place, notes);
+  geometry::Rigid3 pose;
   const toml::array& rotation = table.Array("rotation");
   if (!rotation.empty() && rotation[0].is_array()) {
-    camera.cam_from_world.rotation = internal::MakeRotation(table.Matrix("rotation"), table.At("rotation"));
+    pose.rotation = internal::MakeRotation(table.Matrix("rotation"), table.At("rotation"));
   } else {
-    camera.cam_from_world.rotation = geometry::RotationExp(table.Vector("rotation", 3));
+    pose.rotation = geometry::RotationExp(table.Vector("rotation", 3));
   }
-  camera.cam_from_world.translation = table.Vector("translation", 3);
+  pose.translation = table.Vector("translation", 3) * options.metres_per_unit;
+  camera.cam_from_world = camera.cam_from_world * pose;
   return camera;
 }
 
@@ -119,16 +152,18 @@ ImportedRig ReadToml(const std::string& path, const ReadOptions& options) {
   const toml::table root = Parse(path);
   ImportedRig imported;
   imported.rig.gauge = "as imported";
+  geometry::UnusedKeys unused(path, options.metres_per_unit);
   for (const CameraTable& table : CamerasInFileOrder(root, path)) {
     if (table.Flag("ignore")) {
       imported.notes.push_back(
           {"CAL-IGNORED", "camera " + table.name + " is left out: the file says ignore = true", "remove that line to use it"});
       continue;
     }
-    geometry::RigCamera camera = ReadCamera(table);
-    camera.cam_from_world.translation *= options.metres_per_unit;
+    geometry::RigCamera camera = ReadCamera(table, options, &imported.notes);
     internal::AddCamera(std::move(camera), table.place, &imported.rig);
+    table.AddUnused(&unused);
   }
+  internal::AddUnusedNote(unused, &imported);
   if (imported.rig.cameras.empty()) throw FormatError(path, "", "no camera in it: no table has a key 'matrix'");
   return imported;
 }

@@ -8,6 +8,7 @@
 #include "body/files/textured_person.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
+#include "core/choice/frame_choice.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -30,14 +31,13 @@ std::map<int, body::BodyPose> PosesOf(const body::PersonBody& person, const std:
     for (const auto& [frame, pose] : person.seen) poses.emplace(frame, ToBodyPose(person.body, pose));
     return poses;
   }
-  for (const int frame : ParseRanges("--frames", frames)) {
-    const auto found = person.seen.find(frame);
-    if (found == person.seen.end()) {
-      throw UsageError(Format("--frames: %s has no pose of frame %d; it has %zu frames from %d to %d", path.c_str(), frame,
-                              person.seen.size(), person.seen.begin()->first, person.seen.rbegin()->first));
-    }
-    poses.emplace(frame, ToBodyPose(person.body, found->second));
-  }
+  const auto refuse = [&](int frame) {
+    throw UsageError(Format("--frames: %s has no pose of frame %d; it has %zu frames from %d to %d", path.c_str(), frame,
+                            person.seen.size(), person.seen.begin()->first, person.seen.rbegin()->first));
+  };
+  const auto is_known = [&](int frame) { return person.seen.count(frame) > 0; };
+  for (const int frame : KnownFrames(ParseRanges("--frames", frames), is_known, refuse))
+    poses.emplace(frame, ToBodyPose(person.body, person.seen.at(frame)));
   return poses;
 }
 

@@ -9,6 +9,7 @@
 #include "app/people/human_shape.h"
 #include "calib/points/align_rig.h"
 #include "cli/calib/calib.h"
+#include "cli/program/arguments.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -186,7 +187,8 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+      ->check(OneOf(app::CalibrationFormatChoices(true)));
+  AddMeaningOptions(sub, arguments->read);
   registry.Add(sub, "calib align", [arguments](CommandContext& context) { return Align(*arguments, context); });
 }
 

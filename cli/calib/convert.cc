@@ -4,6 +4,7 @@
 #include "app/input/calib_read.h"
 #include "calib/formats/formats.h"
 #include "cli/calib/calib.h"
+#include "cli/program/arguments.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -26,7 +27,6 @@ struct Arguments {
   std::vector<std::string> in, rename;
   std::string to = "mvstudio", out;
   calib::LengthUnit out_unit = calib::LengthUnit::kMetre;
-  double allow_approximation_px = 0;
 };
 
 void Rename(const std::vector<std::string>& pairs, Rig* rig) {
@@ -103,7 +103,7 @@ std::vector<std::string> WriteDatasetFormat(const Arguments& arguments, const Ri
 std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat format, Rig* rig, CommandResult* result) {
   calib::WriteOptions options;
   options.metres_per_unit = MetresPer(arguments.out_unit);
-  options.allow_approximation_px = arguments.allow_approximation_px;
+  options.allow_approximation_px = arguments.read.allow_approximation_px;
   options.qca_distortion_divisor = arguments.read.qca_distortion_divisor;
   if (format != CalibrationFormat::kPanoptic) {
     const calib::ExportReport report = calib::WriteCalibration(*rig, format, arguments.out, options);
@@ -173,18 +173,14 @@ void RegisterCalibConvert(CLI::App& calib, Registry& registry) {
   AddOption(sub, "--to", arguments->to, "format of the output: " + OutputNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(CLI::IsMember(OutputChoices()).description(""));
+      ->transform(OneOf(OutputChoices()));
   AddOutput(sub, "--out", arguments->out, OutputKind::kAny,
             "file to write; a folder for colmap and easymocap, and for opencv and mrcal with several cameras; the formats of "
             "datasets write the file alone where the name ends as it does (.npz, .glb, .ply, …)")
       ->required();
-  AddChoice(sub, "--out-unit", arguments->out_unit, "unit of length to write in formats that name none")
+  AddChoice(sub, "--out-unit", arguments->out_unit, "unit of length to write in formats that name none: m, cm, mm or in")
       ->capture_default_str()
-      ->check(CLI::IsMember({"m", "cm", "mm"}));
-  AddOption(sub, "--allow-approximation", arguments->allow_approximation_px,
-            "px; a lens that the format does not have is replaced by its nearest one when no pixel of the image moves farther")
-      ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(OneOf({"m", "cm", "mm", "in"}));
   AddOption(sub, "--rename", arguments->rename, "OLD=NEW, give a camera another name; may be repeated")->take_all();
   AddReadOptions(sub, arguments->read);
   registry.Add(sub, "calib convert", [arguments](CommandContext&) { return Convert(*arguments); });

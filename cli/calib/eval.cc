@@ -7,6 +7,7 @@
 #include "app/input/corner_input.h"
 #include "calib/check/rig_check.h"
 #include "cli/calib/calib.h"
+#include "cli/program/arguments.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -128,10 +129,11 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+      ->check(OneOf(app::CalibrationFormatChoices(true)));
   AddChoice(sub, "--unit", arguments->read.unit, "unit of length of files that name none")
       ->capture_default_str()
-      ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
+      ->check(OneOf({"m", "cm", "mm", "in"}));
+  AddMeaningOptions(sub, arguments->read);
   registry.Add(sub, "calib eval", [arguments](CommandContext& context) { return Eval(*arguments, context); });
 }
 

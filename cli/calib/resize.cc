@@ -54,8 +54,16 @@ size_t CameraOf(const Rig& rig, const std::string& flag, const std::string& name
   return static_cast<size_t>(found);
 }
 
-std::map<size_t, app::ImageSize> SizesOf(const Arguments& arguments, const Rig& rig) {
+/// Of the cameras whose images change; those that are cropped have the crop's size unless another is given.
+std::map<size_t, app::ImageSize> SizesOf(const Arguments& arguments, const Rig& rig, const std::map<size_t, PixelArea>& areas) {
   std::map<size_t, app::ImageSize> sizes;
+  for (const std::string& text : arguments.crop) {
+    const size_t end = text.find('=');
+    for (const auto& [camera, area] : areas) {
+      if (end == std::string::npos || rig.cameras[camera].camera.name == text.substr(0, end))
+        sizes[camera] = {area.width_px, area.height_px};
+    }
+  }
   for (size_t c = 0; c < rig.cameras.size() && !arguments.size.empty(); ++c) sizes[c] = SizeOf("--size", arguments.size);
   for (const std::string& text : arguments.camera_size) {
     const auto [name, size] = SplitNamePath("--camera-size", text);
@@ -114,10 +122,14 @@ CommandResult Resize(const Arguments& arguments) {
   app::AddNotes(given.notes, &result);
   result.inputs.push_back(arguments.calibration);
   Rig& rig = given.rig;
-  const std::map<size_t, app::ImageSize> sizes = SizesOf(arguments, rig);
-  if (sizes.empty())
-    throw UsageError("give the new size: --size WIDTHxHEIGHT for all cameras, or --camera-size NAME=WIDTHxHEIGHT");
   const std::map<size_t, PixelArea> areas = AreasOf(arguments, rig);
+  const std::map<size_t, app::ImageSize> sizes = SizesOf(arguments, rig, areas);
+  if (sizes.empty()) {
+    throw UsageError(
+        "give the new size: --size WIDTHxHEIGHT for all cameras, or --camera-size NAME=WIDTHxHEIGHT; or --crop alone, whose "
+        "size "
+        "it then is");
+  }
   for (const auto& [c, size] : sizes) Check(rig.cameras[c].camera, areas.at(c), size);
   ordered_json& rows = result.metrics["cameras"] = ordered_json::array();
   for (const auto& [c, size] : sizes) {
@@ -142,7 +154,7 @@ void RegisterCalibResize(CLI::App& calib, Registry& registry) {
   CLI::App* sub =
       calib.add_subcommand("resize", "Lenses for images of another resolution, or for a crop of the calibrated images");
   AddOption(sub, "CALIB", arguments->calibration, "calibration to change")->required();
-  AddOption(sub, "--size", arguments->size, "WIDTHxHEIGHT px of the new images, for every camera");
+  AddOption(sub, "--size", arguments->size, "WIDTHxHEIGHT px of the new images, for every camera; that of --crop unless given");
   AddOption(sub, "--camera-size", arguments->camera_size, "NAME=WIDTHxHEIGHT, for one camera; may be repeated")->take_all();
   AddOption(
       sub, "--crop", arguments->crop,

@@ -10,6 +10,7 @@
 #include "app/input/project_input.h"
 #include "app/input/session_input.h"
 #include "app/input/take_frames.h"
+#include "cli/program/arguments.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -351,7 +352,7 @@ void RegisterSync(CLI::App& app, Registry& registry) {
   AddOption(sub, "--from", arguments->from,
             "poses: people's 2D joints; timestamps: the take's table of times; timecodes: of the videos, to a frame; "
             "motion-energy: images only, coarse")
-      ->check(CLI::IsMember({"poses", "timestamps", "timecodes", "motion-energy"}))
+      ->transform(OneOf({"poses", "timestamps", "timecodes", "motion-energy"}))
       ->capture_default_str();
   AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
   AddOption(sub, "--project", arguments->project,

@@ -17,6 +17,7 @@
 #include "cli/people/points_out.h"
 #include "cli/people/take_images.h"
 #include "cli/people/take_timing.h"
+#include "cli/program/arguments.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -337,7 +338,7 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
             "time offsets that the calibration states, where the take has no timing of its own: auto (when left-out cameras "
             "confirm them), on or off")
       ->capture_default_str()
-      ->check(CLI::IsMember({"auto", "on", "off"}));
+      ->check(OneOf({"auto", "on", "off"}));
   StartGroup(sub, "Joints together");
   AddFlag(sub, "--refine", arguments->refine,
           "refine the joints of each person together: smoothness and bone lengths, each only where it predicts left-out "

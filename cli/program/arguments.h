@@ -11,14 +11,12 @@ namespace mvstudio::cli {
 /// are whole, finite and in range, counts are not negative, texts are not empty and are no forgotten value ("--out --json").
 void CheckValues(CLI::App& app);
 
-/// One of `names`, for options of a few words.
+/// One of `names`, for options of a few words; case, hyphens and underscores do not count. As a `transform` it gives the name
+/// itself.
 CLI::Validator OneOf(const std::vector<std::string>& names);
 
 /// What was wrong with a command line that could not be parsed: an unknown command or flag is named with the nearest that there
 /// is.
 Notice ParseNotice(const CLI::App& app, const CLI::ParseError& error);
-
-/// The candidate that `word` was probably meant to be; empty when none is near.
-std::string Nearest(const std::string& word, const std::vector<std::string>& candidates);
 
 }  // namespace mvstudio::cli

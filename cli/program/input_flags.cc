@@ -1,5 +1,6 @@
 #include "cli/program/input_flags.h"
 
+#include "cli/program/arguments.h"
 #include "cli/program/options.h"
 #include "core/join.h"
 
@@ -9,16 +10,37 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
   AddChoice(sub, "--from", options.from, "format of the input: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+      ->check(OneOf(app::CalibrationFormatChoices(true)));
   AddChoice(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
-  AddChoice(sub, "--unit", options.unit, "unit of length of files that name none")
+  AddChoice(sub, "--unit", options.unit, "unit of length of files that name none: m, cm, mm or in")
       ->capture_default_str()
-      ->check(CLI::IsMember({"m", "cm", "mm", "in"}));
+      ->check(OneOf({"m", "cm", "mm", "in"}));
   AddOption(sub, "--qca-distortion-divisor", options.qca_distortion_divisor,
             "qca: the distortion is divided by this when read, multiplied when written (1: coefficients as they stand; 64: as "
             "Pose2Sim does)")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  AddMeaningOptions(sub, options);
+}
+
+void AddMeaningOptions(CLI::App* sub, app::CalibReadOptions& options) {
+  AddChoice(sub, "--lens", options.lens,
+            "auto, perspective or fisheye: of files that do not say it (opencv, easymocap, nerfstudio, toml)")
+      ->capture_default_str();
+  AddPoseMendingOptions(sub, options.invert, options.mirror);
+  AddOption(
+      sub, "--allow-approximation", options.allow_approximation_px,
+      "px; a camera with skew is read as the nearest one without it, and a lens that a format does not have is written as its "
+      "nearest one, when no pixel of the image moves farther")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+}
+
+void AddPoseMendingOptions(CLI::App* sub, bool& invert, bool& mirror) {
+  AddFlag(sub, "--invert", invert,
+          "the file gives poses the other way round (world from camera for camera from world): invert them");
+  AddFlag(sub, "--mirror", mirror,
+          "the file is left-handed (x right, y up, z forward, of world and cameras): turn y over in both");
 }
 
 void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
@@ -60,6 +82,7 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
       ->delimiter(',');
   AddOption(sub, "--unit,--calib-unit", arguments.calib_unit,
             "m, cm, mm or in: of a calibration that names no unit; m unless given");
+  AddPoseMendingOptions(sub, arguments.invert, arguments.mirror);
 }
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {

@@ -15,8 +15,12 @@ class App;
 /// The flags of inputs that several commands share.
 namespace mvstudio::cli {
 
-/// --from, --size, --unit, --qca-distortion-divisor.
+/// --from, --size, --unit, --qca-distortion-divisor, --lens, --invert, --mirror, --allow-approximation.
 void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options);
+/// Of these --lens, --invert, --mirror, --allow-approximation: what a file's numbers mean.
+void AddMeaningOptions(CLI::App* sub, app::CalibReadOptions& options);
+/// --invert, --mirror.
+void AddPoseMendingOptions(CLI::App* sub, bool& invert, bool& mirror);
 
 /// Adds --video, --images, --plate, --session, --take and --allow-outside.
 void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments);

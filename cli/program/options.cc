@@ -1,7 +1,11 @@
 #include "cli/program/options.h"
 
+#include <cctype>
 #include <cstdint>
 #include <vector>
+
+#include "core/error.h"
+#include "core/text/words.h"
 
 namespace mvstudio::cli {
 
@@ -44,9 +48,45 @@ void NameOutput(CLI::Option* option, OutputKind kind) {
   option->transform(CLI::Validator(name, ""));
 }
 
+namespace {
+
+/// The words of a refusal, which lists those that there are: "expected auto, on or none".
+std::vector<std::string> WordsIn(const std::string& text) {
+  std::vector<std::string> words(1);
+  for (const char c : text) {
+    if (std::islower(static_cast<unsigned char>(c)) || std::isdigit(static_cast<unsigned char>(c)) || c == '-' || c == '_') {
+      words.back() += c;
+    } else if (!words.back().empty()) {
+      words.emplace_back();
+    }
+  }
+  return words;
+}
+
+/// Takes the word that the typed one means, in any case, with or without hyphens and underscores; the refusal names one that is
+/// near.
+void SetLeniently(const std::function<void(const std::string&)>& set, const std::string& typed) {
+  try {
+    set(typed);
+  } catch (const UsageError& refusal) {
+    std::vector<std::string> known;
+    const std::string text = refusal.what();
+    const size_t colon = text.find(": ");  // before it stand the option's name and what was typed
+    for (const std::string& word : WordsIn(colon == std::string::npos ? text : text.substr(colon))) {
+      if (word.empty() || word == typed) continue;
+      if (PlainWord(word) == PlainWord(typed)) return set(word);
+      known.push_back(word);
+    }
+    throw UsageError(text + DidYouMean(typed, known));
+  }
+}
+
+}  // namespace
+
 CLI::Option* AddWordOption(CLI::App* app, const std::string& name, const std::function<void(const std::string&)>& set,
                            const std::function<std::string()>& now, const std::string& help) {
-  return app->add_option_function<std::string>(name, set, help)->default_function(now);
+  const auto lenient = [set](const std::string& typed) { SetLeniently(set, typed); };
+  return app->add_option_function<std::string>(name, lenient, help)->default_function(now);
 }
 
 CLI::Option* AddWordsOption(CLI::App* app, const std::string& name,

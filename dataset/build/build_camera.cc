@@ -109,9 +109,7 @@ void Settle(const CameraJob& job, const std::set<int>& gaps, const std::set<int>
 
 void CheckOrder(const FrameSource& source, const FrameSource::Frame& frame, int64_t last, Samples* samples) {
   const auto [width, height] = source.size_px();
-  if (frame.number <= last) {
-    throw FormatError(source.path(), frame.label, "its number does not come after the one before, " + std::to_string(last));
-  }
+  if (frame.number <= last) RefuseOrder(source.path(), frame.label, frame.number, last);
   if (samples->width == 0) samples->width = width, samples->height = height;
   if (width != samples->width || height != samples->height) {
     throw FormatError(source.path(), frame.label,
@@ -289,8 +287,9 @@ void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibra
     if (!turned) sizes += " option 'camera-size' " + job.footage.camera + "=" + SizeText(width, height);
   }
   if (wrong.empty()) return;
-  const std::string resize =
-      sizes.empty() ? "" : ", or, for the same part of the sensor, mvstudio calib resize " + calibration + sizes + " option 'out' resized.json";
+  const std::string resize = sizes.empty() ? ""
+                                           : ", or, for the same part of the sensor, mvstudio calib resize " + calibration +
+                                                 sizes + " option 'out' resized.json";
   throw FormatError(calibration, "", wrong + "; calibrate at this size or give the footage that was calibrated" + resize);
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <set>
@@ -10,6 +11,8 @@
 #include "core/check.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/log.h"
 #include "dataset/footage/chapters.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
@@ -21,7 +24,48 @@ namespace {
 bool HasImageExtension(const std::string& path) {
   std::string extension = fs::path(path).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
-  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+  for (const char* known : {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"}) {
+    if (extension == known) return true;
+  }
+  return false;
+}
+
+FootageNote TurnNote(const PictureTurn& turn) {
+  return {"SES-ROTATED", "the file asks for " + ToText(turn) + "; it is applied",
+          "the calibration must be of footage turned the same way"};
+}
+
+std::vector<FootageNote> NotesOn(const ImageHeader& header) {
+  std::vector<FootageNote> notes;
+  if (header.turn.any()) notes.push_back(TurnNote(header.turn));
+  if (header.channels == 2 || (header.channels == 4 && header.codec != "jpeg"))
+    notes.push_back(
+        {"SES-ALPHA", "its images have opacity, which is left out; colours under it show", "give opacity as masks"});
+  if (header.bits > 8) {
+    notes.push_back({"SES-DEPTH", "of the " + std::to_string(header.bits) + " bits of its images the upper 8 are used",
+                     "stretch images that fill a part of the range before"});
+  }
+  return notes;
+}
+
+std::vector<FootageNote> NotesOn(const VideoInfo& info) {
+  std::vector<FootageNote> notes;
+  if (info.turn.any()) notes.push_back(TurnNote(info.turn));
+  if (std::abs(info.pixel_aspect - 1) > 1e-3) {
+    notes.push_back({"SES-ASPECT",
+                     "its pixels are " + Format("%.4g", info.pixel_aspect) +
+                         " times as wide as high; the images are used as stored, not stretched",
+                     "calibrate with footage of the same kind; networks that find people see them squeezed"});
+  }
+  if (info.interlaced) {
+    notes.push_back({"SES-INTERLACED", "it is interlaced: the odd rows of a frame are of another moment than the even ones",
+                     "deinterlace it (ffmpeg -vf bwdif) before calibration and poses"});
+  }
+  return notes;
+}
+
+void LogNotes(const std::string& path, const std::vector<FootageNote>& notes) {
+  for (const FootageNote& note : notes) Log(LogLevel::kWarning, path + ": " + note.text);
 }
 
 /// Splits a name at its runs of digits so that `image2` comes before `image10`.
@@ -65,7 +109,11 @@ Image Reduced(const Image& grey, int max_side) {
 class ImageFolderSource : public FrameSource {
  public:
   ImageFolderSource(std::string path, std::vector<std::string> files, const FrameOptions& options)
-      : path_(std::move(path)), files_(std::move(files)), options_(options) {}
+      : path_(std::move(path)), files_(std::move(files)), options_(options) {
+    as_stored_ = options.sensor_if_turned_unlike && TurnedUnlike();
+    if (as_stored_)
+      Log(LogLevel::kWarning, path_ + ": EXIF turns these images unlike; they are used as the sensor stored them");
+  }
 
   std::optional<Frame> Advance() override {
     for (; next_ < files_.size(); ++next_) {
@@ -82,9 +130,9 @@ class ImageFolderSource : public FrameSource {
 
   Image Picture() override {
     MVS_CHECK(next_ > 0, path_ << ": no frame was read");
-    return picture_.empty() ? ReadImage(files_[next_ - 1]) : std::move(picture_);
+    return picture_.empty() ? ReadImage(files_[next_ - 1], false, as_stored_) : std::move(picture_);
   }
-  Image Thumbnail(int max_side) override { return Reduced(ReadImage(files_[next_ - 1], true), max_side); }
+  Image Thumbnail(int max_side) override { return Reduced(ReadImage(files_[next_ - 1], true, as_stored_), max_side); }
   std::pair<int, int> size_px() const override { return size_px_; }
   int64_t num_frames() const override { return static_cast<int64_t>(files_.size()); }
   const std::string& path() const override { return path_; }
@@ -95,9 +143,8 @@ class ImageFolderSource : public FrameSource {
   bool Look(const std::string& label) {
     try {
       picture_ = Image();
-      if (options_.keep_undamaged) picture_ = ReadImage(files_[next_]);
-      const ImageHeader header = ReadImageHeader(files_[next_]);
-      size_px_ = {static_cast<int>(header.width), static_cast<int>(header.height)};
+      if (options_.keep_undamaged) picture_ = ReadImage(files_[next_], false, as_stored_);
+      CheckHeader(ReadImageHeader(files_[next_]));
       return true;
     } catch (const FormatError& error) {
       if (!options_.keep_undamaged) throw;
@@ -106,10 +153,40 @@ class ImageFolderSource : public FrameSource {
     }
   }
 
+  bool TurnedUnlike() const {
+    std::optional<PictureTurn> first;
+    for (const std::string& file : files_) {
+      try {
+        const PictureTurn turn = ReadImageHeader(file).turn;
+        if (!(turn == first.value_or(turn))) return true;
+        first = turn;
+      } catch (const Error&) {  // reading it says why
+      }
+    }
+    return false;
+  }
+
+  /// One camera's images have one frame of pixels.
+  void CheckHeader(const ImageHeader& header) {
+    if (!turn_) LogNotes(path_, NotesOn(header));
+    const PictureTurn first = turn_.value_or(header.turn);
+    if (!as_stored_ && !(header.turn == first)) {
+      throw FormatError(files_[next_], "EXIF",
+                        "asks for " + (header.turn.any() ? ToText(header.turn) : "no turn") + ", the images before it for " +
+                            (first.any() ? ToText(first) : "none") +
+                            "; a camera's images must be turned alike: write them anew as they are to be shown");
+    }
+    turn_ = header.turn;
+    const bool swap = as_stored_ && header.turn.swaps_sides();
+    size_px_ = {static_cast<int>(swap ? header.height : header.width), static_cast<int>(swap ? header.width : header.height)};
+  }
+
   std::string path_;
   std::vector<std::string> files_;
   FrameOptions options_;
   std::vector<std::string> damage_;
+  std::optional<PictureTurn> turn_;  ///< of the last image
+  bool as_stored_ = false;
   Image picture_;
   std::pair<int, int> size_px_{0, 0};
   size_t next_ = 0;
@@ -127,6 +204,7 @@ class VideoSource : public FrameSource {
       : path_(path), files_(std::move(files)), options_{options.keep_undamaged, 0} {
     Open(0);
     const VideoInfo& first = reader_->info();
+    LogNotes(path_, NotesOn(first));
     num_frames_ = first.num_frames;
     for (size_t i = 1; i < files_.size(); ++i) {
       const VideoInfo info = VideoReader(files_[i]).info();
@@ -211,13 +289,29 @@ void FindGaps(FootageInfo* info) {
 void DescribePictures(FootageInfo* info) {
   const ImageHeader header = ReadImageHeader(info->files[0]);
   info->width = static_cast<int>(header.width), info->height = static_cast<int>(header.height);
-  info->codec = header.is_png ? "png" : "jpeg";
+  info->codec = header.codec;
   info->bits = header.bits;
+  info->turn = header.turn;
+  info->notes = NotesOn(header);
   info->num_frames = static_cast<int64_t>(info->files.size());
   FindGaps(info);
 }
 
 }  // namespace
+
+void RefuseOrder(const std::string& path, const std::string& label, int64_t number, int64_t last) {
+  std::string lower = label;
+  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
+  bool other = false;
+  for (const char* word : {"mask", "seg", "matte", "alpha", "depth", "normal"}) other |= lower.find(word) != std::string::npos;
+  throw FormatError(
+      path, label,
+      "its number " + std::to_string(number) + " does not come after the one before, " + std::to_string(last) +
+          (other ? "; it looks like no image of the camera: masks and the like belong in a folder of their own, or give "
+                   "a pattern in quotes that the images alone fit"
+                 : "; a camera's images have one number each: are two cameras or kinds of images in one folder? A "
+                   "pattern in quotes takes some of them"));
+}
 
 std::optional<int64_t> NumberInName(const std::string& path) {
   const std::string stem = fs::path(path).stem().string();
@@ -241,8 +335,8 @@ FootageFiles ListFootage(const std::string& path_or_pattern) {
   const bool is_one = files.paths.size() == 1 && !HasImageExtension(files.paths[0]);
   if (!is_folder && (is_one || ChapterOf(files.paths[0]))) return {true, InOrder(path, std::move(files.paths))};
   files.paths = OnlyImages(std::move(files.paths));
-  if (files.paths.empty() && is_folder) throw IoError(path, "the folder holds no .png or .jpg image");
-  if (files.paths.empty()) throw FormatError(path, "", "the pattern matches no .png or .jpg image");
+  if (files.paths.empty() && is_folder) throw IoError(path, "the folder holds no .png, .jpg, .tiff, .webp or .bmp image");
+  if (files.paths.empty()) throw FormatError(path, "", "the pattern matches no .png, .jpg, .tiff, .webp or .bmp image");
   std::sort(files.paths.begin(), files.paths.end(), NaturalLess);
   return files;
 }
@@ -268,7 +362,8 @@ FootageInfo DescribeFootage(const std::string& path_or_pattern) {
   info.fps_hz = video.frame_rate_hz;
   info.codec = video.codec;
   info.bits = video.bits;
-  info.quarter_turns_clockwise = video.quarter_turns_clockwise;
+  info.turn = video.turn;
+  info.notes = NotesOn(video);
   info.time_code_s = video.time_code_s;
   return info;
 }

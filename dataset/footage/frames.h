@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/image.h"
+#include "dataset/footage/picture_turn.h"
 
 namespace mvstudio::dataset {
 
@@ -43,9 +44,13 @@ class FrameSource {
 
 struct FrameOptions {
   bool keep_undamaged = false;  ///< skip damaged frames and images instead of throwing; Damage() lists them
+  /// Images that are not all turned alike (EXIF) come as the sensor stored them, instead of a FormatError: a lens belongs to
+  /// the sensor, however the camera was held.
+  bool sensor_if_turned_unlike = false;
 };
 
-/// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video.
+/// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video. What the first picture says
+/// and is not simply read (FootageNote) goes to the log.
 std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, const FrameOptions& options = {});
 
 /// The files of the footage: the images in order, or a video in one file or several chapters.
@@ -56,8 +61,16 @@ struct FootageFiles {
 /// Throws like OpenFrames.
 FootageFiles ListFootage(const std::string& path_or_pattern);
 
+/// Throws FormatError for the image `label` of footage at `path`, whose number is not above `last`, that of the one before.
+[[noreturn]] void RefuseOrder(const std::string& path, const std::string& label, int64_t number, int64_t last);
+
 /// The last number in a file name without its extension, if any: the number of an image.
 std::optional<int64_t> NumberInName(const std::string& path);
+
+/// What footage says about its pictures and is not simply read: a stable code, the fact with what is done, and advice.
+struct FootageNote {
+  std::string code, text, hint;
+};
 
 /// Properties of footage, determined without reading all of it.
 struct FootageInfo {
@@ -67,7 +80,8 @@ struct FootageInfo {
   int64_t num_frames = 0;     ///< 0: unknown
   std::string codec;          ///< "h264", "png"
   int bits = 8;
-  int quarter_turns_clockwise = 0;
+  PictureTurn turn;                               ///< that the file asks for; it is applied
+  std::vector<FootageNote> notes;                 ///< turn, opacity, 16 bits, pixels that are not square, interlacing
   std::optional<double> time_code_s;              ///< as in VideoInfo, of the first file
   std::vector<std::string> files;                 ///< images in order; the files of the video
   std::vector<std::pair<int64_t, int64_t>> gaps;  ///< numbers that no image has, as ranges (first, last)

@@ -1,7 +1,6 @@
 #include "dataset/footage/image_io.h"
 
 #include <algorithm>
-#include <array>
 #include <cctype>
 #include <cstdlib>
 #include <filesystem>
@@ -14,78 +13,19 @@
 #include "core/disk/paths.h"
 #include "core/disk/unpack.h"
 #include "core/error.h"
+#include "dataset/footage/image_header.h"
 
 namespace mvstudio::dataset {
 namespace {
 
+using internal::BigEndian32;
+using internal::Crc32;
 using Bytes = const std::string&;
 
 uint8_t At(Bytes b, size_t i) { return static_cast<uint8_t>(b[i]); }
 
-uint32_t BigEndian32(Bytes b, size_t i) {
-  return uint32_t{At(b, i)} << 24 | uint32_t{At(b, i + 1)} << 16 | uint32_t{At(b, i + 2)} << 8 | uint32_t{At(b, i + 3)};
-}
-
-bool IsPng(Bytes b) { return b.size() >= 8 && b.compare(0, 8, "\x89PNG\r\n\x1a\n") == 0; }
-bool IsJpeg(Bytes b) { return b.size() >= 3 && At(b, 0) == 0xff && At(b, 1) == 0xd8 && At(b, 2) == 0xff; }
-
-/// CRC-32 of PNG (ISO 3309).
-uint32_t Crc32(Bytes b, size_t begin, size_t size) {
-  static const std::array<uint32_t, 256> table = [] {
-    std::array<uint32_t, 256> t{};
-    for (uint32_t n = 0; n < 256; ++n) {
-      uint32_t c = n;
-      for (int k = 0; k < 8; ++k) c = c & 1 ? 0xedb88320u ^ (c >> 1) : c >> 1;
-      t[n] = c;
-    }
-    return t;
-  }();
-  uint32_t crc = 0xffffffffu;
-  for (size_t i = begin; i < begin + size; ++i) crc = table[(crc ^ At(b, i)) & 0xff] ^ (crc >> 8);
-  return ~crc;
-}
-
-constexpr int64_t kMaxSide = 65535;
 constexpr uintmax_t kMaxFileBytes = uintmax_t{1} << 30;
 constexpr int kMaxJpegScans = 500;
-
-ImageHeader PngHeader(Bytes b, const std::string& path) {
-  if (b.size() < 33 || b.compare(12, 4, "IHDR") != 0) throw FormatError(path, "byte 8", "the PNG file has no header");
-  ImageHeader header{BigEndian32(b, 16), BigEndian32(b, 20), 1, At(b, 24), true};
-  const uint8_t colour = At(b, 25);
-  header.channels = colour == 2 || colour == 3 ? 3 : colour == 4 ? 2 : colour == 6 ? 4 : 1;
-  return header;
-}
-
-/// The first frame header (SOF0 … SOF15 without DHT, JPG, DAC).
-ImageHeader JpegHeader(Bytes b, const std::string& path) {
-  for (size_t at = 2; at + 9 < b.size() && At(b, at) == 0xff;) {
-    const uint8_t marker = At(b, at + 1);
-    if (marker == 0xff) {
-      ++at;
-      continue;
-    }
-    if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4 && marker != 0xc8 && marker != 0xcc) {
-      const auto side = [&](size_t i) { return int64_t{At(b, i)} << 8 | At(b, i + 1); };
-      return {side(at + 7), side(at + 5), At(b, at + 9), At(b, at + 4), false};
-    }
-    at += 2 + (size_t{At(b, at + 2)} << 8 | At(b, at + 3));
-  }
-  throw FormatError(path, "", "the JPEG file has no frame header; it ends early or is damaged");
-}
-
-ImageHeader Header(Bytes b, const std::string& path) {
-  if (!IsPng(b) && !IsJpeg(b)) throw FormatError(path, "", "is neither PNG nor JPEG");
-  const ImageHeader header = IsPng(b) ? PngHeader(b, path) : JpegHeader(b, path);
-  const std::string size = std::to_string(header.width) + "x" + std::to_string(header.height);
-  if (header.width < 1 || header.height < 1) throw FormatError(path, "header", "an image of " + size + " pixels");
-  if (header.width > kMaxSide || header.height > kMaxSide || header.width * header.height > MaxPixels()) {
-    throw FormatError(path, "header",
-                      "declares " + size + " pixels, more than the " + std::to_string(MaxPixels() >> 20) +
-                          " Mi that are allowed; if it is sound, set MVSTUDIO_MAX_MEGAPIXELS");
-  }
-  return header;
-}
 
 /// Walks the chunks: decoders accept a file that ends early and give the missing rows some colour.
 void CheckPng(Bytes b, const std::string& path) {
@@ -147,10 +87,11 @@ Image FromMat(const cv::Mat& mat) {
   return image;
 }
 
-/// The file, or its first `most` bytes.
-std::string ReadStart(const std::string& path, size_t most) {
+/// The file, or `most` bytes from `begin` on; a negative one counts from the end.
+std::string ReadPart(const std::string& path, std::streamoff begin, size_t most) {
   std::ifstream in(path, std::ios::binary);
   if (!in) throw IoError(path, "cannot open");
+  if (begin < 0) in.seekg(begin, std::ios::end);
   std::string bytes(most, '\0');
   in.read(bytes.data(), static_cast<std::streamsize>(most));
   if (in.bad()) throw IoError(path, "cannot read");
@@ -167,6 +108,15 @@ void CheckFileSize(const std::string& path) {
   if (size > kMaxFileBytes) throw FormatError(path, "", "is larger than 1 GiB: not an image");
 }
 
+void RequireProportion(const ImageHeader& header, size_t file_bytes, const std::string& path) {
+  const int64_t bytes = header.width * header.height * header.channels * std::max(1, header.bits / 8);
+  if (!OutOfProportion(static_cast<uint64_t>(bytes), file_bytes)) return;
+  throw FormatError(path, "header",
+                    "declares " + std::to_string(header.width) + "x" + std::to_string(header.height) + " pixels of " +
+                        std::to_string(header.bits) + " bits, out of all proportion to the file's " +
+                        std::to_string(file_bytes) + " bytes: an image of one colour; refused");
+}
+
 }  // namespace
 
 int64_t MaxPixels() {
@@ -177,38 +127,43 @@ int64_t MaxPixels() {
 }
 
 ImageHeader ReadImageHeader(const std::string& path) {
+  constexpr size_t kShort = 1 << 14, kLong = 1 << 20;
   CheckFileSize(path);
-  const std::string start = ReadStart(path, 4096);
-  if (IsPng(start)) return Header(start, path);
-  return Header(ReadStart(path, 1 << 20), path);  // EXIF thumbnails and profiles come before a JPEG's size
+  std::string start = ReadPart(path, 0, kShort), end;
+  if (start.size() == kShort && start.compare(1, 3, "PNG") == 0) {
+    end = ReadPart(path, -std::streamoff{kShort}, kShort);
+  } else if (start.size() == kShort) {
+    start = ReadPart(path, 0, kLong);  // EXIF thumbnails and profiles come before a JPEG's size
+  }
+  const bool directory_later =
+      start.size() == kLong && start.compare(1, 1, start, 0, 1) == 0 && (start[0] == 'I' || start[0] == 'M');
+  if (directory_later) start = ReadFile(path);  // TIFF's may stand behind the pixels
+  return internal::ParseImageHeader({start, end}, path);
 }
 
-Image ReadImage(const std::string& path, bool grey) {
+Image ReadImage(const std::string& path, bool grey, bool as_stored) {
   CheckFileSize(path);
-  const std::string bytes = ReadFile(path);
+  std::string bytes = ReadFile(path);
   if (bytes.empty()) throw FormatError(path, "", "the file is empty");
-  const ImageHeader header = Header(bytes, path);
-  if (header.is_png) {
-    const int64_t pixels = header.width * header.height * header.channels;
-    if (OutOfProportion(static_cast<uint64_t>(pixels * std::max(1, header.bits / 8)), bytes.size()))
-      throw FormatError(path, "header",
-                        "declares " + std::to_string(header.width) + "x" + std::to_string(header.height) + " pixels of " +
-                            std::to_string(header.bits) + " bits, out of all proportion to the file's " +
-                            std::to_string(bytes.size()) + " bytes: an image of one colour; refused");
+  const ImageHeader header = internal::ParseImageHeader({bytes, bytes}, path);
+  if (header.codec == "png") {
+    RequireProportion(header, bytes.size(), path);
     CheckPng(bytes, path);
-  } else {
-    CheckJpeg(bytes, path);
   }
+  if (header.codec == "jpeg") CheckJpeg(bytes, path);
+  if (header.codec == "tiff") bytes = internal::WithoutTiffOrientation(std::move(bytes));
   cv::Mat mat;
   try {
-    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
+    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, bytes.data());
     mat = cv::imdecode(raw, (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_IGNORE_ORIENTATION);
     if (!mat.empty() && !grey) cv::cvtColor(mat, mat, cv::COLOR_BGR2RGB);
   } catch (const cv::Exception& error) {
     throw FormatError(path, "", "cannot decode the image: " + error.err);
   }
-  if (mat.empty()) throw FormatError(path, "", "cannot decode the image; the file is damaged");
-  return FromMat(mat);
+  const bool swap = header.turn.swaps_sides();
+  if (mat.cols != (swap ? header.height : header.width) || mat.rows != (swap ? header.width : header.height))
+    throw FormatError(path, "", "cannot decode the image; the file is damaged");
+  return as_stored ? FromMat(mat) : Turned(FromMat(mat), header.turn);
 }
 
 std::string EncodeImage(const Image& image, const std::string& path, int jpeg_quality) {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/image.h"
+#include "dataset/footage/picture_turn.h"
 
 namespace mvstudio::dataset {
 
@@ -12,16 +13,18 @@ namespace mvstudio::dataset {
 int64_t MaxPixels();
 
 struct ImageHeader {
-  int64_t width = 0, height = 0;
+  int64_t width = 0, height = 0;  ///< as shown, after `turn`
   int channels = 0, bits = 0;
-  bool is_png = false;
+  std::string codec;  ///< "png", "jpeg", "tiff", "webp", "bmp"
+  PictureTurn turn;   ///< that EXIF or TIFF asks for
 };
-/// Size of a PNG or JPEG from its first kilobytes; the rest is not read. Throws IoError / FormatError.
+/// Properties of an image from its header; the pixels are not read. Throws IoError / FormatError.
 ImageHeader ReadImageHeader(const std::string& path);
 
-/// Reads PNG or JPEG; RGB, or grey when `grey`. Ignores EXIF rotation. Throws IoError / FormatError, also for more than
-/// MaxPixels() or sides beyond 65535, files beyond 1 GiB and JPEG of more than 500 scans.
-Image ReadImage(const std::string& path, bool grey = false);
+/// Reads PNG, JPEG, TIFF, WebP or BMP; RGB, or grey when `grey`: 8 bits, of 16 the upper ones; without opacity. The picture is
+/// turned and mirrored as EXIF's or TIFF's orientation says, unless `as_stored`. Throws IoError / FormatError, also for more
+/// than MaxPixels() or sides beyond 65535, files beyond 1 GiB and JPEG of more than 500 scans.
+Image ReadImage(const std::string& path, bool grey = false, bool as_stored = false);
 /// Writes PNG, or JPEG with `jpeg_quality`, by extension, atomically. Four channels are R, G, B and opacity, not
 /// premultiplied: PNG only.
 void WriteImage(const Image& image, const std::string& path, int jpeg_quality = 95);

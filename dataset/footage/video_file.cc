@@ -24,13 +24,25 @@ namespace mvstudio::dataset {
 namespace internal {
 namespace {
 
-/// Quarter turns clockwise that the container asks for.
-int QuarterTurns(const AVStream& stream) {
+/// Refuses a matrix that is more than quarter turns, a mirror and a scale of pixels.
+[[noreturn]] void RefuseMatrix(const int32_t* m, const std::string& path) {
+  const double angle_deg = -av_display_rotation_get(m);
+  throw FormatError(path, "display matrix",
+                    (std::isfinite(angle_deg) ? "asks for a turn of " + Format("%.3g", angle_deg) + " degrees or a shear"
+                                              : std::string("is singular")) +
+                        "; only quarter turns and mirrors are applied: write the video anew as it is to be shown");
+}
+
+PictureTurn TurnOf(const AVStream& stream, const std::string& path) {
   const uint8_t* matrix = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr);
-  if (!matrix) return 0;
-  const double clockwise_deg = -av_display_rotation_get(reinterpret_cast<const int32_t*>(matrix));
-  if (!std::isfinite(clockwise_deg)) return 0;
-  return ((static_cast<int>(std::lround(clockwise_deg / 90.0)) % 4) + 4) % 4;
+  return matrix ? TurnOfMatrix(reinterpret_cast<const int32_t*>(matrix), path) : PictureTurn{};
+}
+
+double PixelAspect(const AVStream& stream) {
+  for (const AVRational& aspect : {stream.sample_aspect_ratio, stream.codecpar->sample_aspect_ratio}) {
+    if (aspect.num > 0 && aspect.den > 0) return av_q2d(aspect);
+  }
+  return 1;
 }
 
 /// What cameras, recorders and editors write: each is one file that names no other. Left out are playlists (hls, dash, concat),
@@ -112,6 +124,20 @@ void CheckClock(const std::string& path, AVFormatContext* format, AVStream* stre
 
 }  // namespace
 
+PictureTurn TurnOfMatrix(const int32_t* m, const std::string& path) {
+  const double a = m[0], b = m[1], c = m[3], d = m[4];
+  if (a == 0 && b == 0 && c == 0 && d == 0) return {};  // writers that leave it empty
+  const double small = 1e-3 * std::max({std::abs(a), std::abs(b), std::abs(c), std::abs(d)});
+  const auto zero = [&](double value) { return std::abs(value) <= small; };
+  const bool straight = zero(b) && zero(c) && !zero(a) && !zero(d), crossed = zero(a) && zero(d) && !zero(b) && !zero(c);
+  if ((!straight && !crossed) || m[2] != 0 || m[5] != 0) RefuseMatrix(m, path);
+  PictureTurn turn;
+  turn.mirrored = a * d - b * c < 0;
+  const double right = turn.mirrored ? -1 : 1;  // where the picture's right goes once it is mirrored
+  turn.quarter_turns_clockwise = straight ? (a * right > 0 ? 0 : 2) : (b * right > 0 ? 1 : 3);
+  return turn;
+}
+
 VideoFile::VideoFile(const std::string& path, int64_t max_pixels) : path_(path) {
   try {
     Open(max_pixels > 0 ? max_pixels : MaxPixels());
@@ -189,8 +215,10 @@ double VideoFile::tagged_duration_s() const {
 VideoInfo VideoFile::info() const {
   const AVCodecParameters& p = *stream_->codecpar;
   VideoInfo info;
-  info.quarter_turns_clockwise = QuarterTurns(*stream_);
-  const bool swap = info.quarter_turns_clockwise % 2 != 0;
+  info.turn = TurnOf(*stream_, path_);
+  info.pixel_aspect = PixelAspect(*stream_);
+  info.interlaced = p.field_order > AV_FIELD_PROGRESSIVE;
+  const bool swap = info.turn.swaps_sides();
   info.width = swap ? p.height : p.width;
   info.height = swap ? p.width : p.height;
   const AVRational rate = stream_->avg_frame_rate.num > 0 ? stream_->avg_frame_rate : stream_->r_frame_rate;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/image.h"
+#include "dataset/footage/picture_turn.h"
 
 namespace mvstudio::dataset {
 
@@ -16,9 +17,11 @@ struct VideoInfo {
   double frame_rate_hz = 0;   ///< average, from the container
   int64_t num_frames = 0;     ///< stated by the container; 0 when unknown
   std::string codec;
-  std::string pixel_format;         ///< libav's name, "yuv420p10le"
-  int bits = 8;                     ///< per colour sample
-  int quarter_turns_clockwise = 0;  ///< rotation requested by the metadata
+  std::string pixel_format;  ///< libav's name, "yuv420p10le"
+  int bits = 8;              ///< per colour sample
+  PictureTurn turn;          ///< that the container asks for; Picture() applies it
+  double pixel_aspect = 1;   ///< width to height of a pixel, by the metadata; not applied
+  bool interlaced = false;   ///< by the container; a frame then shows two moments
   /// Time of day of the first frame, seconds, by the file's time code (SMPTE ST 12), which counts whole frames.
   std::optional<double> time_code_s;
 };

@@ -26,20 +26,6 @@ using internal::AvErrorText;
 
 constexpr size_t kMaxCauses = 20;
 
-Image Turned(Image image, int quarter_turns) {
-  if (quarter_turns == 0) return image;
-  const bool swap = quarter_turns % 2 != 0;
-  Image out(swap ? image.height : image.width, swap ? image.width : image.height, image.channels);
-  for (int y = 0; y < image.height; ++y) {
-    for (int x = 0; x < image.width; ++x) {
-      const int u = quarter_turns == 1 ? image.height - 1 - y : quarter_turns == 2 ? image.width - 1 - x : y;
-      const int v = quarter_turns == 1 ? x : quarter_turns == 2 ? image.height - 1 - y : image.width - 1 - x;
-      std::copy_n(image.Pixel(x, y), image.channels, out.Pixel(u, v));
-    }
-  }
-  return out;
-}
-
 struct FreeFrame {
   void operator()(AVFrame* frame) const { av_frame_free(&frame); }
 };
@@ -106,6 +92,7 @@ struct VideoReader::Impl {
   void Enter();
   void CheckComplete() const;
   void ListMissing();
+  void CheckTurn() const;
   Image Convert();
 };
 
@@ -292,7 +279,19 @@ void VideoReader::Impl::ListMissing() {
   }
 }
 
+/// A turn that the frame asks for (H.264's SEI, EXIF in Motion JPEG) and the container does not.
+void VideoReader::Impl::CheckTurn() const {
+  const AVFrameSideData* const matrix = av_frame_get_side_data(frame.get(), AV_FRAME_DATA_DISPLAYMATRIX);
+  if (!matrix) return;
+  const PictureTurn turn = internal::TurnOfMatrix(reinterpret_cast<const int32_t*>(matrix->data), path);
+  if (turn == info.turn) return;
+  throw FormatError(path, "frame " + std::to_string(frame_idx),
+                    "asks for " + ToText(turn) + ", its container for " + (info.turn.any() ? ToText(info.turn) : "none") +
+                        "; write the video anew as it is to be shown");
+}
+
 Image VideoReader::Impl::Convert() {
+  CheckTurn();
   const std::array<int, 5> kind = {frame->format, frame->color_range, frame->colorspace, frame->chroma_location, 0};
   if (!converter || converts != kind) {
     sws_freeContext(converter);
@@ -307,7 +306,7 @@ Image VideoReader::Impl::Convert() {
   Image image(frame->width, frame->height, 3);
   for (int y = 0; y < image.height; ++y)
     std::copy_n(planes[0] + int64_t{y} * strides[0], size_t{3} * image.width, image.Pixel(0, y));
-  return Turned(std::move(image), info.quarter_turns_clockwise);
+  return Turned(std::move(image), info.turn);
 }
 
 VideoReader::VideoReader(const std::string& path, const VideoOptions& options) : impl_(std::make_unique<Impl>(path, options)) {

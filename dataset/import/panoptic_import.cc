@@ -242,6 +242,12 @@ ImportJob MakeJob(const std::string& root, const PanopticImportOptions& options,
                       "none can be read; " + (job.findings.list().empty() ? "" : job.findings.list()[0].text));
   }
   ChooseCameras(&job, report);
+  const bool joints = !job.sequence.hd_scenes.files.empty() || !job.sequence.vga_scenes.files.empty();
+  if (!joints) {
+    const std::string why = "holds no joints (hdPose3d_stage1_coco19/body3DScene_*.json)" + NotUnpacked(root);
+    if (job.sequence.footage.empty()) throw FormatError(root, "", why + "; and neither images nor videos: nothing to import");
+    job.findings.Warning("DAT-POSE", root, why);
+  }
   for (const auto& [path, why] : job.sequence.strange) job.findings.Warning("DAT-NAME", path, why);
   return job;
 }

@@ -24,9 +24,7 @@ int EachFrame(const std::string& path, const Use& use) {
   while (auto frame = source->Next()) {
     const int number = static_cast<int>(std::clamp<int64_t>(frame->number, 0, std::numeric_limits<int>::max()));
     if (position == 0) width = frame->rgb.width, height = frame->rgb.height;
-    if (position > 0 && number <= last) {
-      throw FormatError(source->path(), frame->label, "its number does not come after the one before, " + std::to_string(last));
-    }
+    if (position > 0 && number <= last) RefuseOrder(source->path(), frame->label, number, last);
     if (frame->rgb.width != width || frame->rgb.height != height) {
       throw FormatError(
           source->path(), frame->label,

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "core/check.h"
+#include "core/choice/frame_choice.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
@@ -44,13 +45,13 @@ std::set<int> ChooseCameras(const PanopticDataset& dataset, const std::vector<st
 
 std::set<int> ChooseFrames(const PanopticDataset& dataset, const std::vector<int>& frames) {
   const std::set<int> known(dataset.frames.begin(), dataset.frames.end());
-  for (const int frame : frames) {
-    if (!known.count(frame)) {
-      throw UsageError("option 'frames': frame " + std::to_string(frame) + " has no body3DScene file in " + dataset.root +
-                       "; it has " + std::to_string(dataset.frames.front()) + " to " + std::to_string(dataset.frames.back()));
-    }
-  }
-  return frames.empty() ? known : std::set<int>(frames.begin(), frames.end());
+  const std::vector<int> chosen = KnownFrames(
+      frames, [&](int frame) { return known.count(frame) > 0; },
+      [&](int frame) {
+        throw UsageError("option 'frames': frame " + std::to_string(frame) + " has no body3DScene file in " + dataset.root +
+                         "; it has " + std::to_string(dataset.frames.front()) + " to " + std::to_string(dataset.frames.back()));
+      });
+  return chosen.empty() ? known : std::set<int>(chosen.begin(), chosen.end());
 }
 
 // The person whose joints go with whole pictures.

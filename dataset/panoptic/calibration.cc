@@ -9,6 +9,8 @@
 #include "dataset/panoptic/panoptic_camera.h"
 #include "dataset/panoptic/panoptic_json.h"
 #include "dataset/panoptic/panoptic_units.h"
+#include "geometry/rig/file_keys.h"
+#include "geometry/rig/foreign_layout.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rig/rig_io.h"
 
@@ -23,13 +25,6 @@ using internal::JsonText;
 using internal::JsonView;
 using internal::NumbersText;
 using internal::NumberText;
-
-/// x_in_ours = OursFromPanoptic() * x_in_panoptic / 100.
-Eigen::Matrix3d OursFromPanoptic() {
-  Eigen::Matrix3d axes;
-  axes << 1, 0, 0, 0, 0, 1, 0, -1, 0;
-  return axes;
-}
 
 Eigen::Matrix3d ReadMatrix3(const JsonView& json) {
   if (json.ArraySize() != 3) json.Fail("must be a 3x3 matrix");
@@ -76,7 +71,10 @@ Camera ToCamera(const PanopticCamera& from, const std::string& path, const std::
   if (!(k(0, 0) > 0 && k(1, 1) > 0)) fail("K", "focal lengths must be positive");
   if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
     fail("K", "must have the form [[fx,0,cx],[0,fy,cy],[0,0,1]]");
-  if (k(0, 1) != 0) fail("K", "skew K[0][1] is not supported, it must be 0");
+  if (k(0, 1) != 0)
+    fail("K",
+         "skew K[0][1] is not supported, it must be 0; `mvstudio calib convert` (option 'allow-approximation') reads the "
+         "nearest camera without it");
   Camera camera;
   camera.name = from.name;
   camera.width_px = from.width_px;
@@ -142,6 +140,25 @@ std::string CameraText(const PanopticCamera& c) {
 }
 
 }  // namespace
+
+Eigen::Matrix3d OursFromPanoptic() {
+  Eigen::Matrix3d axes;
+  axes << 1, 0, 0, 0, 0, 1, 0, -1, 0;
+  return axes;
+}
+
+std::string UnusedKeysOf(const PanopticCalibrationFile& file, const std::string& path) {
+  geometry::UnusedKeys unused(path, 0.01);
+  const auto add = [&](const PanopticExtras& extras, const std::string& before) {
+    for (const auto& [key, json] : extras) {
+      const bool text = json.size() > 1 && json[0] == '"';
+      unused.Add(before + key, key, text ? json.substr(1, json.size() - 2) : json);
+    }
+  };
+  add(file.extras, "");
+  for (size_t i = 0; i < file.cameras.size(); ++i) add(file.cameras[i].extras, "cameras[" + std::to_string(i) + "].");
+  return unused.Text();
+}
 
 PanopticCamera internal::ReadPanopticCameraFields(const JsonView& json) {
   internal::RequireObject(json);
@@ -225,6 +242,7 @@ void WritePanopticCalibrationFile(const PanopticCalibrationFile& file, const std
 }
 
 geometry::Rig ToRig(const PanopticCalibrationFile& file, const std::string& path) {
+  UnusedKeysOf(file, path);
   geometry::Rig rig;
   rig.gauge = "Panoptic file " + std::filesystem::path(path).filename().string();
   std::set<std::string> names;
@@ -255,7 +273,9 @@ void WritePanopticCalibration(const geometry::Rig& rig, const std::string& path,
   WritePanopticCalibrationFile(ToPanopticCalibration(rig, source), path);
 }
 
-geometry::Rig ReadAnyCalibration(const std::string& path) {
+geometry::Rig ReadAnyCalibration(const std::string& named) {
+  const bool folder = std::filesystem::is_directory(named) && std::filesystem::exists(named + "/calibration.json");
+  const std::string path = folder ? named + "/calibration.json" : named;
   const std::string text = internal::ReadTextFile(path, internal::kMaxJsonBytes);
   const size_t begin = text.find_first_not_of(" \t\r\n");
   const bool other = begin != std::string::npos && text[begin] != '{' && std::filesystem::path(path).extension() != ".json";
@@ -264,6 +284,12 @@ geometry::Rig ReadAnyCalibration(const std::string& path) {
   const Json json = internal::ParseJson(text, path);
   const bool ours = json.is_object() && json.contains("schema");
   if (ours) return geometry::RigFromJsonText(text, path);
+  if (!geometry::LooksLikePanoptic(text)) {
+    const std::string layout = geometry::ForeignLayout(text);
+    throw FormatError(path, "",
+                      "is neither mvstudio's calibration nor Panoptic's" + (layout.empty() ? "" : "; it looks like " + layout) +
+                          "; `mvstudio calib convert` makes ours of what it reads");
+  }
   if (static_cast<int64_t>(text.size()) > internal::kMaxCalibrationBytes)
     throw FormatError(path, "", "is larger than any calibration in Panoptic layout");
   return ToRig(FromJson(json, path), path);

@@ -73,10 +73,20 @@ std::string FindPanopticCalibration(const std::string& root) {
   return found[0];
 }
 
+std::string NotUnpacked(const std::string& root) {
+  const std::vector<std::string> archives = FilesNamed(root, "", ".tar");
+  if (archives.empty()) return "";
+  const std::string first = fs::path(archives[0]).filename().string();
+  return "; " + first + (archives.size() > 1 ? " and " + std::to_string(archives.size() - 1) + " more are" : " is") +
+         " not unpacked: `tar -xf " + first + "` there";
+}
+
 std::map<int, std::string> ListBody3dScenes(const std::string& root) {
   std::map<int, std::string> files;
-  const std::string prefix = "body3DScene_";
-  for (const std::string& path : FilesNamed(root + "/" + kPoseFolder, prefix, ".json")) {
+  const std::string prefix = "body3DScene_", folder = root + "/" + kPoseFolder;
+  std::vector<std::string> found = FilesNamed(folder, prefix, ".json");
+  if (found.empty()) found = FilesNamed(folder + "/hd", prefix, ".json");  // as CMU's first archives unpack
+  for (const std::string& path : found) {
     const std::string digits = fs::path(path).stem().string().substr(prefix.size());
     if (digits.size() != 8 || digits.find_first_not_of("0123456789") != std::string::npos) continue;
     files[std::stoi(digits)] = path;
@@ -89,7 +99,8 @@ void ReadJoints(PanopticDataset* dataset) {
     dataset->frames.push_back(frame);
     dataset->poses[frame] = ReadBody3dScene(path);
   }
-  if (dataset->frames.empty()) throw IoError(dataset->root + "/" + kPoseFolder, "holds no body3DScene_%08d.json");
+  if (dataset->frames.empty())
+    throw IoError(dataset->root + "/" + kPoseFolder, "holds no body3DScene_%08d.json" + NotUnpacked(dataset->root));
   dataset->own = ReadOwnJoints(dataset->root);
 }
 

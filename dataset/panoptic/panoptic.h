@@ -17,7 +17,10 @@ namespace mvstudio::dataset {
 /// Reads calibration_<seq>.json. Cameras keep the file's order; models: pinhole when distCoef is all zero, else brown5.
 /// Throws FormatError.
 geometry::Rig ReadPanopticCalibration(const std::string& path);
-/// Reads a calibration file of mvstudio or Panoptic, detected by content.
+/// x_ours = OursFromPanoptic() x_in_panoptic / 100.
+Eigen::Matrix3d OursFromPanoptic();
+/// Reads a calibration file of mvstudio or Panoptic, detected by content, or the `calibration.json` of a folder. Throws
+/// FormatError for other layouts, by name where they are known.
 geometry::Rig ReadAnyCalibration(const std::string& path);
 /// Names must be `%02d_%02d` (ContractViolation): rename first. Lenses that five Brown coefficients cannot express are
 /// refused (UsageError).
@@ -60,6 +63,9 @@ bool ParsePanopticName(const std::string& name, int* panel, int* node);
 
 /// The only calibration_<seq>.json of a dataset folder. Throws IoError / FormatError when there is none or several.
 std::string FindPanopticCalibration(const std::string& root);
+
+/// "; hdPose3d_stage1_coco19.tar is not unpacked: …", for the archives in a sequence's folder; empty: there is none.
+std::string NotUnpacked(const std::string& root);
 
 /// Frame number -> body3DScene file, sorted. Empty when there is none.
 std::map<int, std::string> ListBody3dScenes(const std::string& root);

@@ -41,6 +41,9 @@ struct PanopticCalibrationFile {
 
 PanopticCalibrationFile ParsePanopticCalibration(std::string_view text, const std::string& path);
 PanopticCalibrationFile ReadPanopticCalibrationFile(const std::string& path);
+/// Keys that are kept and not used. Throws FormatError for one that says that the numbers mean something else
+/// (geometry/rig/file_keys.h); so does ToRig.
+std::string UnusedKeysOf(const PanopticCalibrationFile& file, const std::string& path);
 std::string ToText(const PanopticCalibrationFile& file);
 void WritePanopticCalibrationFile(const PanopticCalibrationFile& file, const std::string& path);
 

@@ -151,7 +151,15 @@ class Scanner {
     const std::string folder = Folder(name);
     if (folder.empty()) return;
     frames->folder = folder;
-    for (const fs::directory_entry& file : List(folder)) {
+    std::vector<fs::directory_entry> files = List(folder);
+    for (const char* inside : {"hd", "vga"}) {  // as CMU's first archives unpack
+      std::error_code error;
+      const auto found = std::find_if(files.begin(), files.end(), [&](const fs::directory_entry& entry) {
+        return entry.path().filename() == inside && entry.is_directory(error);
+      });
+      if (found != files.end()) files = List(found->path().string());
+    }
+    for (const fs::directory_entry& file : files) {
       const int number = file.path().extension() == ".json" ? NumberAfter(file.path().stem().string(), prefix) : -1;
       if (number < 0) {
         Strange(file.path(), "is not named " + prefix + "%08d.json and is not read");

@@ -36,6 +36,10 @@ void CheckHeaders(InspectedFootage* f, Findings* findings) {
   for (const std::string& file : f->info->files) {
     try {
       const ImageHeader header = ReadImageHeader(file);
+      if (!(header.turn == f->info->turn)) {
+        findings->push_back({true, "SES-ROTATED", Where(*f) + ": " + file + " is turned (EXIF) unlike the first image",
+                             "write the images anew as they are to be shown"});
+      }
       if (header.width == f->info->width && header.height == f->info->height) continue;
       findings->push_back({true, "SES-SIZE",
                            Where(*f) + ": " + file + " is " +
@@ -134,12 +138,8 @@ void CompareTake(const Session& session, const std::vector<const InspectedFootag
                                ", mvstudio.toml says " + SizeText(camera->width_px, camera->height_px),
                            ""});
     }
-    if (f->info->quarter_turns_clockwise != 0) {
-      findings->push_back({false, "SES-ROTATED",
-                           Where(*f) + ": the file asks for a turn of " +
-                               std::to_string(90 * f->info->quarter_turns_clockwise) + " degrees; it is applied",
-                           "the calibration must be of turned footage too"});
-    }
+    for (const FootageNote& note : f->info->notes)
+      findings->push_back({false, note.code, Where(*f) + ": " + note.text, note.hint});
     if (f->info->fps_hz > 0) rates[std::round(100 * f->info->fps_hz) / 100].push_back(f->camera);
     if (f->num_frames < least) least = f->num_frames, shortest = f->camera;
     most = std::max(most, f->num_frames);

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <set>
 
+#include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/join.h"
 #include "core/random.h"
@@ -36,14 +37,12 @@ Names Resolve(const PanopticDataset& dataset, const Names& given, const std::str
 }
 
 std::vector<int> Known(const PanopticDataset& dataset, std::vector<int> frames, const std::string& what) {
-  for (const int frame : frames) {
-    if (std::binary_search(dataset.frames.begin(), dataset.frames.end(), frame)) continue;
+  const auto refuse = [&](int frame) {
     throw UsageError(what + " frame " + std::to_string(frame) + " is not in the dataset " + dataset.root + "; its frames are " +
                      std::to_string(dataset.frames.front()) + " to " + std::to_string(dataset.frames.back()));
-  }
-  std::sort(frames.begin(), frames.end());
-  frames.erase(std::unique(frames.begin(), frames.end()), frames.end());
-  return frames;
+  };
+  const auto is_known = [&](int frame) { return std::binary_search(dataset.frames.begin(), dataset.frames.end(), frame); };
+  return KnownFrames(std::move(frames), is_known, refuse);
 }
 
 template <class T>

@@ -7,6 +7,7 @@
 #include "core/check.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "core/text/words.h"
 #include "geometry/lens/lens_derivatives.h"
 
 namespace mvstudio::geometry {
@@ -43,7 +44,7 @@ std::string_view ToString(LensModel model) { return TraitsOf(model).name; }
 
 std::optional<LensModel> LensModelFromString(std::string_view name) {
   for (const LensModel model : kAllLensModels) {
-    if (ToString(model) == name) return model;
+    if (PlainWord(ToString(model)) == PlainWord(name)) return model;
   }
   return std::nullopt;
 }
@@ -56,8 +57,8 @@ std::string_view ToString(const std::optional<LensModel>& model) { return model 
 
 void FromString(const std::string& text, const std::string& option, std::optional<LensModel>* model) {
   const std::optional<LensModel> named = LensModelFromString(text);
-  if (!named && text != "auto")
-    throw UsageError("option '" + option + "' " + text + ": no such lens model; there are " + LensModelNames());
+  if (!named && PlainWord(text) != "auto")
+    throw UsageError("option '" + option + "' " + text + ": no such lens model; there are auto, " + LensModelNames());
   *model = named;
 }
 

@@ -9,6 +9,7 @@
 
 #include "core/format.h"
 #include "core/units.h"
+#include "geometry/rig/meeting.h"
 
 namespace mvstudio::geometry {
 namespace {
@@ -20,6 +21,7 @@ constexpr double kMinFocalOfWideLens = 0.05;               // all round in a cir
 constexpr double kMaxAspect = 1.25;                        // of fx and fy; PAL's pixels are 1.09
 constexpr double kMaxApart = 100;                          // m
 constexpr double kMinApartPair = 0.005, kMinApart = 0.02;  // m
+constexpr double kOnePlace = 1e-9;                         // of the distance to the world's origin
 constexpr double kMaxFoldOfWideLens = DegToRad(60);
 
 std::string Number(double value) { return Format("%.4g", value); }
@@ -69,7 +71,7 @@ void Report(const Rig& rig, const std::string& code, const std::string& hint, co
     names.push_back(camera.camera.name);
   }
   if (names.empty()) return;
-  const std::string whose = names.size() > 1 ? " (" + names[0] + ")" : "";
+  const std::string whose = names.size() > 1 ? " (camera " + names[0] + ")" : "";
   doubts->push_back({code, Listed(names) + ": " + first + whose, hint});
 }
 
@@ -97,10 +99,13 @@ std::string LookAtCentre(const Camera& camera) {
 std::string LookAtFocal(const Camera& camera) {
   const double diagonal = std::hypot(camera.width_px, camera.height_px);
   const double low = std::min(camera.fx(), camera.fy()), high = std::max(camera.fx(), camera.fy());
-  const std::string focal = "focal lengths of " + Number(camera.fx()) + " and " + Number(camera.fy()) + " px";
-  if (low < (IsWide(camera.model) ? kMinFocalOfWideLens : kMinFocal) * diagonal || high > kMaxFocal * diagonal) {
-    return focal + " are absurd for an image of " + std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) +
-           " px";
+  const std::string focal = "fx = " + Number(camera.fx()) + " and fy = " + Number(camera.fy()) + " px";
+  const std::string image = "an image of " + std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px";
+  if (low < (IsWide(camera.model) ? kMinFocalOfWideLens : kMinFocal) * diagonal)
+    return focal + " are shorter than any lens's for " + image;
+  if (high > kMaxFocal * diagonal) {
+    const double view_deg = RadToDeg(2 * std::atan(diagonal / 2 / high));
+    return focal + " for " + image + " see " + Number(view_deg) + " degrees: a macro or telescope lens, or another unit";
   }
   return high > kMaxAspect * low ? focal + " differ more than any sensor's pixels do" : "";
 }
@@ -114,8 +119,40 @@ double FarthestApart(const Rig& rig) {
   return farthest;
 }
 
+/// All in one place though their poses differ, or all with their backs to the point where their axes meet.
+bool LookAtDirections(const Rig& rig, std::vector<RigDoubt>* doubts) {
+  const int count = static_cast<int>(rig.cameras.size());
+  double farthest_world = 0;
+  for (const RigCamera& camera : rig.cameras)
+    farthest_world = std::max(farthest_world, camera.cam_from_world.translation.norm());
+  const double apart = FarthestApart(rig);
+  const bool turned = std::any_of(rig.cameras.begin(), rig.cameras.end(), [&](const RigCamera& camera) {
+    return RotationAngle(camera.cam_from_world.rotation, rig.cameras[0].cam_from_world.rotation) > kOnePlace;
+  });  // otherwise these are lenses alone, without places
+  const bool one_place = turned && farthest_world > 0 && apart < kOnePlace * farthest_world;
+  const AxesMeeting as_read = MeetingOfAxes(rig), inverted = MeetingOfAxes(WithPosesInverted(rig));
+  const bool reads_well = as_read.sharp() && 2 * as_read.in_front > count;
+  const bool faces = inverted.in_front == count || inverted.in_front == 0;  // files with OpenGL's axes: all behind
+  if ((one_place || count > 2) && !reads_well && inverted.sharp() && faces) {
+    doubts->push_back({"CAL-INVERTED",
+                       (one_place ? "all cameras stand at one place" : "the cameras do not look at a common place") +
+                           std::string("; with the poses inverted their axes meet at ") + Number(inverted.mean_distance_m) +
+                           " m: does the file give poses the other way round (world from camera, or camera from world)?",
+                       "option 'invert' of calib show and calib convert inverts them"});
+  } else if (one_place) {
+    doubts->push_back({"CAL-DISTANCES", "all cameras stand at one place (within " + Number(1000 * apart) + " mm)",
+                       "points cannot be triangulated from it; check the poses"});
+  } else if (count > 2 && as_read.sharp() && as_read.in_front == 0) {
+    doubts->push_back(
+        {"CAL-LOOKAWAY",
+         "all cameras look away from the place where their axes meet, " + Number(as_read.mean_distance_m) + " m behind",
+         "nothing to do if they look outwards; else their axes may be OpenGL's (y up, looking along -z)"});
+  }
+  return one_place;
+}
+
 void LookAtDistances(const Rig& rig, std::vector<RigDoubt>* doubts) {
-  if (rig.cameras.size() < 2) return;
+  if (rig.cameras.size() < 2 || LookAtDirections(rig, doubts)) return;
   const double apart = FarthestApart(rig), least = rig.cameras.size() == 2 ? kMinApartPair : kMinApart;
   const std::string hint =
       "if the unit is another: calib convert option 'unit' mm, cm or m, or the side of the board's squares";

@@ -23,8 +23,10 @@ struct RigDoubt {
 ///   - CAL-FOCALSIZE: the focal length is below 0.15 or above 30 diagonals (147 and 2 degrees corner to corner; of a
 ///     wide lens below 0.05, px per radian). Or fx and fy differ by more than a fourth, as when width and height are
 ///     exchanged.
+///   - CAL-INVERTED: the axes do not meet in front of the cameras, and do with every pose inverted.
+///   - CAL-LOOKAWAY: the axes of three cameras or more meet behind all of them.
 ///   - CAL-DISTANCES: cameras are more than 100 m apart, or two closer than 5 mm, or three closer than 20 mm: the unit
-///     may be wrong. The position of the world's origin does not matter.
+///     may be wrong. The position of the world's origin does not matter. Or all stand at one place.
 ///
 /// No finding makes a rig unusable: wide fields and exotic optics are real.
 std::vector<RigDoubt> DoubtsAbout(const Rig& rig);

@@ -12,6 +12,7 @@
 #include "core/json_view.h"
 #include "core/label.h"
 #include "core/log.h"
+#include "geometry/rig/file_keys.h"
 #include "geometry/rig/message_text.h"
 
 namespace mvstudio::geometry {
@@ -28,7 +29,10 @@ class UnknownKeys {
  public:
   explicit UnknownKeys(const std::string& path) : path_(path) {}
 
-  void Add(const std::string& where, const std::string& key) {
+  /// Throws FormatError for a key that says that the numbers mean something else.
+  void Add(const std::string& where, const std::string& key, const Json& value) {
+    UnusedKeys(path_, 1).Add(where.empty() ? key : where + "." + key, key,
+                             value.is_string() ? value.get<std::string>() : value.dump());
     if (++count_ > kMostNamed) return;
     Log(LogLevel::kWarning,
         path_ + ": " + (where.empty() ? "" : where + ".") + JsonEscaped<Json>(key) + ": unknown key, ignored");
@@ -61,7 +65,7 @@ class Node : public BasicJsonView<Json> {
     for (const auto& [key, ignored] : value().items()) {
       bool is_known = false;
       for (const char* name : known) is_known |= key == name;
-      if (!is_known) unknown_->Add(where(), key);
+      if (!is_known) unknown_->Add(where(), key, ignored);
     }
   }
   void RequireSize(size_t size) const {

@@ -4,12 +4,17 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 
 #include "core/error.h"
 #include "core/random.h"
 #include "core/units.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+#include "tests/support/test_data.h"
 
 namespace mvstudio::app {
 namespace {
@@ -72,6 +77,40 @@ TEST(CalibRead, SizesThatAreNoneAreRefused) {
   panoptic.from = calib::CalibrationFormat::kPanoptic;
   EXPECT_THAT(MessageOf<UsageError>([&] { ReadCalibrationFiles({"a.json", "b.json"}, panoptic); }), HasSubstr("b.json"));
   EXPECT_THAT(MessageOf<IoError>([] { ReadCalibrationFiles({"/nowhere/c.json"}, {}); }), HasSubstr("/nowhere/c.json"));
+}
+
+bool Warns(const calib::ImportedRig& imported, const std::string& code) {
+  return std::any_of(imported.notes.begin(), imported.notes.end(), [&](const auto& note) { return note.code == code; });
+}
+
+/// Inputs that were reported: poses the wrong way round, and the same cameras with the right ones.
+TEST(CalibRead, InvertedPosesAreRecognisedAndMended) {
+  const std::string folder = mvstudio::testing::DataRoot() + "/reports/data/D-inverted";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << folder << " is missing";
+  const calib::ImportedRig right = ReadCalibrationFiles({folder + "/transforms_right.json"}, {});
+  EXPECT_FALSE(Warns(right, "CAL-INVERTED"));
+  EXPECT_TRUE(Warns(ReadCalibrationFiles({folder + "/transforms_inverted.json"}, {}), "CAL-INVERTED"));
+  CalibReadOptions options;
+  options.invert = true;
+  const calib::ImportedRig mended = ReadCalibrationFiles({folder + "/transforms_inverted.json"}, options);
+  EXPECT_FALSE(Warns(mended, "CAL-INVERTED"));
+  ASSERT_EQ(mended.rig.cameras.size(), right.rig.cameras.size());
+  for (size_t i = 0; i < right.rig.cameras.size(); ++i) {
+    EXPECT_LT((mended.rig.cameras[i].CenterInWorld() - right.rig.cameras[i].CenterInWorld()).norm(), 1e-9);
+    EXPECT_LT(mended.rig.cameras[i].cam_from_world.rotation.angularDistance(right.rig.cameras[i].cam_from_world.rotation),
+              1e-6);
+  }
+}
+
+TEST(CalibRead, AUnitThatChangesNothingIsSaid) {
+  const mvstudio::testing::TempDir folder;
+  geometry::Rig rig;
+  rig.cameras.emplace_back().camera = geometry::MakePinhole("a", 640, 480, 500);
+  geometry::WriteRig(rig, folder / "calibration.json");
+  CalibReadOptions options;
+  EXPECT_FALSE(Warns(ReadCalibrationFiles({folder.path()}, options), "CAL-UNIT"));
+  options.unit = calib::LengthUnit::kCentimetre;
+  EXPECT_TRUE(Warns(ReadCalibrationFiles({folder.path()}, options), "CAL-UNIT"));
 }
 
 }  // namespace

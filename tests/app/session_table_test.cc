@@ -16,7 +16,7 @@ dataset::InspectedFootage Footage(const std::string& camera, bool sound, bool vi
   footage.info.emplace();
   footage.info->is_video = video, footage.info->codec = video ? "h264" : "png";
   footage.info->width = 1920, footage.info->height = 1080, footage.info->fps_hz = video ? 25 : 0;
-  footage.info->quarter_turns_clockwise = 1;
+  footage.info->turn.quarter_turns_clockwise = 1;
   return footage;
 }
 

@@ -68,9 +68,39 @@ TEST(ParseBoard, RefusesWithTheExpectedForm) {
       ParseBoard(text);
       FAIL() << text;
     } catch (const UsageError& e) {
-      EXPECT_NE(std::string(e.what()).find("expected chessboard:"), std::string::npos) << e.what();
+      const bool known = std::string(text).size() > 0 && std::string(text).substr(0, 4) != "dots";
+      const std::string kind = known ? std::string(text).substr(0, std::string(text).find(':')) : "chessboard";
+      EXPECT_NE(std::string(e.what()).find("expected " + kind + ":"), std::string::npos) << e.what();
     }
   }
+}
+
+std::string Refusal(const std::string& text) {
+  try {
+    ParseBoard(text);
+  } catch (const UsageError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(ParseBoard, TakesOtherSpellings) {
+  const std::pair<const char*, const char*> same[] = {
+      {"checkerboard:9x6:25mm", "chessboard:9x6:25mm"},
+      {"ChessBoard:9X6:25MM", "chessboard:9x6:25mm"},
+      {"ChArUco:8x6:60mm:45mm:DICT_4X4_1000", "charuco:8x6:60mm:45mm:4x4_1000"},
+      {"charuco_board:8x6:60mm:45mm:apriltag_36H11", "charuco:8x6:60mm:45mm:apriltag_36h11"},
+      {"april_grid:6x6:88mm:0.3:tag36h11", "aprilgrid:6x6:88mm:0.3:36h11"},
+      {"tag:tagStandard41h12:7:1m", "tag:Standard41h12:7:1m"}};
+  for (const auto& [other, ours] : same) EXPECT_EQ(ToString(ParseBoard(other)), ToString(ParseBoard(ours))) << other;
+}
+
+TEST(ParseBoard, SaysTheReasonFirstAndTheFormOfThisKind) {
+  const std::string refusal = Refusal("chessboard:9x6:25");
+  EXPECT_NE(refusal.find("has no unit: write 25mm"), std::string::npos) << refusal;
+  EXPECT_EQ(refusal.find("charuco"), std::string::npos) << refusal;
+  EXPECT_NE(Refusal("chesboard:9x6:25mm").find("did you mean 'chessboard'?"), std::string::npos);
+  EXPECT_NE(Refusal("charuco:8x6:60mm:45mm:DICT_9X9_1").find("known are 4x4_50"), std::string::npos);
 }
 
 TEST(CornersInBoard, RowByRow) {

@@ -211,7 +211,7 @@ TEST(Qca, ErrorsNameThePlace) {
   };
   expect("focalLengthU=\"64000\"", "focalLengthU=\"x\"", "camera[0].intrinsic.focalLengthU");
   expect("focalLengthU=\"64000\"", "", "camera[0].intrinsic");
-  expect("skew=\"0\"", "skew=\"0.1\"", "camera[0].intrinsic");
+  expect("skew=\"0\"", "skew=\"100\"", "camera[0].intrinsic");
   expect("r11=\"1\"", "r11=\"-1\"", "camera[0].transform");
   expect("serial=\"7\"", "", "camera[0]");
   expect("</camera>", "", "line ");

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <functional>
 #include <stdexcept>
 #include <string>
@@ -25,8 +27,11 @@ struct ClipOptions {
   int gop = 12;
   bool ten_bit = false;
   int clockwise_deg = 0;
-  bool index_first = true;  ///< MP4: moov before the frames
-  std::string time_code;    ///< "10:00:00:05"; empty: none
+  std::array<double, 4> matrix{};  ///< a, b, c, d of the display matrix; zeros: none
+  AVRational pixel_aspect{0, 1};
+  std::function<uint8_t(int, int)> level;  ///< grey level at (x, y), instead of a number
+  bool index_first = true;                 ///< MP4: moov before the frames
+  std::string time_code;                   ///< "10:00:00:05"; empty: none
 };
 
 constexpr int kCodeBits = 12;
@@ -74,6 +79,14 @@ class ClipWriter {
       uint8_t* matrix = av_stream_new_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, 9 * sizeof(int32_t));
       av_display_rotation_set(reinterpret_cast<int32_t*>(matrix), options.clockwise_deg);
     }
+    if (options.matrix != std::array<double, 4>{}) {
+      auto* m = reinterpret_cast<int32_t*>(av_stream_new_side_data(stream_, AV_PKT_DATA_DISPLAYMATRIX, 9 * sizeof(int32_t)));
+      std::fill_n(m, 9, 0);
+      for (const int i : {0, 1, 2, 3}) m[i + i / 2] = static_cast<int32_t>(options.matrix[static_cast<size_t>(i)] * 65536);
+      m[8] = 1 << 30;
+    }
+    if (options.pixel_aspect.num > 0)
+      stream_->sample_aspect_ratio = stream_->codecpar->sample_aspect_ratio = options.pixel_aspect;
     if (!options.time_code.empty()) {
       stream_->avg_frame_rate = {30, 1};
       av_dict_set(&stream_->metadata, "timecode", options.time_code.c_str(), 0);
@@ -105,7 +118,7 @@ class ClipWriter {
       for (int y = 0; y < options_.height >> shift; ++y) {
         uint8_t* row = frame_->data[plane] + static_cast<ptrdiff_t>(y) * frame_->linesize[plane];
         for (int x = 0; x < options_.width >> shift; ++x) {
-          const int level = plane == 0 ? CodeLevel(code, x, options_.width) : 128;
+          const int level = plane > 0 ? 128 : options_.level ? options_.level(x, y) : CodeLevel(code, x, options_.width);
           if (options_.ten_bit) {
             reinterpret_cast<uint16_t*>(row)[x] = static_cast<uint16_t>(level << 2);
           } else {

@@ -85,6 +85,126 @@ TEST(ImageIo, ErrorsNameTheFile) {
   EXPECT_THROW(WriteImage(Image(), folder / "a.png"), ContractViolation);
 }
 
+std::string Little(uint32_t value, int bytes) {
+  std::string text;
+  for (int i = 0; i < bytes; ++i) text += static_cast<char>(value >> (8 * i) & 0xff);
+  return text;
+}
+std::string Big(uint32_t value, int bytes) {
+  const std::string little = Little(value, bytes);
+  return {little.rbegin(), little.rend()};
+}
+
+/// TIFF's directory with the tag Orientation alone, as EXIF has it.
+std::string OrientationTag(int orientation, bool big_endian) {
+  const auto number = [&](uint32_t value, int bytes) { return big_endian ? Big(value, bytes) : Little(value, bytes); };
+  return (big_endian ? "MM" : "II") + number(42, 2) + number(8, 4) + number(1, 2) + number(274, 2) + number(3, 2) +
+         number(1, 4) + number(static_cast<uint32_t>(orientation), 2) + number(0, 2) + number(0, 4);
+}
+
+std::string JpegWith(const std::string& jpeg, const std::string& tiff) {
+  const std::string exif = std::string("Exif\0\0", 6) + tiff;
+  return jpeg.substr(0, 2) + "\xff\xe1" + Big(static_cast<uint32_t>(exif.size() + 2), 2) + exif + jpeg.substr(2);
+}
+
+/// CRC-32 bit by bit, as ISO 3309 defines it.
+uint32_t PlainCrc(const std::string& text) {
+  uint32_t crc = 0xffffffffu;
+  for (const char c : text) {
+    crc ^= static_cast<uint8_t>(c);
+    for (int k = 0; k < 8; ++k) crc = crc & 1 ? 0xedb88320u ^ (crc >> 1) : crc >> 1;
+  }
+  return ~crc;
+}
+
+/// The chunk stands behind the header, or at the file's end.
+std::string PngWith(const std::string& png, const std::string& tiff, bool at_end) {
+  const std::string chunk = Big(static_cast<uint32_t>(tiff.size()), 4) + "eXIf" + tiff + Big(PlainCrc("eXIf" + tiff), 4);
+  const size_t at = at_end ? png.size() - 12 : 33;
+  return png.substr(0, at) + chunk + png.substr(at);
+}
+
+/// Grey, not compressed, in one strip.
+std::string TiffOf(const Image& grey, int orientation) {
+  const auto tag = [](uint32_t id, uint32_t value) { return Little(id, 2) + Little(4, 2) + Little(1, 4) + Little(value, 4); };
+  const uint32_t size = static_cast<uint32_t>(grey.pixels.size());
+  return "II" + Little(42, 2) + Little(8 + size, 4) + std::string(grey.pixels.begin(), grey.pixels.end()) + Little(10, 2) +
+         tag(256, static_cast<uint32_t>(grey.width)) + tag(257, static_cast<uint32_t>(grey.height)) + tag(258, 8) +
+         tag(259, 1) + tag(262, 1) + tag(273, 8) + tag(274, static_cast<uint32_t>(orientation)) + tag(277, 1) +
+         tag(278, static_cast<uint32_t>(grey.height)) + tag(279, size) + Little(0, 4);
+}
+
+constexpr int kWidth = 48, kHeight = 32;
+uint8_t LevelAt(int x, int y) { return static_cast<uint8_t>(20 + 70 * (x / 16) + 30 * (y / 16)); }
+
+/// TIFF 6.0 on Orientation: which visual side the stored row 0 and column 0 are.
+void ExpectShown(const std::string& path, int orientation) {
+  const Image shown = ReadImage(path, true);
+  const bool swaps = orientation >= 5;
+  ASSERT_EQ(shown.width, swaps ? kHeight : kWidth) << orientation;
+  ASSERT_EQ(shown.height, swaps ? kWidth : kHeight);
+  EXPECT_EQ(ReadImageHeader(path).width, shown.width);
+  const bool row_far = orientation == 3 || orientation == 4 || orientation == 6 || orientation == 7;
+  const bool column_far = orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
+  for (int y = 8; y < kHeight; y += 16) {
+    for (int x = 8; x < kWidth; x += 16) {
+      const int along_rows = row_far ? kHeight - 1 - y : y, along_columns = column_far ? kWidth - 1 - x : x;
+      const int u = swaps ? along_rows : along_columns, v = swaps ? along_columns : along_rows;
+      EXPECT_NEAR(*shown.Pixel(u, v), LevelAt(x, y), 2) << path << " " << orientation << " at " << x << " " << y;
+    }
+  }
+}
+
+TEST(ImageIo, OrientationIsApplied) {
+  const mvstudio::testing::TempDir folder;
+  Image stored(kWidth, kHeight, 1);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) *stored.Pixel(x, y) = LevelAt(x, y);
+  }
+  const std::string jpeg = EncodeImage(stored, "a.jpg"), png = EncodeImage(stored, "a.png");
+  for (int orientation = 1; orientation <= 8; ++orientation) {
+    for (const bool other : {false, true}) {
+      const std::string tag = OrientationTag(orientation, other);
+      WriteFileAtomic(folder / "a.jpg", JpegWith(jpeg, tag));
+      ExpectShown(folder / "a.jpg", orientation);
+      WriteFileAtomic(folder / "a.png", PngWith(png, tag, other));
+      ExpectShown(folder / "a.png", orientation);
+    }
+    WriteFileAtomic(folder / "a.tif", TiffOf(stored, orientation));
+    ExpectShown(folder / "a.tif", orientation);
+  }
+}
+
+TEST(Frames, ImagesOfACameraAreTurnedAlike) {
+  const mvstudio::testing::TempDir folder;
+  const std::string jpeg = EncodeImage(Image(kWidth, kHeight, 1), "a.jpg");
+  for (const int i : {1, 2}) {
+    WriteFileAtomic(folder / ("alike/" + std::to_string(i) + ".jpg"), JpegWith(jpeg, OrientationTag(6, false)));
+    WriteFileAtomic(folder / ("mixed/" + std::to_string(i) + ".jpg"), JpegWith(jpeg, OrientationTag(i == 1 ? 6 : 8, false)));
+  }
+  EXPECT_EQ(OpenFrames(folder / "alike")->Next()->rgb.width, kHeight);
+  const FootageInfo info = DescribeFootage(folder / "alike");
+  EXPECT_EQ(info.height, kWidth);
+  ASSERT_EQ(info.notes.size(), 1u);
+  EXPECT_EQ(info.notes[0].code, "SES-ROTATED");
+  const auto mixed = OpenFrames(folder / "mixed");
+  EXPECT_TRUE(mixed->Next());
+  EXPECT_THROW(mixed->Next(), FormatError);
+  const auto sensor = OpenFrames(folder / "mixed", {false, true});
+  EXPECT_EQ(sensor->Next()->rgb.width, kWidth);
+  EXPECT_EQ(sensor->Next()->rgb.width, kWidth);
+  EXPECT_EQ(sensor->size_px().first, kWidth);
+}
+
+TEST(Frames, OpacityIsNamed) {
+  const mvstudio::testing::TempDir folder;
+  WriteImage(Image(8, 8, 4, 90), folder / "1.png");
+  const FootageInfo info = DescribeFootage(folder.path());
+  ASSERT_EQ(info.notes.size(), 1u);
+  EXPECT_EQ(info.notes[0].code, "SES-ALPHA");
+  EXPECT_EQ(ReadImage(folder / "1.png").channels, 3);
+}
+
 TEST(Frames, FolderAndPatternComeInNumericOrder) {
   mvstudio::testing::TempDir folder;
   for (const int i : {10, 2, 1})

@@ -17,6 +17,7 @@
 #include "avatar/maps/template_maps.h"
 #include "body/mesh_raster.h"
 #include "core/check.h"
+#include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/join.h"
 #include "core/parallel.h"
@@ -41,10 +42,16 @@ std::string ResolveCamera(const dataset::PanopticDataset& data, const std::strin
   throw UsageError("camera '" + name + "' is not in the dataset " + data.root + "; it has " + Join(known, ", "));
 }
 
-void RequireFrame(const dataset::PanopticDataset& data, int person, int frame, const std::vector<int>& known) {
-  if (std::binary_search(known.begin(), known.end(), frame)) return;
-  throw UsageError("frame " + std::to_string(frame) + " has no pose of person " + std::to_string(person) + " in " + data.root +
-                   "; its frames are " + std::to_string(known.front()) + " to " + std::to_string(known.back()));
+/// Those of `asked` that the person is in, or with `of_anyone` anybody.
+std::vector<int> FramesWithPose(const dataset::PanopticDataset& data, int person, const std::vector<int>& asked,
+                                const std::vector<int>& known, bool of_anyone) {
+  const auto is_known = [&](int frame) {
+    return std::binary_search(known.begin(), known.end(), frame) || (of_anyone && data.poses.count(frame) > 0);
+  };
+  return KnownFrames(asked, is_known, [&](int frame) {
+    throw UsageError("frame " + std::to_string(frame) + " has no pose of person " + std::to_string(person) + " in " +
+                     data.root + "; its frames are " + std::to_string(known.front()) + " to " + std::to_string(known.back()));
+  });
 }
 
 struct Job {
@@ -86,8 +93,7 @@ Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) 
   const std::vector<int> known = FramesOfPerson(data, plan.person);
   for (const std::string& name : options.cameras) plan.cameras.push_back(ResolveCamera(data, name));
   if (options.cameras.empty()) plan.cameras = geometry::CameraNames(data.rig);
-  for (const int frame : options.frames) RequireFrame(data, plan.person, frame, known);
-  plan.frames = options.frames.empty() ? known : options.frames;
+  plan.frames = options.frames.empty() ? known : FramesWithPose(data, plan.person, options.frames, known, false);
   plan.missing = dataset::FindMissing(data, plan.cameras, plan.frames);
   for (size_t c = 0; c < plan.cameras.size(); ++c) {
     const geometry::RigCamera& camera = data.rig.cameras[data.rig.Find(plan.cameras[c])];
@@ -301,10 +307,8 @@ DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, cons
     training.insert(ResolveCamera(data, name));
     if (cameras.count(ResolveCamera(data, name))) throw UsageError("camera " + name + " is to be trained on and held out");
   }
-  for (const int frame : holdout_frames) {
-    if (!data.poses.count(frame)) RequireFrame(data, person, frame, known);
-  }
-  const std::set<int> frames(holdout_frames.begin(), holdout_frames.end());
+  const std::vector<int> held_out = FramesWithPose(data, person, holdout_frames, known, true);
+  const std::set<int> frames(held_out.begin(), held_out.end());
   DatasetSplit split;
   for (const auto& camera : data.rig.cameras) {
     const std::string& name = camera.camera.name;

@@ -7,6 +7,7 @@
 
 #include "avatar/maps/bone_lists.h"
 #include "core/check.h"
+#include "core/choice/frame_choice.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/join.h"
@@ -92,7 +93,18 @@ int FrameInName(const std::string& file) {
 /// body3DScene files of a sequence's root, of the folder itself, or the one file.
 std::map<int, std::string> ScenesAt(const std::string& path) {
   std::map<int, std::string> scenes;
-  if (!fs::is_directory(path)) return {{FrameInName(path), path}};
+  if (!fs::is_directory(path)) {
+    const std::string extension = fs::path(path).extension().string();
+    if (extension != ".json") {
+      throw FormatError(
+          path, "",
+          std::string("is of a kind that is not read as poses") +
+              (extension == ".npz" ? " (AMASS, AIST++: parameters of SMPL, no joints)" : "") +
+              "; known are body3DScene_*.json, a folder of them, a Panoptic sequence, a pose3d folder, and BVH with "
+              "option 'bvh'");
+    }
+    return {{FrameInName(path), path}};
+  }
   for (const std::string& file : FilesNamed(path, "body3DScene_", ".json")) scenes[FrameInName(file)] = file;
   return scenes.empty() ? dataset::ListBody3dScenes(path) : scenes;
 }
@@ -122,14 +134,14 @@ PoseTrack ReadPoseTrack(const std::string& path, int person) {
 
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step) {
   if (step < 1) throw UsageError("option 'every' must be at least 1");
-  const std::vector<int>& wanted = frames.empty() ? track.frames : frames;
+  const auto is_known = [&](int frame) { return std::binary_search(track.frames.begin(), track.frames.end(), frame); };
+  const std::vector<int> wanted = frames.empty() ? track.frames : KnownFrames(frames, is_known, [&](int frame) {
+    throw UsageError("frame " + std::to_string(frame) + " has no pose in " + track.source + "; its frames are " +
+                     std::to_string(track.frames.front()) + " to " + std::to_string(track.frames.back()));
+  });
   PoseTrack some{track.source, {}, {}, track.rate_hz};
   for (size_t i = 0; i < wanted.size(); i += static_cast<size_t>(step)) {
     const auto found = std::lower_bound(track.frames.begin(), track.frames.end(), wanted[i]);
-    if (found == track.frames.end() || *found != wanted[i]) {
-      throw UsageError("frame " + std::to_string(wanted[i]) + " has no pose in " + track.source + "; its frames are " +
-                       std::to_string(track.frames.front()) + " to " + std::to_string(track.frames.back()));
-    }
     some.frames.push_back(wanted[i]);
     some.poses.push_back(track.poses[found - track.frames.begin()]);
   }

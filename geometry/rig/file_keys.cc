@@ -1,0 +1,158 @@
+#include "geometry/rig/file_keys.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <cstdlib>
+
+#include "core/error.h"
+#include "core/format.h"
+
+namespace mvstudio::geometry {
+namespace {
+
+template <size_t N>
+using Words = std::array<std::string_view, N>;
+
+template <size_t N>
+bool Has(const Words<N>& words, std::string_view word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+constexpr Words<15> kLensKeys = {"cameramodel",  "distortionmodel", "lensmodel",      "lenstype",  "cameratype",
+                                 "fisheyemodel", "isfisheye",       "fisheye",        "lens",      "distortiontype",
+                                 "usefisheye",   "projectionmodel", "projectiontype", "modeltype", "isequirectangular"};
+/// Projections whose distortion's word decides.
+constexpr Words<7> kPinholes = {"pinhole", "perspective", "simplepinhole", "none", "standard", "normal", "false"};
+constexpr Words<16> kPerspectives = {"opencv",
+                                     "simpleradial",
+                                     "radial",
+                                     "fullopencv",
+                                     "plumbbob",
+                                     "radtan",
+                                     "brown",
+                                     "radialtangential",
+                                     "brownconrady",
+                                     "rational",
+                                     "rationalpolynomial",
+                                     "brown4",
+                                     "brown5",
+                                     "brown3",
+                                     "modifiedbrownconrady",
+                                     "opencvpinhole"};
+constexpr Words<13> kFisheyes = {
+    "fisheye", "equidistant", "equi", "opencvfisheye", "kannalabrandt", "kannalabrandt4",     "kb4",
+    "kb",      "fisheye4",    "true", "kannala4",      "radialfisheye", "simpleradialfisheye"};
+
+constexpr Words<4> kSkewKeys = {"skew", "alphac", "shear", "k01"};
+constexpr Words<5> kUnitKeys = {"unit", "units", "lengthunit", "lengthunits", "distanceunit"};
+constexpr Words<2> kBinningKeys = {"binningx", "binningy"};
+constexpr Words<10> kAxesKeys = {"handedness",  "coordinatesystem",
+                                 "lefthanded",  "cameraconvention",
+                                 "convention",  "coordinateframe",
+                                 "coordinates", "axes",
+                                 "flipx",       "flipy"};
+constexpr Words<8> kOurAxes = {"opencv", "rdf", "right", "righthanded", "false", "rhs", "rh", "cv"};
+constexpr Words<6> kDirectionKeys = {"posetype",       "transformtype", "extrinsictype",
+                                     "extrinsicstype", "iscamtoworld",  "camtoworld"};
+constexpr Words<7> kOurDirections = {"worldtocamera",   "worldtocam", "w2c",      "camfromworld",
+                                     "camerafromworld", "false",      "extrinsic"};
+
+/// At most 40 characters of a file's text, with '?' for whatever is not printable ASCII.
+std::string Shown(const std::string& value) {
+  std::string shown = value.substr(0, 40);
+  for (char& c : shown) c = c >= ' ' && c <= '~' ? c : '?';
+  return shown;
+}
+
+/// Nothing said: zero, false, none, empty, a list of zeros.
+bool IsNeutral(const std::string& value) {
+  const std::string plain = PlainKey(value);
+  return plain.find_first_not_of('0') == std::string::npos || plain == "false" || plain == "none" || plain == "null";
+}
+
+double MetresOf(const std::string& word) {
+  const std::string plain = PlainKey(word);
+  const auto any = [&](auto... names) { return ((plain == names) || ...); };
+  if (any("m", "meter", "meters", "metre", "metres")) return 1;
+  if (any("cm", "centimeter", "centimeters", "centimetre", "centimetres")) return 0.01;
+  if (any("mm", "millimeter", "millimeters", "millimetre", "millimetres")) return 0.001;
+  if (any("in", "inch", "inches")) return 0.0254;
+  return 0;
+}
+
+/// Why the numbers mean something else; empty: they do not.
+std::string OtherMeaning(const std::string& key, const std::string& value, double metres_per_unit) {
+  const std::string plain = PlainKey(key), word = PlainKey(value);
+  if (IsNeutral(value)) return "";
+  if (Has(kLensKeys, plain) && !Has(kPinholes, word))
+    return "says what kind of lens it is, which this format's reader does not know";
+  if (Has(kSkewKeys, plain)) return "is a skew, which no lens model here has";
+  if (Has(kBinningKeys, plain) && std::atof(value.c_str()) != 1)
+    return "says that images are smaller than the calibration's: resize it (calib resize)";
+  if (Has(kAxesKeys, plain) && !Has(kOurAxes, word))
+    return "says that axes point otherwise than this format's; option 'mirror' reads left-handed ones";
+  if (Has(kDirectionKeys, plain) && !Has(kOurDirections, word))
+    return "says that poses go the other way than this format's; option 'invert' turns them round";
+  const double metres = Has(kUnitKeys, plain) ? MetresOf(value) : 0;
+  if (metres > 0 && std::abs(metres - metres_per_unit) > 1e-9 * metres)
+    return "is not the unit in which lengths are read, " + Format("%g", metres_per_unit) + " m; give option 'unit' " + value;
+  return "";
+}
+
+}  // namespace
+
+std::string PlainKey(std::string_view key) {
+  std::string plain;
+  for (const char c : key) {
+    if (std::isalnum(static_cast<unsigned char>(c))) plain += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return plain;
+}
+
+bool LensWords::IsKey(std::string_view key) { return Has(kLensKeys, PlainKey(key)); }
+
+void LensWords::Add(const std::string& path, const std::string& where, std::string_view key, const std::string& value) {
+  std::string word = PlainKey(value);
+  if (word.empty() || word == "null") return;
+  const bool number = word.find_first_not_of("0123456789") == std::string::npos;
+  if (number) word = std::atof(value.c_str()) != 0 ? "true" : "false";
+  const bool weak = Has(kPinholes, word);
+  const LensKind kind = weak || Has(kPerspectives, word) ? LensKind::kPerspective : LensKind::kFisheye;
+  if (kind == LensKind::kFisheye && (!Has(kFisheyes, word) || PlainKey(key) == "isequirectangular")) {
+    throw FormatError(path, where,
+                      "the lens '" + Shown(value) +
+                          "' is not known here (pinhole, opencv, plumb_bob, rational_polynomial, radtan; fisheye, equidistant, "
+                          "opencv_fisheye)");
+  }
+  if (weak) {
+    weak_ = kind;
+    return;
+  }
+  if (strong_ != LensKind::kUnsaid && strong_ != kind)
+    throw FormatError(path, where, "'" + Shown(value) + "' contradicts " + said_by_ + ": is it a fisheye lens?");
+  strong_ = kind;
+  said_by_ = where;
+}
+
+void UnusedKeys::Add(const std::string& where, const std::string& key, const std::string& value) {
+  const std::string other = OtherMeaning(key, value, metres_per_unit_);
+  if (!other.empty())
+    throw FormatError(path_, where, "'" + Shown(value) + "' " + other + "; take the key out if it does not apply");
+  Seen& seen = seen_[key];
+  if (seen.times++ == 0) seen.where = where;
+}
+
+std::string UnusedKeys::Text() const {
+  constexpr size_t kShown = 8;
+  std::string text;
+  size_t shown = 0;
+  for (const auto& [key, seen] : seen_) {
+    if (++shown > kShown) break;
+    text += (text.empty() ? "" : ", ") + seen.where + (seen.times > 1 ? " (" + std::to_string(seen.times) + " times)" : "");
+  }
+  return seen_.size() > kShown ? text + " and " + std::to_string(seen_.size() - kShown) + " more" : text;
+}
+
+}  // namespace mvstudio::geometry

@@ -1,0 +1,58 @@
+#include "geometry/rig/foreign_layout.h"
+
+#include <algorithm>
+#include <initializer_list>
+
+namespace mvstudio::geometry {
+namespace {
+
+bool HasAll(std::string_view text, std::initializer_list<const char*> pieces) {
+  return std::all_of(pieces.begin(), pieces.end(),
+                     [&](const char* piece) { return text.find(piece) != std::string_view::npos; });
+}
+
+struct Layout {
+  const char* name;
+  std::initializer_list<const char*> pieces;
+};
+
+}  // namespace
+
+std::string ForeignLayout(std::string_view text) {
+  const auto starts = [&](std::string_view magic) { return text.substr(0, magic.size()) == magic; };
+  if (starts("PK\x03\x04")) return "a zip archive, such as NumPy's .npz";
+  if (starts("\x93NUMPY")) return "a NumPy array (.npy)";
+  if (starts("\x89HDF")) return "an HDF5 file";
+  if (starts("MATLAB")) return "a MATLAB file (.mat)";
+  if (starts("\x80\x02") || starts("\x80\x03") || starts("\x80\x04")) return "a Python pickle";
+  static const Layout kLayouts[] = {
+      {"glTF", {"\"asset\"", "\"nodes\""}},
+      {"MVHumanNet's camera_extrinsics.json (its intrinsics and its scale stand in other files)",
+       {"\"focal_length\"", "\"image_center\""}},
+      {"AvatarReX's calibration_full.json", {"\"distCoeff\"", "\"imgSize\""}},
+      {"Human3.6M's camera-parameters.json", {"\"calibration_matrix\"", "\"extrinsics\""}},
+      {"Dynamic 3D Gaussians' meta file", {"\"w2c\"", "\"k\"", "\"cam_id\""}},
+      {"cameras.json of 3D Gaussian splatting (its sparse/0 or transforms.json is read)",
+       {"\"img_name\"", "\"position\"", "\"rotation\""}},
+      {"openMVG's sfm_data.json", {"\"sfm_data_version\""}},
+      {"AliceVision's scene (Meshroom)", {"\"intrinsicId\""}},
+      {"OpenSfM's reconstruction.json", {"\"shots\"", "\"rotation\""}},
+      {"MVHumanNet's camera_intrinsics.json (lenses without poses)", {"\"intrinsics\"", "\"dist\""}},
+      {"a session or result of mvstudio, no calibration", {"\"exit_code\"", "\"metrics\""}},
+      {"cameras of VoxelPose or Campus and Shelf", {"\"R\"", "\"fx\"", "\"fy\"", "\"cx\""}},
+      {"cameras by K, R and T (HuMMan and others)", {"\"K\"", "\"R\"", "\"T\""}},
+      {"OpenCV's XML (its .yml is read)", {"<opencv_storage>"}},
+      {"Metashape's XML", {"<document", "<chunk"}},
+      {"EuRoC's sensor.yaml", {"sensor_type:", "T_BS:"}},
+  };
+  for (const Layout& layout : kLayouts) {
+    if (HasAll(text, layout.pieces)) return layout.name;
+  }
+  return "";
+}
+
+bool LooksLikePanoptic(std::string_view json) {
+  return HasAll(json, {"\"cameras\""}) && !HasAll(json, {"\"asset\"", "\"nodes\""});
+}
+
+}  // namespace mvstudio::geometry

@@ -1,0 +1,197 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "calib/formats/formats.h"
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "core/units.h"
+#include "geometry/rig/meeting.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+/// Words of files that change what their numbers mean.
+namespace mvstudio::calib {
+namespace {
+
+using geometry::LensModel;
+using mvstudio::testing::MessageOf;
+using mvstudio::testing::TempDir;
+using ::testing::HasSubstr;
+
+ImportedRig ReadText(CalibrationFormat format, const std::string& text, const ReadOptions& options = {}) {
+  const TempDir folder;
+  const std::string path = folder / (format == CalibrationFormat::kNerfstudio ? "transforms.json" : "cam.yaml");
+  WriteFileAtomic(path, text);
+  EXPECT_EQ(DetectFormat(path), format) << text.substr(0, 80);
+  return ReadCalibration(format, {path}, options);
+}
+
+std::string Refused(CalibrationFormat format, const std::string& text, const ReadOptions& options = {}) {
+  return MessageOf<FormatError>([&] { ReadText(format, text, options); });
+}
+
+std::string CodesOf(const ImportedRig& imported) {
+  std::string codes;
+  for (const ImportNote& note : imported.notes) codes += note.code + " ";
+  return codes;
+}
+
+constexpr char kPose[] = "\"transform_matrix\": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 2], [0, 0, 0, 1]]";
+
+/// One frame; `head` are keys of the file, `own` of the frame.
+std::string Transforms(const std::string& head, const std::string& own = "") {
+  return "{\"fl_x\": 420, \"fl_y\": 420, \"cx\": 960, \"cy\": 540, \"w\": 1920, \"h\": 1080, \"k1\": 0.05, \"k2\": 0.01, " +
+         head + "\"frames\": [{\"file_path\": \"images/c0.jpg\", " + own + kPose + "}]}";
+}
+
+/// Distance in px from the centre of a ray 45 degrees off the axis.
+double RadiusAt45(const geometry::Camera& camera) {
+  const geometry::Projection at = geometry::Projector(camera).Project({std::sqrt(0.5), 0, std::sqrt(0.5)});
+  EXPECT_EQ(at.status, Status::kOk);
+  return at.px.x() - camera.cx();
+}
+
+TEST(LensWordsOfFiles, FisheyesOfNerfstudioAndInstantNgp) {
+  const double t = kPi / 4, t2 = t * t;
+  const double fisheye = 420 * t * (1 + 0.05 * t2 + 0.01 * t2 * t2);  // OpenCV's formula for fisheye lenses
+  const double brown = 420 * (1 + 0.05 + 0.01);                       // and for others: r = tan 45 degrees = 1
+  for (const char* word :
+       {"\"is_fisheye\": true, ", "\"camera_model\": \"OPENCV_FISHEYE\", ", "\"camera_model\": \"FISHEYE\", ",
+        "\"camera_model\": \"opencv_fisheye\", \"is_fisheye\": true, ", "\"fisheye\": 1, "}) {
+    const ImportedRig read = ReadText(CalibrationFormat::kNerfstudio, Transforms(word));
+    EXPECT_NEAR(RadiusAt45(read.rig.cameras[0].camera), fisheye, 1e-9) << word;
+  }
+  for (const char* word :
+       {"", "\"is_fisheye\": false, ", "\"camera_model\": \"OPENCV\", ", "\"camera_model\": \"PERSPECTIVE\", ",
+        "\"camera_model\": \"RADIAL\", ", "\"camera_model\": null, "}) {
+    const ImportedRig read = ReadText(CalibrationFormat::kNerfstudio, Transforms(word));
+    EXPECT_NEAR(RadiusAt45(read.rig.cameras[0].camera), brown, 1e-9) << word;
+  }
+  // The frame's word counts before the file's.
+  const ImportedRig own = ReadText(CalibrationFormat::kNerfstudio,
+                                   Transforms("\"camera_model\": \"OPENCV\", ", "\"camera_model\": \"OPENCV_FISHEYE\", "));
+  EXPECT_NEAR(RadiusAt45(own.rig.cameras[0].camera), fisheye, 1e-9);
+  ReadOptions options;
+  options.lens = geometry::LensKind::kFisheye;
+  EXPECT_NEAR(RadiusAt45(ReadText(CalibrationFormat::kNerfstudio, Transforms(""), options).rig.cameras[0].camera), fisheye,
+              1e-9);
+  EXPECT_THAT(
+      Refused(CalibrationFormat::kNerfstudio, Transforms("\"is_fisheye\": false, \"camera_model\": \"OPENCV\", "), options),
+      HasSubstr("contradicts"));
+}
+
+TEST(LensWordsOfFiles, OtherLensesAreRefusedByName) {
+  for (const char* word :
+       {"\"camera_model\": \"EQUIRECTANGULAR\", ", "\"camera_model\": \"FISHEYE624\", ", "\"is_equirectangular\": true, ",
+        "\"camera_model\": \"OPENCV\", \"lens_model\": \"fisheye\", ", "\"lens_type\": \"ftheta\", "}) {
+    EXPECT_NE(Refused(CalibrationFormat::kNerfstudio, Transforms(word)), "") << word;
+  }
+}
+
+TEST(KeysOfFiles, ThatChangeTheMeaningAreRefused) {
+  for (const char* word : {"\"skew\": -5.8, ", "\"handedness\": \"left\", ", "\"coordinate_system\": \"opengl\", ",
+                           "\"units\": \"mm\", ", "\"pose_type\": \"c2w\", ", "\"binning_x\": 2, "}) {
+    EXPECT_THAT(Refused(CalibrationFormat::kNerfstudio, Transforms(word)), HasSubstr("take the key out")) << word;
+  }
+  for (const char* word : {"\"skew\": 0, ", "\"handedness\": \"right\", ", "\"units\": \"m\", ", "\"binning_x\": 1, "})
+    EXPECT_EQ(ReadText(CalibrationFormat::kNerfstudio, Transforms(word)).rig.cameras.size(), 1u) << word;
+  ReadOptions millimetres;
+  millimetres.metres_per_unit = 1e-3;
+  EXPECT_EQ(ReadText(CalibrationFormat::kNerfstudio, Transforms("\"units\": \"mm\", "), millimetres).rig.cameras.size(), 1u);
+}
+
+TEST(KeysOfFiles, ThatNobodyReadsAreNamed) {
+  const ImportedRig read = ReadText(CalibrationFormat::kNerfstudio,
+                                    Transforms("\"rolling_shutter\": [0, 0, 0, 0.03], \"aabb_scale\": 16, ", "\"tag\": 3, "));
+  std::string text;
+  for (const ImportNote& note : read.notes) text += note.code == "CAL-KEYS" ? note.text : "";
+  EXPECT_THAT(text, ::testing::AllOf(HasSubstr("rolling_shutter"), HasSubstr("frames[0].tag")));
+  EXPECT_THAT(text, ::testing::Not(HasSubstr("aabb_scale")));
+  EXPECT_THAT(CodesOf(ReadText(CalibrationFormat::kNerfstudio, Transforms(""))), ::testing::Not(HasSubstr("CAL-KEYS")));
+}
+
+TEST(KeysOfFiles, AppliedScaleIsUndone) {
+  const ImportedRig read =
+      ReadText(CalibrationFormat::kNerfstudio,
+               Transforms("\"applied_scale\": 0.5, \"applied_transform\": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]], "));
+  EXPECT_NEAR(read.rig.cameras[0].CenterInWorld().z(), 4, 1e-12);
+  EXPECT_THAT(CodesOf(read), ::testing::AllOf(HasSubstr("CAL-SCALED"), HasSubstr("CAL-TURNED")));
+}
+
+/// ROS's camera_info, and what OpenCV's functions write from Python.
+std::string Ros(const std::string& words, const std::string& distortion = "[0.1, -0.03, 0.004, -0.007]") {
+  return "image_width: 640\nimage_height: 480\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [400, 0, 320, 0, 400, 240, 0, 0, "
+         "1]\n" +
+         words + "distortion_coefficients:\n  rows: 1\n  cols: 4\n  data: " + distortion + "\n";
+}
+
+TEST(LensWordsOfFiles, OfRosAndOpenCv) {
+  for (const std::string head : {"", "%YAML:1.0\n---\n"}) {
+    for (const char* word : {"camera_model: fisheye\n", "distortion_model: equidistant\n", "fisheye_model: 1\n"}) {
+      EXPECT_EQ(ReadText(CalibrationFormat::kOpenCvYaml, head + Ros(word)).rig.cameras[0].camera.model,
+                LensModel::kKannalaBrandt4)
+          << word;
+    }
+    for (const char* word : {"", "distortion_model: plumb_bob\n", "camera_model: pinhole\n"}) {
+      EXPECT_EQ(ReadText(CalibrationFormat::kOpenCvYaml, head + Ros(word)).rig.cameras[0].camera.model, LensModel::kBrown4)
+          << word;
+    }
+    EXPECT_NE(Refused(CalibrationFormat::kOpenCvYaml, head + Ros("distortion_model: division\n")), "");
+    EXPECT_NE(Refused(CalibrationFormat::kOpenCvYaml, head + Ros("binning_x: 2\n")), "");
+  }
+  const std::string python =
+      "{\"camera_matrix\": [[400, 0, 320], [0, 400, 240], [0, 0, 1]], \"dist_coeffs\": [[0.1, -0.03, 0.004, -0.007, 0]], "
+      "\"image_size\": [640, 480]}";
+  const geometry::Camera camera = ReadText(CalibrationFormat::kOpenCvYaml, python).rig.cameras[0].camera;
+  EXPECT_EQ(camera.width_px, 640);
+  EXPECT_EQ(camera.params.tail(5)[3], -0.007);
+}
+
+TEST(LensWordsOfFiles, AColumnOfFourNeedsAWord) {
+  const std::string column =
+      "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 302, 0, 496, 0, 320, 331, "
+      "0, 0, 1 "
+      "]\ndist_coeffs: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   data: [ -0.0437, 0.0217, -0.0264, 0.0084 ]\n"
+      "resolution: !!opencv-matrix\n   rows: 2\n   cols: 1\n   dt: i\n   data: [ 960, 640 ]\n";
+  EXPECT_THAT(Refused(CalibrationFormat::kOpenCvYaml, column), HasSubstr("option 'lens' fisheye or perspective"));
+  ReadOptions options;
+  options.lens = geometry::LensKind::kFisheye;
+  const geometry::Camera camera = ReadText(CalibrationFormat::kOpenCvYaml, column, options).rig.cameras[0].camera;
+  EXPECT_EQ(camera.model, LensModel::kKannalaBrandt4);
+  EXPECT_EQ(camera.height_px, 640);
+}
+
+/// A ray's pixel by the matrix with skew, and through what is read.
+TEST(Skew, TheNearestCameraIsWithinItsError) {
+  const std::string text =
+      Ros("distortion_model: plumb_bob\nR:\n  rows: 3\n  cols: 1\n  data: [0.1, 0.2, 0.3]\nT:\n  rows: 3\n  cols: 1\n"
+          "  data: [0, 0, 2]\n");
+  std::string skewed = text;
+  skewed.replace(skewed.find("[400, 0, 320"), 12, "[400, 4, 320");
+  EXPECT_THAT(Refused(CalibrationFormat::kOpenCvYaml, skewed), HasSubstr("allow-approximation"));
+  ReadOptions options;
+  options.allow_approximation_px = 5;
+  const geometry::RigCamera plain = ReadText(CalibrationFormat::kOpenCvYaml, text).rig.cameras[0];
+  const ImportedRig read = ReadText(CalibrationFormat::kOpenCvYaml, skewed, options);
+  ASSERT_THAT(CodesOf(read), HasSubstr("CAL-APPROXIMATED"));
+  double worst = 0;
+  for (const double x : {-0.4, 0.0, 0.4}) {
+    for (const double y : {-0.3, 0.0, 0.3}) {
+      const Eigen::Vector3d x_in_world = Inverse(plain.cam_from_world) * Eigen::Vector3d(2 * x, 2 * y, 2);
+      Eigen::Vector2d truth = geometry::Projector(plain.camera).Project(plain.cam_from_world * x_in_world).px;
+      truth.x() += 4 * (truth.y() - plain.camera.cy()) / plain.camera.fy();
+      const geometry::RigCamera& camera = read.rig.cameras[0];
+      const auto projected = geometry::Projector(camera.camera).Project(camera.cam_from_world * x_in_world);
+      worst = std::max(worst, (projected.px - truth).norm());
+    }
+  }
+  EXPECT_LT(worst,
+            0.6 * 4 * 0.5);  // half of what leaving the skew out costs at the corner: 4 px times y = 0.3, and the other axis
+  EXPECT_GT(worst, 0.1);
+}
+
+}  // namespace
+}  // namespace mvstudio::calib
