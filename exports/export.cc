@@ -37,8 +37,8 @@ const std::vector<Writer>& Writers() {
       {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
         kPictures, !kRigOnly, kAlpha},
        WriteNerfstudio},
-      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
-        kRigOnly},
+      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/, mask_cihp/", LensNeed::kBrown5, !kInstant, !kOneSize,
+        kPictures, kRigOnly},
        WriteZju},
       {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
         !kOneSize, kPictures, !kRigOnly},
@@ -71,6 +71,9 @@ const std::vector<Writer>& Writers() {
        WriteGltf},
       {{"ply", "cameras and skeletons as lines, for mesh viewers", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, kRigOnly},
        WritePly},
+      {{"blender", "Blender: a script that makes the cameras with their shift, calibration.json, background images",
+        LensNeed::kPinhole, !kInstant, !kOneSize, kPictures, kRigOnly},
+       WriteBlender},
   };
   return writers;
 }
@@ -180,6 +183,7 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   AtomicFolder folder(out, options.overwrite, {dataset.root});
   Pictures pictures(take, options, folder.work_path());
   const Job job{take, pictures, options, run, folder.work_path(), &report};
+  NoteReaderLimits(job);
   writer.write(job);
   pictures.Run(run, &report);
   RequireAny(dataset.root, report.missing);
@@ -206,8 +210,12 @@ ExportReport WriteRig(const geometry::Rig& rig, const std::string& format, const
   options.pictures = ExportPictures::kNone;
   const Take take = TakeOfRig(rig, writer.info, path, &report);
   Pictures pictures(take, options, path);
-  writer.write({take, pictures, options, {}, path, &report});
+  const Job job{take, pictures, options, {}, path, &report};
+  NoteReaderLimits(job);
+  writer.write(job);
   for (const View& view : take.views) report.cameras.push_back(view.info);
+  // Names and image sizes, for which some formats have no place.
+  job.Write("export.json", ManifestText(take, report, std::string(ToString(ExportMasks::kNone))));
   return report;
 }
 

@@ -16,8 +16,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kNames[] = {"mvstudio", "panoptic", "toml",        "caliscope",  "qca",    "opencv",
-                                       "mrcal",    "colmap",   "colmap-text", "nerfstudio", "kalibr", "easymocap"};
+constexpr std::string_view kNames[] = {
+    "mvstudio", "panoptic",  "toml", "caliscope", "qca",         "opencv", "mrcal",  "colmap", "colmap-text", "nerfstudio",
+    "kalibr",   "easymocap", "zju",  "actorshq",  "dynamic3dgs", "dna",    "humman", "npz",    "gltf",        "ply"};
 
 [[noreturn]] void Unknown(const std::string& path) {
   throw FormatError(path, "",
@@ -80,10 +81,11 @@ ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& pat
       return ReadKalibr(paths[0], options);
     case CalibrationFormat::kEasyMocap:
       return ReadEasyMocap(paths, options);
-    case CalibrationFormat::kMvstudio:
-    case CalibrationFormat::kPanoptic:
+    default:
       break;
   }
+  if (IsDatasetLayout(format))
+    throw UsageError(paths[0] + ": " + std::string(ToString(format)) + " is read by exports/read/layout_read.h");
   if (format == CalibrationFormat::kPanoptic)
     throw UsageError(paths[0] + ": Panoptic's calibration is read by dataset/panoptic/panoptic.h");
   return {geometry::ReadRig(paths[0]), {}};
@@ -94,8 +96,8 @@ ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& pat
 std::string_view ToString(CalibrationFormat format) { return kNames[static_cast<int>(format)]; }
 
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name) {
-  for (const CalibrationFormat format : kAllCalibrationFormats) {
-    if (ToString(format) == name) return format;
+  for (size_t i = 0; i < std::size(kNames); ++i) {
+    if (kNames[i] == name) return static_cast<CalibrationFormat>(i);
   }
   if (name == "qualisys" || name == "pose2sim" || name == "aniposelib") return CalibrationFormat::kToml;
   return std::nullopt;

@@ -186,7 +186,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+      ->check(CLI::IsMember(app::CalibrationFormatChoices()).description(""));
   registry.Add(sub, "calib align", [arguments](CommandContext& context) { return Align(*arguments, context); });
 }
 

@@ -127,7 +127,7 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+      ->check(CLI::IsMember(app::CalibrationFormatChoices()).description(""));
   AddChoice(sub, "--unit", arguments->read.unit, "unit of length of files that name none")
       ->capture_default_str()
       ->check(CLI::IsMember({"m", "cm", "mm", "in"}));

@@ -9,7 +9,7 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
   AddChoice(sub, "--from", options.from, "format of the input: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(CLI::IsMember(app::CalibrationFormatChoices(true)).description(""));
+      ->check(CLI::IsMember(app::CalibrationFormatChoices()).description(""));
   AddChoice(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
   AddChoice(sub, "--unit", options.unit, "unit of length of files that name none")
       ->capture_default_str()
