@@ -8,8 +8,8 @@ namespace {
 
 constexpr char kScript[] = R"python("""The cameras of a studio in Blender 2.93 or later, with their images as backgrounds.
 
-    blender --python cameras.py                          opens them
-    blender --background --python cameras.py -- OUT.blend    saves them
+    blender -P cameras.py                     opens them
+    blender -b -P cameras.py -- OUT.blend     saves them
 
 calibration.json beside this file holds the cameras. Metres, z up, as in the dataset. Image size and the shape of the pixels belong to
 a scene: cameras that differ in them get a scene of their own.

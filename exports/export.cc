@@ -74,6 +74,9 @@ const std::vector<Writer>& Writers() {
       {{"blender", "Blender: a script that makes the cameras with their shift, calibration.json, background images",
         LensNeed::kPinhole, !kInstant, !kOneSize, kPictures, kRigOnly},
        WriteBlender},
+      {{"ros", "ROS: a camera_info file for each camera, without poses", LensNeed::kAny, !kInstant, !kOneSize, !kPictures,
+        kRigOnly},
+       WriteRos},
   };
   return writers;
 }
@@ -135,7 +138,9 @@ void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportR
   if (report->missing_masks > 0) {
     report->notes.push_back({"EXP-NO-MASK",
                              std::to_string(report->missing_masks) + " masks are not in the dataset" +
-                                 (options.masks == ExportMasks::kAlpha ? "; these images are opaque" : ""),
+                                 (options.masks == ExportMasks::kAlpha ? "; these images are opaque"
+                                  : OpensEveryMask(format.name)        ? "; the format's reader stops at an image without one"
+                                                                       : ""),
                              "make them with `mvstudio mask`"});
   }
 }

@@ -77,4 +77,6 @@ void NoteReaderLimits(const Job& job) {
   }
 }
 
+bool OpensEveryMask(const std::string& format) { return format == "zju" || format == "dynamic3dgs" || format == "actorshq"; }
+
 }  // namespace mvstudio::exports

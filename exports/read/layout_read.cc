@@ -46,6 +46,10 @@ std::optional<Layout> DetectExport(const std::string& folder) {
   const std::string name = internal::FormatOfExport(folder);
   if (name.empty()) return std::nullopt;
   if (name == "trc" || name == "c3d" || name == "bvh" || name == "csv") FailJoints(folder, "this export, " + name + ",");
+  if (name == "ros") {
+    throw FormatError(folder, "",
+                      "ROS's camera_info files hold lenses and no poses: they are no rig; name one of the .yaml files");
+  }
   if (name == "colmap") return Layout{CalibrationFormat::kColmap, FirstModel(folder) + "/sparse/0"};
   if (name == "nerfstudio") return Layout{CalibrationFormat::kNerfstudio, FirstModel(folder) + "/transforms.json"};
   if (name == "blender") return Layout{CalibrationFormat::kMvstudio, folder + "/calibration.json"};
@@ -56,6 +60,9 @@ std::optional<Layout> DetectExport(const std::string& folder) {
 std::optional<Layout> DetectFolder(const std::string& folder) {
   if (const auto of_export = DetectExport(folder)) return of_export;
   const auto has = [&](const char* name) { return fs::is_regular_file(folder + "/" + name); };
+  for (const char* calibration : {"calibration.json", "intri.yml", "transforms.json", "cameras.bin", "cameras.txt"}) {
+    if (has(calibration)) return std::nullopt;  // of a program that keeps its calibration by itself
+  }
   if (has("annots.npy")) return Layout{CalibrationFormat::kZju, folder};
   if (has("train_meta.json")) return Layout{CalibrationFormat::kDynamic3dgs, folder};
   if (has("joints.npz")) return Layout{CalibrationFormat::kNpz, folder};
