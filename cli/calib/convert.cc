@@ -124,20 +124,21 @@ CommandResult Convert(const Arguments& arguments) {
   result.inputs = arguments.in;
   app::AddNotes(imported.notes, &result);
   Rename(arguments.rename, &imported.rig);
-  auto format = calib::CalibrationFormatFromString(arguments.to);
-  if (format && calib::IsDatasetLayout(*format)) format.reset();
+  const auto named = calib::CalibrationFormatFromString(arguments.to);
+  const bool is_calibration = named && !calib::IsDatasetLayout(*named);
+  const CalibrationFormat format = is_calibration ? *named : CalibrationFormat::kMvstudio;
   const bool folder = std::filesystem::is_directory(arguments.out);
   const auto in_folder =
       folder ? std::make_unique<OutputFolder>(arguments.out, arguments.in, std::vector<std::string>()) : nullptr;
   const auto as_file = folder ? nullptr : std::make_unique<OutputFiles>(std::vector<std::string>{arguments.out}, arguments.in);
   FilesTogether together;
-  for (const std::string& file :
-       format ? Write(arguments, *format, &imported.rig, &result) : WriteDatasetFormat(arguments, imported.rig, &result)) {
+  for (const std::string& file : is_calibration ? Write(arguments, format, &imported.rig, &result)
+                                                : WriteDatasetFormat(arguments, imported.rig, &result)) {
     result.outputs.push_back({file, "calibration"});
   }
   together.Commit();
   app::AddCameraMetrics(imported.rig, &result);
-  result.metrics["format"] = format ? std::string(ToString(*format)) : arguments.to;
+  result.metrics["format"] = is_calibration ? std::string(ToString(format)) : arguments.to;
   const bool is_folder = std::filesystem::is_directory(arguments.out);
   result.folder = is_folder ? arguments.out : std::filesystem::absolute(arguments.out).parent_path().string();
   result.text = std::to_string(imported.rig.cameras.size()) + " cameras -> " + arguments.out + " (" + arguments.to + ")";
