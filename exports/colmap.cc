@@ -1,9 +1,7 @@
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 
 #include "calib/formats/formats.h"
-#include "core/format.h"
 #include "exports/writers.h"
 
 /// https://colmap.github.io/format.html: sparse/0 with the cameras, images/, and masks/ under the names that COLMAP's
@@ -62,36 +60,6 @@ void WritePlyBeside(const Job& job, const std::vector<calib::ColmapModelPoint>& 
   job.Write(model + "/points3D.ply", PlyBinary(coloured));
 }
 
-/// Gaussian splatting's loader keeps the focal lengths alone.
-void NoteCentres(const Job& job) {
-  constexpr double kSmallPx = 0.1;
-  int num_off = 0;
-  double worst_px = 0;
-  for (const View& view : job.take.views) {
-    const geometry::Camera& lens = view.camera.camera;
-    const double off_px = std::hypot(lens.cx() - (lens.width_px - 1) / 2.0, lens.cy() - (lens.height_px - 1) / 2.0);
-    num_off += off_px > kSmallPx;
-    worst_px = std::max(worst_px, off_px);
-  }
-  if (num_off == 0) return;
-  job.report->notes.push_back(
-      {"EXP-CENTRE",
-       Format("%d cameras have their principal point off the image's centre, by %.1f px at most; Gaussian "
-              "splatting's loader takes it to be there",
-              num_off, worst_px),
-       "for Gaussian splatting: option 'undistort' always, option 'undistort-view' centred"});
-}
-
-void NoteLenses(const Job& job) {
-  size_t distorted = 0;
-  for (const View& view : job.take.views) distorted += !Carries(LensNeed::kPinhole, view.camera.camera);
-  if (distorted == 0) return NoteCentres(job);
-  job.report->notes.push_back(
-      {"EXP-LENS",
-       std::to_string(distorted) + " cameras keep their distortion, which COLMAP reads and Gaussian splatting's loader refuses",
-       "for Gaussian splatting resample the images: option 'undistort' always, option 'undistort-view' centred"});
-}
-
 /// By name: `colmap feature_extractor` numbers the images so, and `point_triangulator` goes by the numbers.
 std::vector<size_t> SortedViews(const Take& take) {
   std::vector<size_t> views = AllViews(take);
@@ -127,7 +95,6 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
 }  // namespace
 
 void WriteColmap(const Job& job) {
-  NoteLenses(job);
   for (const int frame : job.take.frames) {
     WriteInstant(job, frame, job.take.frames.size() > 1 ? Numbered("frame_", frame, 8, "/") : "");
   }

@@ -25,6 +25,8 @@ void AddCameras(const Take& take, Hdf5Writer* file) {
     file->Array(group + "/D", {5}, distortion.data());
     file->Array(group + "/RT", {4, 4}, RowsOf(Inverse(camera.cam_from_world)).data());
     file->Array(group + "/Color_Calibration", {3, 3}, identity.data());
+    const int64_t size[] = {camera.camera.width_px, camera.camera.height_px};
+    file->Array(group + "/size_px", {2}, size);
     file->Attribute(group, "name", take.views[i].info.name);
   }
 }

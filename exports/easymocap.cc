@@ -6,7 +6,8 @@
 #include "calib/formats/formats.h"
 #include "exports/joint_files.h"
 
-/// EasyMocap's folders: intri.yml, extri.yml, images/CAM/%06d, mask/CAM/%06d.png, annots/CAM/%06d.json, keypoints3d/%06d.json;
+/// EasyMocap's folders: intri.yml, extri.yml, images/CAM/%06d, mask/CAM/%06d.png (also masks/, which EasyVolcap and 4K4D
+/// open first), annots/CAM/%06d.json, keypoints3d/%06d.json;
 /// joints in the order of BODY_25, c = 0 where there is none.
 namespace mvstudio::exports {
 namespace {
@@ -68,9 +69,19 @@ Json Annotations(const View& view, const People& people, const std::string& file
           {"isKeyframe", false}};
 }
 
+/// EasyVolcap takes the images to be 0, 1, 2, … where there is one numbered 0; else it takes them in the order of their names.
+void NoteGaps(const Job& job) {
+  const std::vector<int>& frames = job.take.frames;
+  if (frames.empty() || frames.front() != 0 || frames.back() == static_cast<int>(frames.size()) - 1) return;
+  job.report->notes.push_back({"EXP-GAPS",
+                               "the frames begin with 0 and have gaps; EasyVolcap and 4K4D then look for 000001, 000002, …",
+                               "leave out frame 0 with option 'frames', and they take the files in their order"});
+}
+
 }  // namespace
 
 void WriteEasyMocap(const Job& job) {
+  NoteGaps(job);
   const Take& take = job.take;
   NoteJointsBeside(job);
   calib::WriteCalibration(RigOf(take, AllViews(take)), calib::CalibrationFormat::kEasyMocap, job.folder);
@@ -80,7 +91,7 @@ void WriteEasyMocap(const Job& job) {
     for (size_t i = 0; i < take.views.size(); ++i) {
       const std::string stem = Numbered(take.views[i].info.name + "/", frame, 6, "");
       const std::string file = job.pictures.AddPicture(i, frame, "images/" + stem);
-      job.pictures.AddMask(i, frame, "mask/" + stem + ".png");
+      if (job.pictures.AddMask(i, frame, "mask/" + stem + ".png")) job.pictures.AlsoTo("masks/" + stem + ".png");
       const Json annots = Annotations(take.views[i], take.At(frame), file.empty() ? "images/" + stem + ".jpg" : file);
       job.Write("annots/" + stem + ".json", annots.dump() + "\n");
     }

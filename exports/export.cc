@@ -38,7 +38,7 @@ const std::vector<Writer>& Writers() {
       {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
         kPictures, !kRigOnly, kAlpha},
        WriteNerfstudio},
-      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
+      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/, mask_cihp/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
         kRigOnly, !kAlpha, ".npy"},
        WriteZju},
       {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
@@ -76,6 +76,12 @@ const std::vector<Writer>& Writers() {
       {{"ply", "cameras and skeletons as lines, for mesh viewers", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, kRigOnly,
         !kAlpha, ".ply"},
        WritePly},
+      {{"blender", "Blender: a script that makes the cameras with their shift, calibration.json, background images",
+        LensNeed::kPinhole, !kInstant, !kOneSize, kPictures, kRigOnly},
+       WriteBlender},
+      {{"ros", "ROS: a camera_info file for each camera, without poses", LensNeed::kAny, !kInstant, !kOneSize, !kPictures,
+        kRigOnly},
+       WriteRos},
   };
   return writers;
 }
@@ -137,7 +143,9 @@ void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportR
   if (report->missing_masks > 0) {
     report->notes.push_back({"EXP-NO-MASK",
                              std::to_string(report->missing_masks) + " masks are not in the dataset" +
-                                 (options.masks == ExportMasks::kAlpha ? "; these images are opaque" : ""),
+                                 (options.masks == ExportMasks::kAlpha ? "; these images are opaque"
+                                  : OpensEveryMask(format.name)        ? "; the format's reader stops at an image without one"
+                                                                       : ""),
                              "make them with `mvstudio mask`"});
   }
 }
@@ -213,6 +221,7 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   AtomicFolder folder(out, options.overwrite, {dataset.root, options.split});
   Pictures pictures(take, options, folder.work_path());
   const Job job{take, pictures, options, run, folder.work_path(), &report};
+  NoteReaderLimits(job);
   writer.write(job);
   pictures.Run(run, &report);
   RequireAny(dataset.root, report.missing);
@@ -237,8 +246,13 @@ ExportReport WriteRig(const geometry::Rig& rig, const std::string& format, const
   options.pictures = ExportPictures::kNone;
   const Take take = TakeOfRig(rig, writer.info, path, &report);
   Pictures pictures(take, options, path);
-  writer.write({take, pictures, options, {}, path, &report, IsRigFile(writer.info, path) ? path : ""});
+  const bool one_file = IsRigFile(writer.info, path);
+  const Job job{take, pictures, options, {}, path, &report, one_file ? path : ""};
+  NoteReaderLimits(job);
+  writer.write(job);
   for (const View& view : take.views) report.cameras.push_back(view.info);
+  // Names and image sizes, for which some formats have no place.
+  if (!one_file) job.Write("export.json", ManifestText(take, report, std::string(ToString(ExportMasks::kNone))));
   return report;
 }
 

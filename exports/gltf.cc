@@ -84,17 +84,21 @@ int CameraNode(GlbBuilder* builder, const View& view, int material) {
   const Eigen::Quaterniond q = world_from_cam.rotation * Eigen::Quaterniond(0, 1, 0, 0);  // y up, looking along -z
   Json params = Json::array();
   for (const double value : lens.params) params.push_back(value);
+  Json extras = {{"lens_model", std::string(ToString(lens.model))},
+                 {"lens_params", params},
+                 {"width_px", lens.width_px},
+                 {"height_px", lens.height_px},
+                 {"dataset_name", view.info.source}};
+  if (lens.model == geometry::LensModel::kSplined) {
+    const geometry::SplineGrid& grid = lens.spline;
+    extras["lens_spline"] = {{"order", grid.order}, {"cols", grid.cols}, {"rows", grid.rows}, {"fov_x_deg", grid.fov_x_deg}};
+  }
   return builder->Add("nodes", {{"name", view.info.name},
                                 {"camera", camera},
                                 {"mesh", FrustumMesh(builder, view, material)},
                                 {"rotation", {q.x(), q.y(), q.z(), q.w()}},
                                 {"translation", List3(world_from_cam.translation)},
-                                {"extras",
-                                 {{"lens_model", std::string(ToString(lens.model))},
-                                  {"lens_params", params},
-                                  {"width_px", lens.width_px},
-                                  {"height_px", lens.height_px},
-                                  {"dataset_name", view.info.source}}}});
+                                {"extras", extras}});
 }
 
 /// Values of one node over the frames.

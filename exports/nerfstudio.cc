@@ -1,6 +1,7 @@
 #include <nlohmann/json.hpp>
 
 #include "calib/board/pixel_origin.h"
+#include "dataset/footage/image_io.h"
 #include "exports/writers.h"
 
 /// transforms.json, https://docs.nerf.studio/quickstart/data_conventions.html: camera axes are OpenGL's (x right, y up, z
@@ -21,20 +22,32 @@ Json FrameJson(const View& view, const std::string& picture, const std::string& 
   const auto k = *Brown5Of(lens);
   Eigen::Matrix4d world_from_cam = ToMatrix(Inverse(view.camera.cam_from_world));
   world_from_cam.block<4, 2>(0, 1) *= -1;  // y up, z backward
-  Json frame = {{"file_path", picture},
-                {"w", lens.width_px},
-                {"h", lens.height_px},
-                {"fl_x", lens.fx()},
-                {"fl_y", lens.fy()},
-                {"cx", lens.cx() + calib::kCornerOriginShiftPx},
-                {"cy", lens.cy() + calib::kCornerOriginShiftPx},
-                {"k1", k[0]},
-                {"k2", k[1]},
-                {"p1", k[2]},
-                {"p2", k[3]},
-                {"transform_matrix", RowsJson(world_from_cam, 4)}};
-  if (!mask.empty()) frame["mask_path"] = mask;
-  return frame;
+  return {{"file_path", picture},
+          {"w", lens.width_px},
+          {"h", lens.height_px},
+          {"fl_x", lens.fx()},
+          {"fl_y", lens.fy()},
+          {"cx", lens.cx() + calib::kCornerOriginShiftPx},
+          {"cy", lens.cy() + calib::kCornerOriginShiftPx},
+          {"k1", k[0]},
+          {"k2", k[1]},
+          {"p1", k[2]},
+          {"p2", k[3]},
+          {"transform_matrix", RowsJson(world_from_cam, 4)},
+          {"mask_path", mask}};
+}
+
+/// nerfstudio asks for a mask of every image or of none: images without one get one that ignores nothing.
+void CompleteMasks(const Job& job, const std::vector<size_t>& without_mask, const std::string& prefix, Json* frames) {
+  if (without_mask.size() == frames->size()) {
+    for (Json& frame : *frames) frame.erase("mask_path");
+    return;
+  }
+  for (const size_t i : without_mask) {
+    const geometry::Camera& lens = job.take.views[i].camera.camera;
+    const Image all(lens.width_px, lens.height_px, 1, 255);
+    job.Write(prefix + "masks/" + job.take.views[i].info.name + ".png", dataset::EncodeImage(all, "mask.png"));
+  }
 }
 
 void WriteInstant(const Job& job, int frame, const std::string& prefix) {
@@ -43,16 +56,19 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
                {"applied_transform", RowsJson(Eigen::Matrix4d::Identity(), 3)}};
   std::map<std::string, Json> parts;
   Json frames = Json::array();
+  std::vector<size_t> without_mask;
   for (size_t i = 0; i < job.take.views.size(); ++i) {
     const View& view = job.take.views[i];
     const std::string file = job.pictures.AddPicture(i, frame, prefix + "images/" + view.info.name);
     const std::string mask = "masks/" + view.info.name + ".png";
     const bool has_mask = job.pictures.AddMask(i, frame, prefix + mask);
     if (file.empty() && job.options.pictures != ExportPictures::kNone) continue;
+    if (!has_mask) without_mask.push_back(i);
     const std::string picture = file.empty() ? "images/" + view.info.name + ".jpg" : file.substr(prefix.size());
-    frames.push_back(FrameJson(view, picture, has_mask ? mask : ""));
+    frames.push_back(FrameJson(view, picture, mask));
     parts[view.info.part].push_back(picture);
   }
+  CompleteMasks(job, without_mask, prefix, &frames);
   const std::vector<StartPoint> points = StartPoints(job, frame);
   if (!points.empty()) {
     job.Write(prefix + "points3d.ply", PlyBinary({points.begin(), points.end()}));

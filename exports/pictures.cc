@@ -36,7 +36,7 @@ void RequireSize(const Image& image, const geometry::Camera& camera, const std::
 
 struct Pictures::Task {
   size_t view = 0;
-  std::string from, to;  ///< absolute
+  std::string from, to, also_to;  ///< absolute
   int frame = 0;
   bool mask = false;
   bool alpha = false;     ///< a picture with its mask as alpha
@@ -116,6 +116,8 @@ bool Pictures::AddMask(size_t view, int frame, const std::string& path, MaskValu
   tasks_.push_back(task);
   return true;
 }
+
+void Pictures::AlsoTo(const std::string& path) { tasks_.back().also_to = folder_ + "/" + path; }
 
 Image Pictures::LoadPicture(size_t view, int frame) const {
   const std::string from = SourceOf(view, frame, false);
@@ -197,6 +199,7 @@ void Pictures::Run(const RunContext& run, ExportReport* report) {
   std::set<size_t> checked;
   for (const Task& task : tasks_) {
     folders.insert(fs::path(task.to).parent_path().string());
+    if (!task.also_to.empty()) folders.insert(fs::path(task.also_to).parent_path().string());
     // Files that are linked are not decoded; the first of each camera stands for them.
     if (!task.mask && checked.insert(task.view).second) {
       RequireSize(dataset::ReadImage(task.from), take_.views[task.view].source.camera, task.from);
@@ -207,7 +210,9 @@ void Pictures::Run(const RunContext& run, ExportReport* report) {
   std::mutex mutex;
   int linked = 0;
   ParallelFor(static_cast<int64_t>(tasks_.size()), run.num_threads, [&](int64_t i) {
-    const bool is_link = Make(tasks_[static_cast<size_t>(i)]);
+    const Task& task = tasks_[static_cast<size_t>(i)];
+    const bool is_link = Make(task);
+    if (!task.also_to.empty()) LinkOrCopy(task.to, task.also_to, options_.pictures == ExportPictures::kLink);
     const std::lock_guard lock(mutex);
     linked += is_link;
     stage.Advance();

@@ -26,6 +26,8 @@ class Pictures {
   /// `path` is relative, with ".png". Foreground is 255, or 1 for readers that use the values directly. Lists nothing unless
   /// masks go into files.
   bool AddMask(size_t view, int frame, const std::string& path, MaskValues values = MaskValues::k255);
+  /// The mask that was listed last also goes to this path: readers of one layout look in different folders.
+  void AlsoTo(const std::string& path);
 
   /// The picture or mask as exported, for colours; empty when there is none.
   Image LoadPicture(size_t view, int frame) const;

@@ -7,10 +7,12 @@
 namespace mvstudio::exports {
 
 std::string PlyText(const std::vector<ColouredPoint>& points, const std::vector<std::pair<int, int>>& edges,
-                    const std::string& comment) {
-  std::string text = "ply\nformat ascii 1.0\ncomment " + comment + "\nelement vertex " + std::to_string(points.size()) +
-                     "\nproperty double x\nproperty double y\nproperty double z\n"
-                     "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+                    const std::vector<std::string>& comments) {
+  std::string text = "ply\nformat ascii 1.0\n";
+  for (const std::string& comment : comments) text += "comment " + comment + "\n";
+  text += "element vertex " + std::to_string(points.size()) +
+          "\nproperty double x\nproperty double y\nproperty double z\n"
+          "property uchar red\nproperty uchar green\nproperty uchar blue\n";
   if (!edges.empty()) {
     text += "element edge " + std::to_string(edges.size()) + "\nproperty int vertex1\nproperty int vertex2\n";
   }

@@ -14,9 +14,10 @@ struct ColouredPoint {
   std::array<uint8_t, 3> rgb{};
 };
 
-/// ASCII PLY with `double` coordinates, without loss of digits; `edges` are pairs of indices, omitted when empty.
+/// ASCII PLY with `double` coordinates, without loss of digits; `edges` are pairs of indices, omitted when empty. Each of
+/// `comments` is a line.
 std::string PlyText(const std::vector<ColouredPoint>& points, const std::vector<std::pair<int, int>>& edges,
-                    const std::string& comment);
+                    const std::vector<std::string>& comments);
 
 /// Binary little-endian PLY with `float` coordinates, normals (0) and colours, as loaded by Gaussian splatting and
 /// nerfstudio.

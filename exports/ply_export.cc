@@ -1,12 +1,26 @@
+#include <nlohmann/json.hpp>
+
 #include "body/skeleton.h"
 #include "exports/frustum.h"
 #include "exports/joint_files.h"
 #include "exports/writers.h"
+#include "geometry/rig/rig_io.h"
 
 /// rig.ply and a PLY of the skeletons for every frame: MeshLab, CloudCompare and Blender show their edges. Metres, the
 /// dataset's axes.
 namespace mvstudio::exports {
 namespace {
+
+/// The calibration file without blanks, in pieces that every reader's line can hold: the outlines do not tell the lenses.
+std::vector<std::string> CalibrationLines(const Take& take) {
+  constexpr size_t kPieceBytes = 180;
+  const std::string compact = nlohmann::ordered_json::parse(geometry::RigToJsonText(RigOf(take, AllViews(take)))).dump();
+  std::string text;
+  for (const char c : compact) text += c == ' ' ? "\\u0020" : std::string(1, c);
+  std::vector<std::string> lines;
+  for (size_t at = 0; at < text.size(); at += kPieceBytes) lines.push_back("calibration " + text.substr(at, kPieceBytes));
+  return lines;
+}
 
 std::string RigPly(const Take& take) {
   std::vector<ColouredPoint> points;
@@ -20,7 +34,9 @@ std::string RigPly(const Take& take) {
     points[static_cast<size_t>(first)].rgb = {230, 60, 40};
     for (const auto& edge : kFrustumEdges) edges.emplace_back(first + edge[0], first + edge[1]);
   }
-  return PlyText(points, edges, "cameras: centre and image corners; metres, axes of the dataset's world");
+  std::vector<std::string> comments = CalibrationLines(take);
+  comments.insert(comments.begin(), "cameras: centre and image corners; metres, axes of the dataset's world");
+  return PlyText(points, edges, comments);
 }
 
 std::string SkeletonPly(const Take& take, int frame) {
@@ -44,7 +60,7 @@ std::string SkeletonPly(const Take& take, int frame) {
       if (!skeleton.colours.empty()) points[static_cast<size_t>(to)].rgb = colours[bone];
     }
   }
-  return PlyText(points, edges, "joints; metres, axes of the dataset's world");
+  return PlyText(points, edges, {"joints; metres, axes of the dataset's world"});
 }
 
 }  // namespace

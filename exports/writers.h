@@ -39,6 +39,13 @@ void WriteCsv(const Job& job);
 void WriteNpz(const Job& job);
 void WriteGltf(const Job& job);
 void WritePly(const Job& job);
+void WriteBlender(const Job& job);
+void WriteRos(const Job& job);
+
+/// Warns of what the programs that read the format cannot hold of these cameras.
+void NoteReaderLimits(const Job& job);
+/// True where the reader opens the mask of every image and stops when there is none.
+bool OpensEveryMask(const std::string& format);
 
 /// The exported cameras, in the order of the views.
 geometry::Rig RigOf(const Take& take, const std::vector<size_t>& views);

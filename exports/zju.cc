@@ -3,7 +3,8 @@
 #include "exports/writers.h"
 
 /// ZJU-MoCap as Neural Body reads it: annots.npy with the cameras (T in millimetres, world to camera) and, for every frame, the
-/// pictures of all cameras; masks below mask/ under the picture's path.
+/// pictures of all cameras; masks below mask/ and mask_cihp/ under the picture's path: Neural Body opens the latter, HumanNeRF
+/// both.
 namespace mvstudio::exports {
 namespace {
 
@@ -22,6 +23,22 @@ PyValue CamerasOf(const Take& take) {
   return PyValue::Dict({{"K", PyValue::List(k)}, {"D", PyValue::List(d)}, {"R", PyValue::List(r)}, {"T", PyValue::List(t)}});
 }
 
+/// Neural Body brings the images to cfg.W x cfg.H before it applies K, and leaves the masks as they are.
+void NoteSizes(const Job& job) {
+  constexpr int kUsualPx = 1024;
+  const geometry::Camera& first = job.take.views[0].camera.camera;
+  bool same = true;
+  for (const View& view : job.take.views)
+    same &= view.camera.camera.width_px == first.width_px && view.camera.camera.height_px == first.height_px;
+  if (same && first.width_px == kUsualPx && first.height_px == kUsualPx) return;
+  const std::string size = "H: " + std::to_string(first.height_px) + ", W: " + std::to_string(first.width_px);
+  job.report->notes.push_back(
+      {"EXP-SIZE",
+       same ? "Neural Body takes images to be 1024x1024 unless its configuration says otherwise; these need " + size
+            : "Neural Body takes images of one size, H x W of its configuration; these cameras have several",
+       same ? "write " + size + " into the configuration" : "choose cameras of one size with option 'cameras'"});
+}
+
 }  // namespace
 
 void WriteZju(const Job& job) {
@@ -33,12 +50,13 @@ void WriteZju(const Job& job) {
       std::string file = job.pictures.AddPicture(i, frame, stem);
       if (file.empty()) file = stem + ".jpg";
       paths.push_back(PyValue::Text(file));
-      job.pictures.AddMask(i, frame, "mask/" + stem + ".png");
+      if (job.pictures.AddMask(i, frame, "mask/" + stem + ".png")) job.pictures.AlsoTo("mask_cihp/" + stem + ".png");
     }
     frames.push_back(PyValue::Dict({{"ims", PyValue::List(paths)}}));
   }
   job.Write("annots.npy", PyValue::Dict({{"cams", CamerasOf(job.take)}, {"ims", PyValue::List(frames)}}).ToNpy());
   if (!job.take.frames.empty()) {
+    NoteSizes(job);
     job.report->notes.push_back({"EXP-NO-SMPL", "new_params/ and new_vertices/ (SMPL fits) are not written: there are none",
                                  "fit SMPL with EasyMocap on the easymocap export"});
   }

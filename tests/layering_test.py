@@ -80,6 +80,8 @@ MAY_INCLUDE = {
     "markers": CORE | GEOMETRY | {"body", "dataset/pose"},
     "exports": CORE | GEOMETRY | {"markers", "body", "body/files", "calib/board", "calib/formats", "dataset/footage", "dataset/pose", "dataset/panoptic",
                                   "dataset/views", "dataset/colour", "dataset/pack"},
+    "exports/read": CORE | GEOMETRY | {"body/files", "body/smpl", "calib/board", "calib/formats", "dataset/footage", "dataset/pack",
+                                       "dataset/trackers", "exports"},
     "synth/cloth": CORE | GEOMETRY | {"body"},
     "synth": CORE | GEOMETRY | {"body", "body/files", "body/templates", "calib/board", "dataset/footage", "dataset/pose",
                                 "dataset/session", "synth/cloth"},
@@ -110,11 +112,11 @@ MAY_INCLUDE = {
     "report": CORE | {"report/page", "report/svg"},
 }
 LIBRARIES = set(MAY_INCLUDE)
-APP_LIBRARIES = LIBRARIES - {"exports", "synth"}
+APP_LIBRARIES = LIBRARIES - {"exports", "exports/read", "synth"}
 WITHOUT_TORCH = {f for f in APP_LIBRARIES if f.split("/")[0] not in ("avatar", "detect")}
 MAY_INCLUDE |= {
     "app": {"core"},
-    "app/input": WITHOUT_TORCH | {"app"},
+    "app/input": WITHOUT_TORCH | {"app", "exports/read"},
     "app/calib": WITHOUT_TORCH | {"app", "app/input"},
     "app/click": WITHOUT_TORCH | {"app"},
     "app/dataset": WITHOUT_TORCH | {"app"},

@@ -10,16 +10,17 @@
 #include "core/units.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/panoptic_files.h"
+#include "exports/read/layout_read.h"
 #include "geometry/rig/meeting.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/decompositions.h"
 
 namespace mvstudio::app {
 
-std::vector<std::string> CalibrationFormatChoices(bool with_auto) {
-  std::vector<std::string> choices;
-  if (with_auto) choices.push_back("auto");
+std::vector<std::string> CalibrationFormatChoices() {
+  std::vector<std::string> choices = {"auto"};
   for (const auto format : calib::kAllCalibrationFormats) choices.emplace_back(calib::ToString(format));
+  for (const auto layout : calib::kDatasetLayouts) choices.emplace_back(calib::ToString(layout));
   for (const char* other : {"qualisys", "pose2sim", "aniposelib"}) choices.emplace_back(other);
   return choices;
 }
@@ -85,12 +86,19 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
   read.qca_distortion_divisor = options.qca_distortion_divisor;
   read.lens = options.lens;
   read.allow_approximation_px = options.allow_approximation_px;
-  const calib::CalibrationFormat format = options.from ? *options.from : calib::DetectFormat(paths.front());
+  const auto layout = options.from ? std::nullopt : exports::DetectLayout(paths.front());
+  const calib::CalibrationFormat format = options.from ? *options.from
+                                          : layout     ? layout->format
+                                                       : calib::DetectFormat(paths.front());
+  const std::vector<std::string> files = layout && paths.size() == 1 ? std::vector<std::string>{layout->path} : paths;
   if (format == calib::CalibrationFormat::kPanoptic && paths.size() > 1) {
     throw UsageError(paths[1] + ": Panoptic's calibration is one file");
   }
-  calib::ImportedRig imported = format == calib::CalibrationFormat::kPanoptic ? ReadPanoptic(paths[0], read)
-                                                                              : calib::ReadCalibration(format, paths, read);
+  if (calib::IsDatasetLayout(format) && paths.size() > 1)
+    throw UsageError(paths[1] + ": the cameras of " + std::string(ToString(format)) + " are one file or folder");
+  calib::ImportedRig imported = format == calib::CalibrationFormat::kPanoptic ? ReadPanoptic(files[0], read)
+                                : calib::IsDatasetLayout(format)              ? exports::ReadLayout(format, files[0], read)
+                                                                              : calib::ReadCalibration(format, files, read);
   MendPoses(options, format, &imported);
   if (options.unit != calib::LengthUnit::kMetre && !calib::NamesNoUnit(format)) {
     imported.notes.push_back({"CAL-UNIT",

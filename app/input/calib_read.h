@@ -39,8 +39,8 @@ void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result
 /// Same for a calibration that was read without notes: implausible properties become warnings.
 void AddDoubts(const geometry::Rig& rig, CommandResult* result);
 
-/// Names of calib::CalibrationFormat one by one, with the aliases of each; `with_auto` adds "auto".
-std::vector<std::string> CalibrationFormatChoices(bool with_auto);
+/// "auto" and the names of calib::CalibrationFormat one by one, with their aliases.
+std::vector<std::string> CalibrationFormatChoices();
 
 /// Field of view of the image, degrees: horizontal, vertical and diagonal; NaN where the lens has no ray.
 Eigen::Vector3d FieldOfViewDeg(const geometry::Camera& camera);

@@ -7,9 +7,9 @@
 #include "core/error.h"
 
 namespace mvstudio::body {
+namespace internal {
 namespace {
 
-using internal::PickleValue;
 using Kind = PickleValue::Kind;
 
 int64_t WholeNumber(const PickleValue* value, const std::string& path, const std::string& where) {
@@ -18,6 +18,8 @@ int64_t WholeNumber(const PickleValue* value, const std::string& path, const std
   if (!whole) throw FormatError(path, where, "must be a whole number");
   return static_cast<int64_t>(value->number);
 }
+
+}  // namespace
 
 /// Array of numpy's state (version, shape, type, is Fortran's order, bytes), by way of the .npy file that would hold it.
 NpyArray ArrayOf(const PickleValue& array, const std::string& path, const std::string& where) {
@@ -43,6 +45,15 @@ NpyArray ArrayOf(const PickleValue& array, const std::string& path, const std::s
   bytes.append(state->items[4]->text);
   return ParseNpy(bytes, path + ": " + where);
 }
+
+}  // namespace internal
+
+namespace {
+
+using internal::ArrayOf;
+using internal::PickleValue;
+using internal::WholeNumber;
+using Kind = PickleValue::Kind;
 
 const PickleValue& Member(const PickleValue& object, const char* name, const std::string& path, const std::string& where) {
   const PickleValue* const found = object.state ? object.state->Find(name) : nullptr;

@@ -7,7 +7,9 @@
 #include <unordered_map>
 #include <vector>
 
-/// The stack machine of pickle.cc: internal to this folder.
+#include "core/disk/npy.h"
+
+/// The stack machine of pickle.cc and of exports/read/zju.cc.
 namespace mvstudio::body::internal {
 
 /// A value of a pickle. Values may refer to each other in circles.
@@ -23,6 +25,9 @@ struct PickleValue {
   /// Value of a text key of a dict, the last one; nullptr when there is none.
   const PickleValue* Find(std::string_view key) const;
 };
+
+/// A kArray's numbers. Throws FormatError, naming `where`, for what is no array of them.
+NpyArray ArrayOf(const PickleValue& array, const std::string& path, const std::string& where);
 
 class PickleMachine {
  public:

@@ -96,6 +96,8 @@ bool CanCarry(CalibrationFormat format, const geometry::Camera& camera) {
       return internal::NerfstudioCanCarry(camera);
     case CalibrationFormat::kKalibr:
       return internal::KalibrCanCarry(camera);
+    default:
+      break;
   }
   return false;
 }
@@ -172,6 +174,8 @@ ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format
       break;
     case CalibrationFormat::kPanoptic:
       throw UsageError(path + ": Panoptic's calibration is written by dataset/panoptic/panoptic.h");
+    default:
+      throw UsageError(path + ": " + std::string(ToString(format)) + " is written by exports/export.h");
   }
   return report;
 }

@@ -18,8 +18,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::string_view kNames[] = {"mvstudio", "panoptic", "toml",        "caliscope",  "qca",    "opencv",
-                                       "mrcal",    "colmap",   "colmap-text", "nerfstudio", "kalibr", "easymocap"};
+constexpr std::string_view kNames[] = {
+    "mvstudio", "panoptic",  "toml", "caliscope", "qca",         "opencv", "mrcal",  "colmap", "colmap-text", "nerfstudio",
+    "kalibr",   "easymocap", "zju",  "actorshq",  "dynamic3dgs", "dna",    "humman", "npz",    "gltf",        "ply"};
 
 [[noreturn]] void Unknown(const std::string& path, std::string_view text = {}) {
   const std::string layout = geometry::ForeignLayout(text);
@@ -93,10 +94,11 @@ ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& pat
       return ReadKalibr(paths[0], options);
     case CalibrationFormat::kEasyMocap:
       return ReadEasyMocap(paths, options);
-    case CalibrationFormat::kMvstudio:
-    case CalibrationFormat::kPanoptic:
+    default:
       break;
   }
+  if (IsDatasetLayout(format))
+    throw UsageError(paths[0] + ": " + std::string(ToString(format)) + " is read by exports/read/layout_read.h");
   if (format == CalibrationFormat::kPanoptic)
     throw UsageError(paths[0] + ": Panoptic's calibration is read by dataset/panoptic/panoptic.h");
   return {geometry::ReadRig(paths[0]), {}};
@@ -107,8 +109,8 @@ ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& pat
 std::string_view ToString(CalibrationFormat format) { return kNames[static_cast<int>(format)]; }
 
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name) {
-  for (const CalibrationFormat format : kAllCalibrationFormats) {
-    if (PlainWord(ToString(format)) == PlainWord(name)) return format;
+  for (size_t i = 0; i < std::size(kNames); ++i) {
+    if (PlainWord(kNames[i]) == PlainWord(name)) return static_cast<CalibrationFormat>(i);
   }
   for (const char* toml : {"qualisys", "pose2sim", "aniposelib"}) {
     if (PlainWord(name) == toml) return CalibrationFormat::kToml;

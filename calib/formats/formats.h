@@ -29,18 +29,32 @@ enum class CalibrationFormat {
   kNerfstudio,  ///< "nerfstudio": transforms.json
   kKalibr,      ///< "kalibr": camchain.yaml
   kEasyMocap,   ///< "easymocap": folder with intri.yml and extri.yml
+  // Layouts of datasets that hold the cameras too: read and written by exports/.
+  kZju,          ///< "zju": annots.npy
+  kActorsHq,     ///< "actorshq": calibration.csv
+  kDynamic3dgs,  ///< "dynamic3dgs": train_meta.json, test_meta.json
+  kDna,          ///< "dna": *_annots.smc
+  kHumman,       ///< "humman": cameras.json
+  kNpz,          ///< "npz": joints.npz
+  kGltf,         ///< "gltf": .glb, .gltf
+  kPly,          ///< "ply": rig.ply
 };
 
 inline constexpr CalibrationFormat kAllCalibrationFormats[] = {
     CalibrationFormat::kMvstudio,   CalibrationFormat::kPanoptic,   CalibrationFormat::kToml,   CalibrationFormat::kCaliscope,
     CalibrationFormat::kQca,        CalibrationFormat::kOpenCvYaml, CalibrationFormat::kMrcal,  CalibrationFormat::kColmap,
     CalibrationFormat::kColmapText, CalibrationFormat::kNerfstudio, CalibrationFormat::kKalibr, CalibrationFormat::kEasyMocap};
+/// Of exports/read/layout_read.h and exports/export.h; the functions below do not take them.
+inline constexpr CalibrationFormat kDatasetLayouts[] = {
+    CalibrationFormat::kZju,    CalibrationFormat::kActorsHq, CalibrationFormat::kDynamic3dgs, CalibrationFormat::kDna,
+    CalibrationFormat::kHumman, CalibrationFormat::kNpz,      CalibrationFormat::kGltf,        CalibrationFormat::kPly};
+constexpr bool IsDatasetLayout(CalibrationFormat format) { return format >= CalibrationFormat::kZju; }
 
 std::string_view ToString(CalibrationFormat format);
 std::optional<CalibrationFormat> CalibrationFormatFromString(std::string_view name);
 /// Whether lengths in its files are in whatever unit their writer took: all but mvstudio, panoptic and qca.
 bool NamesNoUnit(CalibrationFormat format);
-/// "mvstudio, panoptic, …".
+/// "mvstudio, panoptic, …", with the layouts of datasets.
 std::string CalibrationFormatNames();
 /// As an option (core/fields.h): a format's name, or auto for none. Throws UsageError that names `option`.
 std::string_view ToString(const std::optional<CalibrationFormat>& format);

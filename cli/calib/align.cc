@@ -187,7 +187,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(OneOf(app::CalibrationFormatChoices(true)));
+      ->check(OneOf(app::CalibrationFormatChoices()));
   AddMeaningOptions(sub, arguments->read);
   registry.Add(sub, "calib align", [arguments](CommandContext& context) { return Align(*arguments, context); });
 }

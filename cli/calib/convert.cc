@@ -12,6 +12,7 @@
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "dataset/panoptic/panoptic.h"
 #include "exports/export.h"
 
@@ -72,16 +73,17 @@ std::vector<std::string> DatasetFormats() {
   return names;
 }
 
-std::vector<std::string> OutputChoices() {
-  std::vector<std::string> choices = app::CalibrationFormatChoices(false);
-  for (const std::string& name : DatasetFormats()) choices.push_back(name);
-  return choices;
+std::vector<std::string> OutputNames() {
+  std::vector<std::string> names;
+  for (const CalibrationFormat format : calib::kAllCalibrationFormats) names.emplace_back(ToString(format));
+  for (const std::string& name : DatasetFormats()) names.push_back(name);
+  return names;
 }
 
-std::string OutputNames() {
-  std::string names = calib::CalibrationFormatNames();
-  for (const std::string& name : DatasetFormats()) names += ", " + name;
-  return names;
+std::vector<std::string> OutputChoices() {
+  std::vector<std::string> choices = OutputNames();
+  for (const char* alias : {"qualisys", "pose2sim", "aniposelib"}) choices.emplace_back(alias);
+  return choices;
 }
 
 /// Writes a dataset format's cameras; returns the files.
@@ -145,7 +147,8 @@ CommandResult Convert(Arguments arguments) {
   result.inputs = arguments.in;
   app::AddNotes(imported.notes, &result);
   Rename(arguments.rename, &imported.rig);
-  const auto format = calib::CalibrationFormatFromString(arguments.to);
+  const auto named = calib::CalibrationFormatFromString(arguments.to);
+  const auto format = named && !calib::IsDatasetLayout(*named) ? named : std::nullopt;
   const bool file = IsFile(arguments, format);
   if (!file) arguments.out = OutputName(arguments.out, OutputKind::kFolder);
   const auto in_folder =
@@ -170,7 +173,7 @@ void RegisterCalibConvert(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = calib.add_subcommand("convert", "Read a calibration of any known program and write it for another");
   AddOption(sub, "IN", arguments->in, "calibration file or folder (opencv, mrcal, easymocap: several)")->required();
-  AddOption(sub, "--to", arguments->to, "format of the output: " + OutputNames())
+  AddOption(sub, "--to", arguments->to, "format of the output: " + Join(OutputNames(), ", "))
       ->capture_default_str()
       ->type_name("FORMAT")
       ->transform(OneOf(OutputChoices()));

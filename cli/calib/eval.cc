@@ -129,7 +129,7 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(OneOf(app::CalibrationFormatChoices(true)));
+      ->check(OneOf(app::CalibrationFormatChoices()));
   AddChoice(sub, "--unit", arguments->read.unit, "unit of length of files that name none")
       ->capture_default_str()
       ->check(OneOf({"m", "cm", "mm", "in"}));

@@ -10,7 +10,7 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
   AddChoice(sub, "--from", options.from, "format of the input: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(OneOf(app::CalibrationFormatChoices(true)));
+      ->check(OneOf(app::CalibrationFormatChoices()));
   AddChoice(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
   AddChoice(sub, "--unit", options.unit, "unit of length of files that name none: m, cm, mm or in")
       ->capture_default_str()

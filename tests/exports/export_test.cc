@@ -271,6 +271,79 @@ TEST(Export, ColmapSaysThatSplattingNeedsPinholes) {
   EXPECT_FALSE(has_note(ExportDataset(dataset, "colmap", folder / "flat", options)));
 }
 
+std::string NoteText(const ExportReport& report, const std::string& code) {
+  for (const ExportNote& note : report.notes) {
+    if (note.code == code) return note.text;
+  }
+  return "";
+}
+
+/// The fixture's principal points are up to 2 px off the centres.
+TEST(Export, WarnsOfWhatTheReadersOfAFormatCannotHold) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  EXPECT_THAT(NoteText(ExportDataset(dataset, "gltf", folder / "gltf", {}), "EXP-CENTRE"), HasSubstr("Blender's importer"));
+  EXPECT_THAT(NoteText(WriteRig(dataset.rig, "gltf", folder / "rig"), "EXP-CENTRE"), HasSubstr("5 cameras"));
+  EXPECT_THAT(NoteText(ExportDataset(dataset, "colmap", folder / "colmap", {}), "EXP-CENTRE"), HasSubstr("Gaussian splatting"));
+  for (const char* format : {"blender", "nerfstudio", "zju", "npz", "ply"})
+    EXPECT_EQ(NoteText(ExportDataset(dataset, format, folder / format, {}), "EXP-CENTRE"), "") << format;
+  ExportOptions centred;
+  centred.undistort = ExportUndistort::kAlways, centred.undistort_view = dataset::UndistortView::kCentred;
+  EXPECT_EQ(NoteText(ExportDataset(dataset, "gltf", folder / "centred", centred), "EXP-CENTRE"), "");
+  Setting setting;
+  setting.distorted = true;
+  const dataset::PanopticDataset brown = MakeDataset(folder / "b", setting);
+  EXPECT_THAT(NoteText(ExportDataset(brown, "gltf", folder / "b-gltf", {}), "EXP-LENS"), HasSubstr("leaves out"));
+  setting = {};
+  setting.cameras = 51, setting.frames = {7}, setting.width = 32, setting.height = 24;
+  const dataset::PanopticDataset many = MakeDataset(folder / "m", setting);
+  EXPECT_THAT(NoteText(ExportDataset(many, "dynamic3dgs", folder / "m-out", {}), "EXP-CAMERAS"), HasSubstr("room for 50"));
+}
+
+TEST(Export, ZjuSaysWhichSizeNeuralBodyMustBeTold) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  EXPECT_THAT(NoteText(ExportDataset(dataset, "zju", folder / "zju", {}), "EXP-SIZE"), HasSubstr("H: 72, W: 96"));
+  for (const char* masks : {"mask", "mask_cihp"})
+    EXPECT_TRUE(fs::exists(folder / ("zju/" + std::string(masks) + "/00_03/000246.png"))) << masks;
+  ExportDataset(dataset, "easymocap", folder / "easymocap", {});
+  for (const char* masks : {"mask", "masks"})
+    EXPECT_TRUE(fs::exists(folder / ("easymocap/" + std::string(masks) + "/00_03/000246.png"))) << masks;
+}
+
+TEST(Export, EasyMocapSaysThatEasyVolcapCountsFromZero) {
+  const TempDir folder;
+  Setting setting;
+  setting.frames = {0, 12, 24}, setting.cameras = 2;
+  const dataset::PanopticDataset thinned = MakeDataset(folder / "d", setting);
+  EXPECT_THAT(NoteText(ExportDataset(thinned, "easymocap", folder / "a", {}), "EXP-GAPS"), HasSubstr("000001"));
+  ExportOptions options;
+  options.frames = {12, 24};
+  EXPECT_EQ(NoteText(ExportDataset(thinned, "easymocap", folder / "b", options), "EXP-GAPS"), "");
+}
+
+/// nerfstudio refuses a file in which some images have a mask and others have none.
+TEST(Export, NerfstudioHasAMaskForEveryImageOrForNone) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  fs::remove(dataset.MaskPath("00_02", 245));
+  const auto with_mask = [&](const std::string& out) {
+    ExportDataset(dataset, "nerfstudio", folder / out, {});
+    size_t count = 0;
+    const auto frames = nlohmann::json::parse(ReadFile(folder / (out + "/transforms.json")))["frames"];
+    for (const auto& frame : frames) {
+      count += frame.contains("mask_path");
+      EXPECT_TRUE(!frame.contains("mask_path") || fs::exists(folder / (out + "/" + frame["mask_path"].get<std::string>())));
+    }
+    return count;
+  };
+  EXPECT_EQ(with_mask("out"), 5u);
+  const Image mask = dataset::ReadImage(folder / "out/masks/00_02.png", true);
+  EXPECT_EQ(*std::min_element(mask.pixels.begin(), mask.pixels.end()), 255);
+  fs::remove_all(dataset.root + "/masks");
+  EXPECT_EQ(with_mask("none"), 0u);
+}
+
 TEST(Export, NobodyIsBadInputForJointFiles) {
   const TempDir folder;
   Setting setting;

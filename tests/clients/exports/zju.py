@@ -20,7 +20,8 @@ def read_zju(folder, compare):
             if compare.manifest["pictures"]:
                 need_file(folder + "/" + path)
             if compare.manifest["masks"]:
-                need_file(folder + "/mask/" + path[:-4] + ".png")
+                for masks in ("mask", "mask_cihp"):  # HumanNeRF opens both, Neural Body the second
+                    need_file(folder + "/" + masks + "/" + path[:-4] + ".png")
     check(all(np.array(cams["D"][i]).shape == (5, 1) and np.array(cams["T"][i]).shape == (3, 1) for i in range(len(cams["K"]))),
           "shapes of D and T")
     return {}
