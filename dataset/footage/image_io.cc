@@ -166,6 +166,33 @@ void CheckFileSize(const std::string& path) {
   if (size > kMaxFileBytes) throw FormatError(path, "", "is larger than 1 GiB: not an image");
 }
 
+struct Decoded {
+  ImageHeader header;
+  cv::Mat mat;
+};
+
+/// `flags`: OpenCV's way to convert. The whole file is checked.
+Decoded Decode(const std::string& path, int flags) {
+  CheckFileSize(path);
+  const std::string bytes = ReadFile(path);
+  if (bytes.empty()) throw FormatError(path, "", "the file is empty");
+  Decoded file{Header(bytes, path), {}};
+  if (file.header.is_png) {
+    CheckPng(bytes, path);
+  } else {
+    CheckJpeg(bytes, path);
+  }
+  try {
+    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
+    // OpenCV knows no combination of IMREAD_UNCHANGED; it ignores the orientation by itself.
+    file.mat = cv::imdecode(raw, flags == cv::IMREAD_UNCHANGED ? flags : flags | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception& error) {
+    throw FormatError(path, "", "cannot decode the image: " + error.err);
+  }
+  if (file.mat.empty()) throw FormatError(path, "", "cannot decode the image; the file is damaged");
+  return file;
+}
+
 }  // namespace
 
 int64_t MaxPixels() {
@@ -183,25 +210,36 @@ ImageHeader ReadImageHeader(const std::string& path) {
 }
 
 Image ReadImage(const std::string& path, bool grey) {
-  CheckFileSize(path);
-  const std::string bytes = ReadFile(path);
-  if (bytes.empty()) throw FormatError(path, "", "the file is empty");
-  const ImageHeader header = Header(bytes, path);
-  if (header.is_png) {
-    CheckPng(bytes, path);
-  } else {
-    CheckJpeg(bytes, path);
-  }
-  cv::Mat mat;
-  try {
-    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, const_cast<char*>(bytes.data()));
-    mat = cv::imdecode(raw, (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_IGNORE_ORIENTATION);
-    if (!mat.empty() && !grey) cv::cvtColor(mat, mat, cv::COLOR_BGR2RGB);
-  } catch (const cv::Exception& error) {
-    throw FormatError(path, "", "cannot decode the image: " + error.err);
-  }
-  if (mat.empty()) throw FormatError(path, "", "cannot decode the image; the file is damaged");
+  cv::Mat mat = Decode(path, grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR).mat;
+  if (!grey) cv::cvtColor(mat, mat, cv::COLOR_BGR2RGB);
   return FromMat(mat);
+}
+
+Image ReadImageWithAlpha(const std::string& path) {
+  const Decoded file = Decode(path, cv::IMREAD_UNCHANGED);
+  if (file.mat.channels() != 4) return ReadImage(path);
+  cv::Mat mat = file.mat;
+  if (mat.depth() == CV_16U) mat.convertTo(mat, CV_8U, 1.0 / 257);
+  cv::cvtColor(mat, mat, cv::COLOR_BGRA2RGBA);
+  return FromMat(mat);
+}
+
+RawImage ReadRawImage(const std::string& path) {
+  const Decoded file = Decode(path, cv::IMREAD_UNCHANGED);
+  RawImage raw;
+  raw.width = file.mat.cols, raw.height = file.mat.rows, raw.channels = file.mat.channels();
+  cv::Mat wide;
+  file.mat.convertTo(wide, CV_16U);
+  if (raw.channels >= 3) cv::cvtColor(wide, wide, raw.channels == 4 ? cv::COLOR_BGRA2RGBA : cv::COLOR_BGR2RGB);
+  const size_t row = static_cast<size_t>(raw.width) * raw.channels;
+  raw.values.resize(row * raw.height);
+  for (int y = 0; y < raw.height; ++y) std::copy_n(wide.ptr<uint16_t>(y), row, raw.values.begin() + y * row);
+  raw.most = file.mat.depth() == CV_16U ? 65535 : 255;
+  if (raw.channels == 1 && file.header.is_png && file.header.bits < 8) {  // the decoder spreads them over 0..255
+    raw.most = (1 << file.header.bits) - 1;
+    for (uint16_t& value : raw.values) value = static_cast<uint16_t>(value * raw.most / 255);
+  }
+  return raw;
 }
 
 std::string EncodeImage(const Image& image, const std::string& path, int jpeg_quality) {
