@@ -13,8 +13,8 @@ inline void TellMasks(const dataset::MaskMeaning& meaning, const std::string& wh
   if (text.empty()) return;
   result->metrics["masks_read_as"] = text;
   if (meaning.IsDoubtful()) {
-    result->warnings.push_back({"DAT-MASK-VALUES", where + ": " + text,
-                                "look at them; 255 must be the person and 0 the background"});
+    result->warnings.push_back(
+        {"DAT-MASK-VALUES", where + ": " + text, "look at them; 255 must be the person and 0 the background"});
   } else {
     result->text += "  " + text + "\n";
   }

@@ -74,7 +74,8 @@ Features StatisticsOf(const std::map<std::string, std::string>& members, const s
   if (!at::isfinite(mean).all().item<bool>() || !at::isfinite(covariance).all().item<bool>())
     throw FormatError(path, "mu, sigma", "hold NaN or infinity");
   const double most = covariance.abs().max().item<double>();
-  if ((covariance - covariance.t()).abs().max().item<double>() > 1e-6 * most) throw FormatError(path, "sigma", "is not symmetric");
+  if ((covariance - covariance.t()).abs().max().item<double>() > 1e-6 * most)
+    throw FormatError(path, "sigma", "is not symmetric");
   Features features;
   features.gaussian = avatar::GaussianOf(mean, covariance);
   features.d = mu.shape[0];
@@ -88,9 +89,9 @@ Features ReadNpzFeatures(const std::string& path) {
   const std::map<std::string, std::string> members = body::ReadNpzMembers(path);
   if (members.count("mu") && members.count("sigma")) return StatisticsOf(members, path);
   if (!members.count("features"))
-    throw FormatError(path, "", "holds " + KindOfNpz(members) + " (" +
-                                    Join(members, ", ", [](const auto& member) { return member.first; }) +
-                                    "): neither statistics (mu, sigma) nor features");
+    throw FormatError(path, "", "holds " + KindOfNpz(members) + " (" + Join(members, ", ", [](const auto& member) {
+                                  return member.first;
+                                }) + "): neither statistics (mu, sigma) nor features");
   const NpyArray array = ParseNpy(members.at("features"), path + ": features");
   if (array.shape.size() != 2) throw FormatError(path, "features", "must be (images, dimensions)");
   Features features;

@@ -72,7 +72,8 @@ GaussianFit FitGaussian(const at::Tensor& x) {
 
 GaussianFit GaussianOf(const at::Tensor& mean, const at::Tensor& covariance) {
   const at::Tensor m = AsFloat64(mean, "mean", 1), s = AsFloat64(covariance, "covariance", 2);
-  MVS_CHECK(s.size(0) == m.size(0) && s.size(1) == m.size(0), "a mean of " << m.size(0) << " and a covariance of " << s.size(0));
+  MVS_CHECK(s.size(0) == m.size(0) && s.size(1) == m.size(0),
+            "a mean of " << m.size(0) << " and a covariance of " << s.size(0));
   const auto [values, vectors] = at::linalg_eigh((s + s.t()) / 2);
   return {m, (vectors * values.clamp_min(0).sqrt()).t().contiguous()};
 }

@@ -50,9 +50,10 @@ void AddGround(const app::PicturePairs& pairs, const MetricsArguments& arguments
     const ordered_json &box = result->metrics["bbox"], &masked = result->metrics["masked"];
     const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
     result->metrics["mask_pixels"] = mask_px;
-    result->text += Format("\n  in the masks' boxes: SSIM %.4f, PSNR %.2f dB; on the masks, %lld of %lld pixels: SSIM %.4f, PSNR %.2f dB",
-                           number(box["ssim"]), number(box["psnr_db"]), static_cast<long long>(mask_px),
-                           static_cast<long long>(all_px), number(masked["ssim"]), number(masked["psnr_db"]));
+    result->text +=
+        Format("\n  in the masks' boxes: SSIM %.4f, PSNR %.2f dB; on the masks, %lld of %lld pixels: SSIM %.4f, PSNR %.2f dB",
+               number(box["ssim"]), number(box["psnr_db"]), static_cast<long long>(mask_px), static_cast<long long>(all_px),
+               number(masked["ssim"]), number(masked["psnr_db"]));
   }
   if (clear > 0) {
     result->metrics["background"] = {{"rgb", pairs.backdrop.rgb}, {"pairs", clear}, {"reason", pairs.backdrop.reason}};

@@ -94,6 +94,11 @@ CommandResult Export(const Arguments& arguments, CommandContext& context) {
                                        report.masks, report.points, arguments.to.c_str());
   if (report.masks > 0) app::TellMasks(dataset.Masks(), arguments.folder + "/masks", &result);
   if (report.missing_pictures > 0) result.exit = kExitPartial;
+  if (report.people == 0 && report.pictures == 0) {
+    result.exit = kExitQualityGate;
+    result.errors.push_back({"EXP-NOBODY", "the chosen frames hold nobody's joints and no image: cameras alone were written",
+                             "choose other --frames"});
+  }
   return result;
 }
 

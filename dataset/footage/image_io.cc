@@ -252,8 +252,7 @@ std::string EncodeImage(const Image& image, const std::string& path, int jpeg_qu
     throw UsageError(path + ": images are written as .png or .jpg");
   }
   if (has_alpha && extension != ".png") throw UsageError(path + ": images with alpha are written as .png");
-  const cv::Mat view(image.height, image.width, CV_8UC(image.channels),
-                     const_cast<uint8_t*>(image.pixels.data()));
+  const cv::Mat view(image.height, image.width, CV_8UC(image.channels), const_cast<uint8_t*>(image.pixels.data()));
   cv::Mat swapped;
   if (image.channels >= 3) cv::cvtColor(view, swapped, has_alpha ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
   const cv::Mat& bgr = image.channels >= 3 ? swapped : view;

@@ -15,8 +15,8 @@ namespace mvstudio::dataset {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr size_t kMostFiles = 48;    // looked at to decide
-constexpr size_t kMostLabels = 64;   // parts of a body; more numbers are shades
+constexpr size_t kMostFiles = 48;          // looked at to decide
+constexpr size_t kMostLabels = 64;         // parts of a body; more numbers are shades
 constexpr double kHigh = 0.9, kLow = 0.1;  // of the largest number: what is person or background up to the losses of JPEG
 
 /// One number a pixel, as the file has it.
@@ -50,10 +50,10 @@ struct Look {
   Kind kind = Kind::kNobody;
   std::vector<int> labels;  ///< of kLabels
   int brightest = 0, most = 255;
-  size_t numbers = 0;       ///< different ones above 0
-  double share = 0;         ///< of the pixels that are not 0
+  size_t numbers = 0;  ///< different ones above 0
+  double share = 0;    ///< of the pixels that are not 0
   bool inverted = false, everywhere = false;
-  std::string why;          ///< of kUnclear
+  std::string why;  ///< of kUnclear
 };
 
 /// Foreground along the border, background in the middle.
@@ -78,7 +78,8 @@ Kind KindOf(const std::map<int, size_t>& counts, Look* look) {
   if (look->brightest < kHigh * look->most) return few ? Kind::kLabels : Kind::kFaint;
   if (middle + low == 0) return Kind::kBinary;
   if (counts.size() <= kMostLabels / 2 && all >= 50.0 * static_cast<double>(counts.size()) && high < 0.5 * all) {
-    look->why = "holds labels beside " + std::to_string(look->brightest) + ": which of them is the person? write 255 for the person, else 0";
+    look->why = "holds labels beside " + std::to_string(look->brightest) +
+                ": which of them is the person? write 255 for the person, else 0";
     return Kind::kUnclear;
   }
   if (middle > 0.5 * (middle + high) && middle >= 1000) {
@@ -125,12 +126,14 @@ void RequireSameKind(const Look& look, const std::string& path, MaskMeaning::For
   if (look.kind == Kind::kNobody) return;
   if (form == MaskMeaning::Form::kSoft && IsEdge(look)) return;
   if (look.kind == Kind::kFaint)
-    throw FormatError(path, "values", "its brightest pixel is " + std::to_string(look.brightest) + " of " + std::to_string(look.most) +
-                                    " among " + std::to_string(look.numbers) +
-                                    " shades: neither a mask of 0 and 255, nor of 0 and 1, nor of labels");
+    throw FormatError(path, "values",
+                      "its brightest pixel is " + std::to_string(look.brightest) + " of " + std::to_string(look.most) +
+                          " among " + std::to_string(look.numbers) +
+                          " shades: neither a mask of 0 and 255, nor of 0 and 1, nor of labels");
   if (labels == (look.kind == Kind::kLabels)) return;
-  throw FormatError(path, "values", "is a mask of " + NumbersText(look) + ", other masks of the set hold " +
-                                  (labels ? "0 and 1, or labels" : "0 and 255") + ": write them all in one way");
+  throw FormatError(path, "values",
+                    "is a mask of " + NumbersText(look) + ", other masks of the set hold " +
+                        (labels ? "0 and 1, or labels" : "0 and 255") + ": write them all in one way");
 }
 
 /// Whether the opacity of a file is a mask of its own.
@@ -138,7 +141,8 @@ bool HasMaskInAlpha(const RawImage& raw) { return raw.channels == 4 && Varies(Pl
 
 /// A mask in the colours that the opacity contradicts, or that has none.
 void RequireAlpha(const RawImage& raw, const std::string& path) {
-  if (raw.channels != 4) throw FormatError(path, "values", "has no opacity, but other masks of the set are in theirs: write them all in one way");
+  if (raw.channels != 4)
+    throw FormatError(path, "values", "has no opacity, but other masks of the set are in theirs: write them all in one way");
   const Plane alpha = PlaneOf(raw, true), colours = PlaneOf(raw, false);
   const Look look = LookAt(colours);
   if (look.kind != Kind::kBinary || look.everywhere || !Varies(colours.values)) return;
@@ -194,9 +198,10 @@ void CheckBackground(const std::vector<Seen>& seen, MaskMeaning* meaning) {
   if (everywhere == people && meaning->form == MaskMeaning::Form::kLabels)
     throw FormatError(first.path, "values", "no pixel is 0, in none of the masks: 0 must be the background");
   if (2 * meaning->inverted.size() > people)
-    throw FormatError(meaning->inverted.front(), "values",
-                      "looks inverted, like most masks of the set: the border is foreground and the middle is not; 255 must be the "
-                      "person and 0 the background");
+    throw FormatError(
+        meaning->inverted.front(), "values",
+        "looks inverted, like most masks of the set: the border is foreground and the middle is not; 255 must be the "
+        "person and 0 the background");
   if (everywhere == people) meaning->inverted.push_back(first.path);
 }
 
@@ -238,13 +243,16 @@ std::string MaskMeaning::Text() const {
     parts.push_back("masks of 0 and " + one + ": " + one + " is the person");
   } else if (form == Form::kLabels) {
     const auto text = [](int label) { return std::to_string(label); };
-    const std::vector<int> first(labels.begin(), labels.begin() + static_cast<std::ptrdiff_t>(std::min<size_t>(labels.size(), 8)));
+    const std::vector<int> first(labels.begin(),
+                                 labels.begin() + static_cast<std::ptrdiff_t>(std::min<size_t>(labels.size(), 8)));
     parts.push_back("masks of labels (0, " + Join(first, ", ", text) + (labels.size() > 8 ? ", …" : "") +
                     "): everything but 0 is the person");
   } else if (form == Form::kNobody) {
     parts.push_back("masks without anybody: every pixel of the " + std::to_string(files) + " that were looked at is 0");
   }
-  if (!inverted.empty()) parts.push_back("masks that may be inverted: " + inverted.front() + (inverted.size() > 1 ? " and others" : "") + " is foreground up to the border");
+  if (!inverted.empty())
+    parts.push_back("masks that may be inverted: " + inverted.front() + (inverted.size() > 1 ? " and others" : "") +
+                    " is foreground up to the border");
   return Join(parts, "; ");
 }
 

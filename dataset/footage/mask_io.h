@@ -20,10 +20,10 @@ struct MaskMeaning {
     kNobody,  ///< every pixel of every file that was looked at is 0
   };
   Form form = Form::kBinary;
-  bool from_alpha = false;      ///< the opacity is the mask, the colours are not
-  std::vector<int> labels;      ///< of kLabels: the numbers that were seen, ascending; at most 64
+  bool from_alpha = false;            ///< the opacity is the mask, the colours are not
+  std::vector<int> labels;            ///< of kLabels: the numbers that were seen, ascending; at most 64
   std::vector<std::string> inverted;  ///< files that show a person around the whole border, in a set where most do not
-  int files = 0;                ///< that were looked at
+  int files = 0;                      ///< that were looked at
 
   /// One line to tell: "masks of 0 and 1: 1 is the person". Empty for masks of 0 and 255, and for soft ones.
   std::string Text() const;
@@ -31,13 +31,13 @@ struct MaskMeaning {
   bool IsDoubtful() const;
 };
 
-/// Looks at up to 48 of the files, evenly chosen. Throws IoError, and FormatError that names a file, at "values": grey pictures that are no
-/// mask, labels beside 255, files that contradict each other (0 and 1 beside 0 and 255), masks without a background, and sets
-/// in which most masks are inverted. No file: kBinary.
+/// Looks at up to 48 of the files, evenly chosen. Throws IoError, and FormatError that names a file, at "values": grey pictures
+/// that are no mask, labels beside 255, files that contradict each other (0 and 1 beside 0 and 255), masks without a
+/// background, and sets in which most masks are inverted. No file: kBinary.
 MaskMeaning MeaningOfMasks(const std::vector<std::string>& paths);
 
-/// (H, W, 1), 0 to 255; 0 or 255 unless the set is soft. PNG of 1 to 16 bits, with palette, colours or opacity, and JPEG. Throws
-/// IoError; FormatError also for a file that contradicts `meaning`.
+/// (H, W, 1), 0 to 255; 0 or 255 unless the set is soft. PNG of 1 to 16 bits, with palette, colours or opacity, and JPEG.
+/// Throws IoError; FormatError also for a file that contradicts `meaning`.
 Image ReadMask(const std::string& path, const MaskMeaning& meaning);
 /// A file that stands alone.
 Image ReadMask(const std::string& path);

@@ -8,8 +8,8 @@
 #include "core/progress.h"
 #include "core/status.h"
 #include "dataset/colour/colour_match.h"
-#include "dataset/pack/codec.h"
 #include "dataset/footage/mask_io.h"
+#include "dataset/pack/codec.h"
 #include "dataset/panoptic/missing.h"
 #include "dataset/views/undistort.h"
 

@@ -174,7 +174,8 @@ std::optional<MaskMeaning> VerifyMaskValues(const PanopticSequence& sequence, Fi
   try {
     const MaskMeaning meaning = MaskFolder().Of(folder);
     std::string text = meaning.Text();
-    if (meaning.form == MaskMeaning::Form::kSoft && text.empty()) text = "soft masks: values between 0 and 255 are shares of a pixel";
+    if (meaning.form == MaskMeaning::Form::kSoft && text.empty())
+      text = "soft masks: values between 0 and 255 are shares of a pixel";
     if (meaning.form == MaskMeaning::Form::kNobody) text.clear();  // told by camera and frame
     if (!text.empty()) findings->Warning("DAT-MASK-BINARY", folder, text + "; other programs may read them otherwise");
     return meaning;

@@ -142,8 +142,9 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
     const PanopticFootage& footage = sequence.footage.at(cameras[k].camera.name);
     const PanopticKind kind = KindOf(cameras[k].camera.name);
     const auto& scenes = kind == PanopticKind::kHd ? hd : kind == PanopticKind::kVga ? vga : none;
-    checks[k] = footage.is_video ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
-                                 : internal::VerifyPictures(sequence, cameras[k], footage, scenes, masks, options, &by_camera[k]);
+    checks[k] = footage.is_video
+                    ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
+                    : internal::VerifyPictures(sequence, cameras[k], footage, scenes, masks, options, &by_camera[k]);
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
   });

@@ -112,9 +112,9 @@ Image ReadFor(const dataset::PanopticDataset& data, const Job& job, bool mask) {
   Image image = mask ? data.ReadMask(camera, job.frame) : dataset::ReadImage(path);
   if (image.width != job.camera->camera.width_px || image.height != job.camera->camera.height_px) {
     throw FormatError(path, "",
-                      what + " of " + name + " is " + std::to_string(image.width) + "x" +
-                          std::to_string(image.height) + ", the calibration says " +
-                          std::to_string(job.camera->camera.width_px) + "x" + std::to_string(job.camera->camera.height_px));
+                      what + " of " + name + " is " + std::to_string(image.width) + "x" + std::to_string(image.height) +
+                          ", the calibration says " + std::to_string(job.camera->camera.width_px) + "x" +
+                          std::to_string(job.camera->camera.height_px));
   }
   return image;
 }
