@@ -16,7 +16,8 @@ inline void TellMasks(const dataset::MaskMeaning& meaning, const std::string& wh
     result->warnings.push_back(
         {"DAT-MASK-VALUES", where + ": " + text, "look at them; 255 must be the person and 0 the background"});
   } else {
-    result->text += "  " + text + "\n";
+    const bool in_line = !result->text.empty() && result->text.back() != '\n';
+    result->text += (in_line ? "\n  " : "  ") + text + (in_line ? "" : "\n");
   }
 }
 
