@@ -220,6 +220,12 @@ CommandResult RunMetrics(const MetricsArguments& arguments, CommandContext& cont
     throw UsageError("metrics compares two sets: give a second one, or --write-statistics FILE for one");
   CommandResult result;
 #if MVSTUDIO_HAS_AVATAR
+  const auto is_statistics = [](const std::string& path) { return std::filesystem::path(path).extension() == ".npz"; };
+  const bool one = !arguments.other.empty() && app::IsFeatureFile(arguments.reference) != app::IsFeatureFile(arguments.other);
+  if (one && !is_statistics(arguments.reference) && !is_statistics(arguments.other))
+    throw UsageError(
+        "metrics compares two folders of images, two images, or two files of features, not one of each; a folder "
+        "of images can be compared with statistics (.npz)");
   const bool features = app::IsFeatureFile(arguments.reference) || app::IsFeatureFile(arguments.other);
   if (!arguments.write_statistics.empty()) {
     result = WriteStatisticsOf(arguments, context);
