@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
+#include "dataset/footage/mask_io.h"
 #include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {
@@ -58,15 +59,15 @@ struct Pictures::Resampling {
 };
 
 Pictures::Pictures(const Take& take, const ExportOptions& options, std::string folder)
-    : take_(take), options_(options), folder_(std::move(folder)), resampling_(new Resampling(take.views.size())) {}
+    : take_(take), options_(options), folder_(std::move(folder)), resampling_(new Resampling(take.views.size())) {
+  dataset_.root = take_.root, dataset_.mask_folder = take_.mask_folder;
+}
 Pictures::~Pictures() = default;
 
 std::string Pictures::SourceOf(size_t view, int frame, bool mask) const {
   if (options_.pictures == ExportPictures::kNone || take_.root.empty()) return "";
-  dataset::PanopticDataset dataset;
-  dataset.root = take_.root;
   const std::string& name = take_.views.at(view).info.source;
-  const std::string path = mask ? dataset.MaskPath(name, frame) : dataset.ImagePath(name, frame);
+  const std::string path = mask ? dataset_.MaskPath(name, frame) : dataset_.ImagePath(name, frame);
   return fs::is_regular_file(path) ? path : "";
 }
 
@@ -132,7 +133,7 @@ Image Pictures::LoadMask(size_t view, int frame) const {
   const std::string from = SourceOf(view, frame, true);
   if (from.empty()) return {};
   const View& v = take_.views[view];
-  Image image = dataset::ReadImage(from, true);
+  Image image = dataset::ReadMask(from, dataset_.Masks());
   RequireSize(image, v.source.camera, from);
   return v.info.undistorted ? resampling_->Of(view, v).Mask(image) : image;
 }
@@ -148,6 +149,15 @@ Image Pictures::LoadWithAlpha(size_t view, int frame) const {
     image.pixels[4 * i + 3] = alpha;
   }
   return image;
+}
+
+/// True for a file that other programs read as this one does: grey or 1 bit, 255 for the person. It is checked here.
+bool Pictures::IsPlain(const std::string& mask) const {
+  const dataset::ImageHeader header = dataset::ReadImageHeader(mask);
+  dataset::ReadMask(mask, dataset_.Masks());
+  using Form = dataset::MaskMeaning::Form;
+  const Form form = dataset_.Masks().form;
+  return header.codec == "png" && header.channels == 1 && header.bits == 8 && (form == Form::kBinary || form == Form::kSoft);
 }
 
 std::string Pictures::EncodedPicture(size_t view, int frame) {
@@ -167,7 +177,7 @@ std::string Pictures::EncodedMask(size_t view, int frame) {
     return "";
   }
   ++contained_masks_;
-  if (!take_.views[view].info.undistorted) return ReadFile(from);
+  if (!take_.views[view].info.undistorted && IsPlain(from)) return ReadFile(from);
   return dataset::EncodeImage(LoadMask(view, frame), "mask.png");
 }
 
@@ -178,10 +188,11 @@ bool Pictures::Make(const Task& task) const {
   }
   const View& view = take_.views[task.view];
   const bool same_format = fs::path(task.from).extension() == fs::path(task.to).extension();
-  if (!view.info.undistorted && same_format && task.values == MaskValues::k255) {
+  const bool as_it_is = !task.mask || (task.values == MaskValues::k255 && IsPlain(task.from));
+  if (!view.info.undistorted && same_format && as_it_is) {
     return LinkOrCopy(task.from, task.to, options_.pictures == ExportPictures::kLink);
   }
-  Image image = dataset::ReadImage(task.from, task.mask);
+  Image image = task.mask ? dataset::ReadMask(task.from, dataset_.Masks()) : dataset::ReadImage(task.from);
   RequireSize(image, view.source.camera, task.from);
   if (view.info.undistorted) {
     const dataset::Undistorter& undistorter = resampling_->Of(task.view, view);

@@ -7,6 +7,7 @@
 
 #include "core/image.h"
 #include "core/progress.h"
+#include "dataset/panoptic/panoptic.h"
 #include "exports/take.h"
 
 namespace mvstudio::exports {
@@ -45,6 +46,7 @@ class Pictures {
   struct Task;
   struct Resampling;
   std::string SourceOf(size_t view, int frame, bool mask) const;
+  bool IsPlain(const std::string& mask) const;
   bool Make(const Task& task) const;
   void CountPicture(size_t view, int frame, bool is_missing);
   void CountMissingMask(size_t view, int frame);
@@ -52,6 +54,7 @@ class Pictures {
   const Take& take_;
   const ExportOptions& options_;
   const std::string folder_;
+  dataset::PanopticDataset dataset_;  ///< names of files
   std::vector<Task> tasks_;
   std::unique_ptr<Resampling> resampling_;
   dataset::MissingPictures missing_;

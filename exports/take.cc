@@ -262,7 +262,7 @@ Take PrepareTake(const dataset::PanopticDataset& dataset, const FormatInfo& form
     throw UsageError(std::string("option 'frame-rate' ") + dataset::kFrameRates);
   Take take;
   take.sequence = SafeNames({dataset.sequence})[0];
-  take.root = dataset.root;
+  take.root = dataset.root, take.mask_folder = dataset.mask_folder;
   if (!options.split.empty()) {
     take.split = dataset::ReadSplit(options.split);
     dataset::RequireSplitOf(*take.split, dataset, options.split);

@@ -24,6 +24,7 @@ struct View {
 
 struct Take {
   std::string sequence;
+  dataset::MaskFolder mask_folder;
   std::string root;  ///< the dataset's folder; empty for a rig alone
   std::vector<View> views;
   std::vector<int> frames;

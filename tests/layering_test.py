@@ -62,7 +62,7 @@ MAY_INCLUDE = {
     "dataset/pose": CORE | GEOMETRY | {"body", "dataset/json"},
     "dataset/time": CORE | {"dataset/json", "dataset/footage"},
     "dataset/session": CORE | {"dataset/json", "dataset/footage", "dataset/time"},
-    "dataset/panoptic": CORE | GEOMETRY | {"body", "dataset/json", "dataset/pose"},
+    "dataset/panoptic": CORE | GEOMETRY | {"body", "dataset/json", "dataset/footage", "dataset/pose"},
     "dataset/views": CORE | GEOMETRY | {"dataset/json", "dataset/pose", "dataset/panoptic"},
     "dataset/masks": CORE | GEOMETRY | {"body", "dataset/footage", "dataset/pose"},
     "dataset/colour": CORE | GEOMETRY | {"dataset/footage", "dataset/panoptic", "dataset/views"},

@@ -188,8 +188,7 @@ class Measurement {
       const std::string& name = data.rig.cameras[i % cameras].camera.name;
       const int frame = source_.frames[i / cameras];
       dataset::ReadImage(data.ImagePath(name, frame));
-      const std::string mask = data.MaskPath(name, frame);
-      if (std::filesystem::exists(mask)) dataset::ReadImage(mask, true);
+      if (std::filesystem::exists(data.MaskPath(name, frame))) data.ReadMask(name, frame);
     });
     return decode_rate_ = static_cast<double>(report.pictures) / (Now() - start);
   }

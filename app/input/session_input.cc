@@ -73,6 +73,29 @@ void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseAr
   }
 }
 
+void LeaveOutUncalibrated(PoseArguments* pose, CommandResult* result) {
+  std::vector<std::string> cameras, kept;
+  for (const NamedPath& named : pose->pose2d) cameras.push_back(named.name);
+  if (cameras.empty() || !NameUncalibrated(pose->calib, cameras, &kept, result)) return;
+  const auto is_out = [&](const NamedPath& named) { return std::find(kept.begin(), kept.end(), named.name) == kept.end(); };
+  pose->pose2d.erase(std::remove_if(pose->pose2d.begin(), pose->pose2d.end(), is_out), pose->pose2d.end());
+}
+
+std::vector<std::string> CamerasWithoutBoard(const SessionArguments& arguments) {
+  const dataset::Session session = dataset::ReadSession(arguments.session, arguments.allow_outside);
+  const auto& board = BoardTake(session, arguments.take).footage;
+  std::vector<std::string> without;
+  for (const dataset::SessionTake& take : session.takes) {
+    if (take.kind != dataset::TakeKind::kPeople) continue;
+    for (const dataset::SessionFootage& f : take.footage) {
+      const auto same = [&](const dataset::SessionFootage& b) { return b.camera == f.camera; };
+      const bool told = std::find(without.begin(), without.end(), f.camera) != without.end();
+      if (!told && std::none_of(board.begin(), board.end(), same)) without.push_back(f.camera);
+    }
+  }
+  return without;
+}
+
 void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result) {
   if (arguments.session.empty() && !arguments.take.empty()) throw UsageError("option 'take' needs option 'session'");
   if (arguments.session.empty()) return;

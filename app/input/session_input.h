@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "app/input/corner_input.h"
 #include "app/input/pose_input.h"
@@ -29,6 +30,13 @@ std::optional<FoundTake> FindTake(const SessionArguments& arguments, CommandResu
 
 /// Fills --calib, and --pose2d from the folders pose2d/TAKE/CAMERA. Throws UsageError when there are no poses.
 void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseArguments* pose);
+
+/// Takes the poses of cameras that the session's calibration lacks out and names them (CAL-LEFTOUT, exit 6). Throws FormatError
+/// when fewer than two cameras would stay.
+void LeaveOutUncalibrated(PoseArguments* pose, CommandResult* result);
+
+/// Cameras of the session that film people and have no footage in the take with the board.
+std::vector<std::string> CamerasWithoutBoard(const SessionArguments& arguments);
 
 /// Fills --board and --camera from the take with the board, and its timeline where there is one (TimelineOf of take_input.h).
 void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result);

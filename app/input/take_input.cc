@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "app/input/calib_read.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "dataset/session/timeline_source.h"
 
 namespace mvstudio::app {
@@ -79,6 +81,32 @@ std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& sess
     result->warnings.push_back({"SES-TIMELINE", note, "see mvstudio session timeline"});
   }
   return std::make_shared<dataset::Timeline>(std::move(made.timeline));
+}
+
+bool NameUncalibrated(const std::string& calibration, const std::vector<std::string>& cameras, std::vector<std::string>* kept,
+                      CommandResult* result) {
+  const geometry::Rig rig = ReadCalibrationFiles({calibration}, {}).rig;
+  std::vector<std::string> out;
+  for (const std::string& camera : cameras) (rig.Find(camera) >= 0 ? *kept : out).push_back(camera);
+  if (out.empty()) return false;
+  if (kept->size() < 2) {
+    throw FormatError(calibration, "cameras",
+                      "has no " + Join(out, ", ") + ", so fewer than two cameras are left; it has " +
+                          Join(geometry::CameraNames(rig), ", ") + ": calibrate them, or give the session its names");
+  }
+  result->warnings.push_back({"CAL-LEFTOUT", calibration + " has no calibration of " + Join(out, ", ") + ": left out here",
+                              "film the board with it and calibrate again; the other cameras are used"});
+  if (result->exit == kExitOk) result->exit = kExitPartial;
+  return true;
+}
+
+void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, CommandResult* result) {
+  if (!take->session || calibration.empty()) return;
+  std::vector<std::string> cameras, kept;
+  for (const CameraFootage& footage : take->footage) cameras.push_back(footage.camera);
+  if (!NameUncalibrated(calibration, cameras, &kept, result)) return;
+  const auto is_out = [&](const CameraFootage& f) { return std::find(kept.begin(), kept.end(), f.camera) == kept.end(); };
+  take->footage.erase(std::remove_if(take->footage.begin(), take->footage.end(), is_out), take->footage.end());
 }
 
 std::string TakeInput::Folder(const std::string& kind, const std::string& camera) const {

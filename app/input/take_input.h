@@ -36,6 +36,13 @@ struct TakeInput {
   std::string Folder(const std::string& kind, const std::string& camera = "") const;
 };
 
+/// Takes the footage of cameras that a session's calibration lacks out, names them (CAL-LEFTOUT) and makes the result partial.
+/// Does nothing without --session or calibration. Throws FormatError when fewer than two cameras would stay.
+void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, CommandResult* result);
+/// True where some of `cameras` stay out; `kept` are those that the calibration has.
+bool NameUncalibrated(const std::string& calibration, const std::vector<std::string>& cameras, std::vector<std::string>* kept,
+                      CommandResult* result);
+
 /// Reads sync/TAKE.timeline.json. Without it, makes a timeline if the take has time stamps or a sync file and `make` is
 /// set; else null. Doubts become warnings.
 std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& session, const dataset::SessionTake& take,

@@ -103,6 +103,12 @@ bool Holds(const std::vector<T>& list, const T& one) {
   return std::find(list.begin(), list.end(), one) != list.end();
 }
 
+/// The body and the masks share nothing.
+bool NobodyOnMasks(const body::BodyFit& fit) {
+  constexpr double kNothing = 0.01;
+  return std::none_of(fit.cameras.begin(), fit.cameras.end(), [](const body::CameraFit& c) { return c.iou >= kNothing; });
+}
+
 bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
 
 /// Why the bones alone were kept: offsets were no better, or better by no more than chance.
@@ -230,6 +236,12 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
              Format(" lie (%.1f, %.1f) px beside the fitted body, +- %.1f px", camera.shift_px[0], camera.shift_px[1],
                     camera.shift_sigma_px),
          "check its calibration, its time offset and its masks");
+  }
+  if (NobodyOnMasks(fit)) {
+    result->exit = kExitQualityGate;
+    result->errors.push_back({"BODY-NO-SILHOUETTE",
+                              "the body lies on no mask of any camera (IoU 0): nothing was fitted to the silhouettes",
+                              "look at the masks: 255 must be the person; are they of these frames and cameras?"});
   }
   if (!WasJudged(fit)) {
     warn("BODY-NOT-JUDGED",

@@ -166,13 +166,14 @@ TruthScore CompareWithTruth(const std::string& truth, const std::string& folder,
   std::map<int, std::string> exact;
   for (const std::string& path : FilesMatching(truth)) exact[NumberOfName(path)] = path;
   if (exact.empty()) throw IoError(truth, "no exact mask is there");
+  score.masks = dataset::MeaningOfMasks(FilesMatching(truth));
   for (const auto& [frame, path] : exact) {
     const std::string own = MaskPath(folder, camera, frame);
     if (!fs::exists(own)) {
       ++score.missing;
       continue;
     }
-    const Image a = dataset::ReadImage(own, true), b = dataset::ReadImage(path, true);
+    const Image a = dataset::ReadImage(own, true), b = dataset::ReadMask(path, score.masks);
     if (a.width != b.width || a.height != b.height)
       throw FormatError(path, "", "is " + SizeText(b.width, b.height) + ", the footage " + SizeText(a.width, a.height));
     double both = 0, either = 0;

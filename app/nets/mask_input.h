@@ -5,6 +5,7 @@
 
 #include "app/nets/mask_run.h"
 #include "core/progress.h"
+#include "dataset/footage/mask_io.h"
 
 /// Reads the arguments of `mvstudio mask`.
 namespace mvstudio::app {
@@ -33,6 +34,7 @@ struct TruthScore {
   double iou_sum = 0, worst = 1;
   std::string worst_picture;
   double too_much_px = 0, too_little_px = 0;
+  dataset::MaskMeaning masks = {};  ///< of the exact ones
 };
 TruthScore CompareWithTruth(const std::string& truth, const std::string& folder, const std::string& camera);
 

@@ -63,15 +63,31 @@ double JackknifeVariance(const at::Tensor& left_out) {
 
 }  // namespace
 
+GaussianFit FitGaussian(const at::Tensor& x) {
+  const at::Tensor a = AsFloat64(x, "x", 2);
+  MVS_CHECK(a.size(0) >= 2, "a covariance needs 2 samples, got " << a.size(0));
+  const at::Tensor mean = a.mean(0);
+  return {mean, Centred(a, mean)};
+}
+
+GaussianFit GaussianOf(const at::Tensor& mean, const at::Tensor& covariance) {
+  const at::Tensor m = AsFloat64(mean, "mean", 1), s = AsFloat64(covariance, "covariance", 2);
+  MVS_CHECK(s.size(0) == m.size(0) && s.size(1) == m.size(0),
+            "a mean of " << m.size(0) << " and a covariance of " << s.size(0));
+  const auto [values, vectors] = at::linalg_eigh((s + s.t()) / 2);
+  return {m, (vectors * values.clamp_min(0).sqrt()).t().contiguous()};
+}
+
 double FrechetDistance(const at::Tensor& x, const at::Tensor& y, FrechetForm form) {
-  const at::Tensor a = AsFloat64(x, "x", 2), b = AsFloat64(y, "y", 2);
-  MVS_CHECK(a.size(1) == b.size(1), "features of different length: " << a.size(1) << " and " << b.size(1));
-  MVS_CHECK(a.size(0) >= 2 && b.size(0) >= 2, "a covariance needs 2 samples, got " << a.size(0) << " and " << b.size(0));
-  const at::Tensor mean_a = a.mean(0), mean_b = b.mean(0);
-  const at::Tensor ca = Centred(a, mean_a), cb = Centred(b, mean_b);
-  if (form == FrechetForm::kAuto) form = std::max(a.size(0), b.size(0)) <= a.size(1) ? FrechetForm::kNuclear : FrechetForm::kQr;
-  const double value =
-      (mean_a - mean_b).square().sum().item<double>() + SumOfSquares(ca) + SumOfSquares(cb) - 2 * CrossTerm(ca, cb, form);
+  return FrechetDistance(FitGaussian(x), FitGaussian(y), form);
+}
+
+double FrechetDistance(const GaussianFit& a, const GaussianFit& b, FrechetForm form) {
+  MVS_CHECK(a.mean.size(0) == b.mean.size(0), "features of different length: " << a.mean.size(0) << " and " << b.mean.size(0));
+  const bool few = std::max(a.root.size(0), b.root.size(0)) <= a.mean.size(0);
+  if (form == FrechetForm::kAuto) form = few ? FrechetForm::kNuclear : FrechetForm::kQr;
+  const double value = (a.mean - b.mean).square().sum().item<double>() + SumOfSquares(a.root) + SumOfSquares(b.root) -
+                       2 * CrossTerm(a.root, b.root, form);
   return form == FrechetForm::kEigen ? value : std::max(0.0, value);
 }
 

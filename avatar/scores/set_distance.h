@@ -26,6 +26,16 @@ enum class FrechetForm {
 /// |m1 - m2|^2 + tr S1 + tr S2 - 2 tr (S1 S2)^(1/2). x: (n1, d), y: (n2, d), at least 2 samples each.
 double FrechetDistance(const at::Tensor& x, const at::Tensor& y, FrechetForm form = FrechetForm::kAuto);
 
+/// A Gaussian by its mean, (d), and any matrix (m, d) with root^T root = covariance.
+struct GaussianFit {
+  at::Tensor mean, root;
+};
+/// Of (n, d) samples, covariance with n - 1.
+GaussianFit FitGaussian(const at::Tensor& x);
+/// Of a mean (d) and a symmetric covariance (d, d); eigenvalues below 0 count as 0.
+GaussianFit GaussianOf(const at::Tensor& mean, const at::Tensor& covariance);
+double FrechetDistance(const GaussianFit& a, const GaussianFit& b, FrechetForm form = FrechetForm::kAuto);
+
 /// Distance due to sampling alone: mean over `repeats` seeded random halvings of (n, d), n at least 4. Both halves have n
 /// / 2 samples, so compare it with distances of sets of that size.
 double FrechetSplitHalfFloor(const at::Tensor& x, uint64_t seed = 1, int repeats = 10);

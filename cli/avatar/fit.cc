@@ -1,5 +1,6 @@
 #include <memory>
 
+#include "app/input/mask_notice.h"
 #include "app/nets/avatar_fit.h"
 #include "app/nets/avatar_train_data.h"
 #include "cli/avatar/body_folder.h"
@@ -35,6 +36,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   folder.Write(fit.result, arguments.frame_rate_hz, &result);
   result.text = app::ToTable(fit);
   app::AddFitWarnings(fit, &result);
+  app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }
 

@@ -1,9 +1,12 @@
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
+#include "app/input/mask_notice.h"
 #include "app/input/picture_pairs.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
+#include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
 #if MVSTUDIO_HAS_AVATAR
@@ -16,8 +19,8 @@ namespace {
 using nlohmann::ordered_json;
 
 struct MetricsArguments {
-  std::string reference, other, masks, features = "auto";
-  bool per_picture = false;
+  std::string reference, other, masks, features = "auto", background = "auto", write_statistics;
+  bool per_picture = false, distance_only = false;
 };
 
 ordered_json ToJson(const metrics::RegionScore& score) {
@@ -33,6 +36,31 @@ void AddUnmatched(const std::vector<std::string>& names, const std::string& fold
   result->warnings.push_back(
       {"MET-UNMATCHED", std::to_string(names.size()) + " images of " + folder + " have no partner; the first: " + names.front(),
        "both folders must hold the same file names"});
+}
+
+/// Whether masks were used, and on how much; what is behind images with opacity.
+void AddGround(const app::PicturePairs& pairs, const MetricsArguments& arguments, CommandResult* result) {
+  int64_t mask_px = 0, all_px = 0, clear = 0;
+  for (const app::PicturePair& pair : pairs.pairs) {
+    mask_px += pair.mask_px, all_px += int64_t{pair.width} * pair.height, clear += pair.clear;
+  }
+  if (arguments.masks.empty()) {
+    result->text += Format("\n  whole images, %lld pixels; no masks", static_cast<long long>(all_px));
+  } else {
+    const ordered_json &box = result->metrics["bbox"], &masked = result->metrics["masked"];
+    const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
+    result->metrics["mask_pixels"] = mask_px;
+    result->text +=
+        Format("\n  in the masks' boxes: SSIM %.4f, PSNR %.2f dB; on the masks, %lld of %lld pixels: SSIM %.4f, PSNR %.2f dB",
+               number(box["ssim"]), number(box["psnr_db"]), static_cast<long long>(mask_px), static_cast<long long>(all_px),
+               number(masked["ssim"]), number(masked["psnr_db"]));
+  }
+  if (clear > 0) {
+    result->metrics["background"] = {{"rgb", pairs.backdrop.rgb}, {"pairs", clear}, {"reason", pairs.backdrop.reason}};
+    result->text += Format("\n  %lld pairs have opacity: put over ", static_cast<long long>(clear)) +
+                    app::ToString(pairs.backdrop) + " (" + pairs.backdrop.reason + ")";
+  }
+  app::TellMasks(pairs.masks, arguments.masks, result);
 }
 
 /// Means of one region; nothing when the pairs have none.
@@ -74,17 +102,53 @@ void AddScores(const app::PicturePairs& pairs, bool per_picture, CommandResult* 
 
 #if MVSTUDIO_HAS_AVATAR
 std::string Text(const app::DistanceResult& d) {
-  return Format("%s %.5g, between halves of the reference %.5g; kernel distance %.3g +- %.2g; n = %lld and %lld, d = %lld",
-                d.name.c_str(), d.fd, d.floor, d.kid, d.kid_se, static_cast<long long>(d.n_a), static_cast<long long>(d.n_b),
-                static_cast<long long>(d.d));
+  const auto count = [](int64_t n) { return n > 0 ? std::to_string(n) : std::string("unknown"); };
+  std::string text = Format("%s %.5g", d.name.c_str(), d.fd);
+  if (std::isfinite(d.floor)) text += Format(", between halves of the reference %.5g", d.floor);
+  if (std::isfinite(d.kid)) text += Format("; kernel distance %.3g +- %.2g", d.kid, d.kid_se);
+  return text + "; n = " + count(d.n_a) + " and " + count(d.n_b) + Format(", d = %lld", static_cast<long long>(d.d));
 }
 
-CommandResult MetricsOfFeatures(const MetricsArguments& arguments, CommandContext& context) {
-  const app::DistanceResult d = app::CompareFeatureFiles(arguments.reference, arguments.other, context.run);
+app::DistanceSide SideOf(const std::string& path) {
+  app::DistanceSide side{path, {}};
+  if (app::IsFeatureFile(path)) return side;
+  for (const auto& [name, picture] : app::PicturesIn(path)) side.pictures.push_back(picture);
+  return side;
+}
+
+app::Backdrop BackdropFor(const MetricsArguments& arguments) {
+  return arguments.background == "auto" ? app::Backdrop{{0, 0, 0}, "the default"} : app::BackdropOf(arguments.background);
+}
+
+/// Sets without pairs.
+CommandResult Distance(const MetricsArguments& arguments, CommandContext& context) {
+  if (!arguments.masks.empty()) throw UsageError("--masks has no part in a distance between sets: leave it out");
+  const app::DistanceSide a = SideOf(arguments.reference), b = SideOf(arguments.other);
+  const app::DistanceResult d = app::CompareSides(a, b, arguments.features, BackdropFor(arguments), context.run);
   CommandResult result;
-  result.metrics = {{"fd", d.fd},       {"n_a", d.n_a}, {"n_b", d.n_b},       {"d", d.d},
-                    {"floor", d.floor}, {"kid", d.kid}, {"kid_se", d.kid_se}, {"features", d.features}};
+  result.metrics = {{"fd", d.fd},
+                    {"name", d.name},
+                    {"n_a", d.n_a},
+                    {"n_b", d.n_b},
+                    {"d", d.d},
+                    {"floor", FiniteOrNull(d.floor)},
+                    {"kid", FiniteOrNull(d.kid)},
+                    {"kid_se", FiniteOrNull(d.kid_se)},
+                    {"features", d.features}};
   result.text = Text(d);
+  return result;
+}
+
+CommandResult WriteStatisticsOf(const MetricsArguments& arguments, CommandContext& context) {
+  if (!arguments.other.empty()) throw UsageError("--write-statistics takes one set: leave the second out");
+  const OutputFiles place({arguments.write_statistics}, {arguments.reference});
+  const app::WrittenStatistics written = app::WriteStatistics(SideOf(arguments.reference), arguments.features,
+                                                              BackdropFor(arguments), arguments.write_statistics, context.run);
+  CommandResult result;
+  result.metrics = {{"n", written.n}, {"d", written.d}, {"features", written.features}};
+  result.outputs.push_back({arguments.write_statistics, "statistics"});
+  result.text = Format("%s: mean and covariance of %lld features (%s) of %lld images", arguments.write_statistics.c_str(),
+                       static_cast<long long>(written.d), written.features.c_str(), static_cast<long long>(written.n));
   return result;
 }
 
@@ -105,41 +169,80 @@ void AddDistance(const app::PicturePairs& pairs, const MetricsArguments& argumen
     result->warnings.push_back({"MET-NO-FD", "no Frechet distance: " + why, "give at least 4 pairs of 32 px or more"});
     return;
   }
-  std::vector<std::string> reference, other;
-  for (const app::PicturePair& pair : pairs.pairs) reference.push_back(pair.reference), other.push_back(pair.other);
-  const app::DistanceResult d = app::ComparePictureSets(reference, other, arguments.features, run);
+  app::DistanceSide reference{arguments.reference, {}}, other{arguments.other, {}};
+  for (const app::PicturePair& pair : pairs.pairs)
+    reference.pictures.push_back(pair.reference), other.pictures.push_back(pair.other);
+  const app::DistanceResult d = app::CompareSides(reference, other, arguments.features, pairs.backdrop, run);
   result->metrics["fd"] = {{"value", d.fd}, {"name", d.name},   {"features", d.features}, {"n", d.n_a},
                            {"d", d.d},      {"floor", d.floor}, {"kid", d.kid},           {"kid_se", d.kid_se}};
   result->text += "\n" + Text(d);
 }
+
+/// Two folders without a name in common, large enough for a distance.
+bool AreUnpaired(const MetricsArguments& arguments) {
+  namespace fs = std::filesystem;
+  if (!fs::is_directory(arguments.reference) || !fs::is_directory(arguments.other) || !arguments.masks.empty()) return false;
+  const auto a = app::PicturesIn(arguments.reference), b = app::PicturesIn(arguments.other);
+  return std::min(a.size(), b.size()) >= 4 && std::none_of(a.begin(), a.end(), [&](const auto& x) { return b.count(x.first); });
+}
+
+/// The distance is kept; nothing else can be said of them.
+CommandResult DistanceOfUnpaired(const MetricsArguments& arguments, CommandContext& context) {
+  CommandResult result = Distance(arguments, context);
+  result.exit = kExitQualityGate;
+  result.errors.push_back({"MET-UNPAIRED",
+                           "no image of " + arguments.other + " has the name of one in " + arguments.reference + " (" +
+                               app::PicturesIn(arguments.other).begin()->first + ", " +
+                               app::PicturesIn(arguments.reference).begin()->first +
+                               "): no SSIM and no PSNR, the distance alone",
+                           "give pairs equal names, or ask for --distance-only"});
+  return result;
+}
 #endif
 
-bool IsFeatureFile(const std::string& path) {
-  const std::string extension = std::filesystem::path(path).extension().string();
-  return extension == ".npy" || extension == ".safetensors";
+CommandResult PairScores(const MetricsArguments& arguments, CommandContext& context) {
+  CommandResult result;
+  app::PicturePairs pairs = app::PairPictures(arguments.reference, arguments.other, arguments.masks);
+  pairs.backdrop = arguments.background == "auto" ? app::BackdropOf(pairs.pairs) : app::BackdropOf(arguments.background);
+  app::ScorePairs(&pairs, context.run);
+  AddScores(pairs, arguments.per_picture, &result);
+  AddGround(pairs, arguments, &result);
+#if MVSTUDIO_HAS_AVATAR
+  AddDistance(pairs, arguments, context.run, &result);
+#endif
+  AddUnmatched(pairs.only_in_reference, arguments.reference, &result);
+  AddUnmatched(pairs.only_in_other, arguments.other, &result);
+  return result;
 }
 
 CommandResult RunMetrics(const MetricsArguments& arguments, CommandContext& context) {
-  if (IsFeatureFile(arguments.reference) != IsFeatureFile(arguments.other))
-    throw UsageError("metrics compares two folders of images, two images, or two files of features, not one of each");
+  if (arguments.other.empty() && arguments.write_statistics.empty())
+    throw UsageError("metrics compares two sets: give a second one, or --write-statistics FILE for one");
   CommandResult result;
-  if (IsFeatureFile(arguments.reference)) {
 #if MVSTUDIO_HAS_AVATAR
-    result = MetricsOfFeatures(arguments, context);
-#else
-    throw MissingToolError("distances between features need libtorch, which this build was made without");
-#endif
+  const auto is_statistics = [](const std::string& path) { return std::filesystem::path(path).extension() == ".npz"; };
+  const bool one = !arguments.other.empty() && app::IsFeatureFile(arguments.reference) != app::IsFeatureFile(arguments.other);
+  if (one && !is_statistics(arguments.reference) && !is_statistics(arguments.other))
+    throw UsageError(
+        "metrics compares two folders of images, two images, or two files of features, not one of each; a folder "
+        "of images can be compared with statistics (.npz)");
+  const bool features = app::IsFeatureFile(arguments.reference) || app::IsFeatureFile(arguments.other);
+  if (!arguments.write_statistics.empty()) {
+    result = WriteStatisticsOf(arguments, context);
+  } else if (features || arguments.distance_only) {
+    result = Distance(arguments, context);
+  } else if (AreUnpaired(arguments)) {
+    result = DistanceOfUnpaired(arguments, context);
   } else {
-    app::PicturePairs pairs = app::PairPictures(arguments.reference, arguments.other, arguments.masks);
-    app::ScorePairs(&pairs, context.run);
-    AddScores(pairs, arguments.per_picture, &result);
-#if MVSTUDIO_HAS_AVATAR
-    AddDistance(pairs, arguments, context.run, &result);
-#endif
-    AddUnmatched(pairs.only_in_reference, arguments.reference, &result);
-    AddUnmatched(pairs.only_in_other, arguments.other, &result);
+    result = PairScores(arguments, context);
   }
-  result.inputs = {arguments.reference, arguments.other};
+#else
+  if (arguments.distance_only || !arguments.write_statistics.empty())
+    throw MissingToolError("distances between sets need libtorch, which this build was made without");
+  result = PairScores(arguments, context);
+#endif
+  result.inputs = {arguments.reference};
+  if (!arguments.other.empty()) result.inputs.push_back(arguments.other);
   return result;
 }
 
@@ -150,15 +253,24 @@ void RegisterMetrics(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand(
       "metrics", "SSIM, PSNR and Frechet distance of two folders of images or two images, or of two files of features");
   AddOption(sub, "reference", arguments->reference,
-            "folder of images, an image, a .npy of (n, d) numbers, or a .safetensors file with a tensor `features`")
+            "folder of images (or of a folder for each camera), an image, a .npy of (n, d) numbers, a .safetensors file with a "
+            "tensor `features`, or statistics: an .npz of `mu` and `sigma`")
       ->required();
-  AddOption(sub, "other", arguments->other, "the same file names, or features of the same kind")->required();
+  AddOption(sub, "other", arguments->other, "the same file names, or features or statistics of the same net");
   AddOption(sub, "--masks", arguments->masks,
             "folder of masks of the same names: scores of their box and of their pixels, too");
   AddOption(sub, "--features", arguments->features,
             "net of the Frechet distance: gabor, posenet (mvstudio models fetch), a TorchScript file that gives (N, d) for "
             "images in [0, 1], inception-2015-12-05.pt for the FID, or auto: posenet when it is installed")
       ->capture_default_str();
+  AddOption(sub, "--background", arguments->background,
+            "what is behind images with opacity: black, white, R,G,B, or auto: the colour that the opaque images have there, "
+            "else black")
+      ->capture_default_str();
+  AddFlag(sub, "--distance-only", arguments->distance_only,
+          "the Frechet and the kernel distance alone: the sets need no pairs and no equal counts");
+  AddOption(sub, "--write-statistics", arguments->write_statistics,
+            "new .npz of the mean `mu` and the covariance `sigma` of the one set's features, as pytorch-fid keeps them");
   AddFlag(sub, "--per-picture", arguments->per_picture, "list every pair in the metrics");
   registry.Add(sub, "metrics", [arguments](CommandContext& context) { return RunMetrics(*arguments, context); });
 }

@@ -8,9 +8,9 @@ namespace mvstudio::cli {
 void AddSplitOptions(CLI::App* sub, app::SplitArguments& a) {
   AddOption(sub, "--train-cameras", a.train_cameras,
             "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
-  AddOption(sub, "--holdout-cameras", a.holdout_cameras,
+  AddOption(sub, "--holdout-cameras,--test-cameras", a.holdout_cameras,
             "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
-  AddOption(sub, "--holdout-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
+  AddOption(sub, "--holdout-frames,--test-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
   AddOption(sub, "--split", a.split,
             "a file of `mvstudio dataset split` in place of these three: its training, validation and test parts");
   AddOption(sub, "--validate-camera", a.validate_camera,

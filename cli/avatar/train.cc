@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "app/input/mask_notice.h"
 #include "app/nets/avatar_fit.h"
 #include "app/nets/avatar_gaussians.h"
 #include "app/nets/avatar_run.h"
@@ -151,6 +152,7 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
       [&] { BeginRun(config, nullptr, arguments.out, files); }, context.run);
   FillCommon(config, packs, arguments.out, &result);
   TellFit(fit, &result);
+  app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }
 
@@ -202,6 +204,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
         "no network: textured networks have added less than 0.01 of SSIM to fitted bodies, and no validation images are there "
         "to show that this one adds more (--validate-camera NAME trains and judges one, --steps 600 trains one)\n";
   TellFit(fit, &result);
+  app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }
 

@@ -168,6 +168,18 @@ void SayLeftOut(const std::vector<calib::LeftOutCamera>& left_out, const app::Co
   if (!left_out.empty() && result->exit == kExitOk) result->exit = kExitPartial;
 }
 
+/// The session's cameras that the board's take lacks.
+void SayNotFilmed(const std::vector<std::string>& cameras, CommandResult* result) {
+  for (const std::string& name : cameras) {
+    const std::string reason = "the take with the board has no footage of it";
+    result->metrics["left_out"].push_back({{"name", name}, {"reason", reason}});
+    result->errors.push_back({"CAL-LEFTOUT", "camera " + name + " is not calibrated: " + reason,
+                              "the others are written, and later stages leave it out; film the board with it, or add it later "
+                              "with --start and --fix"});
+  }
+  if (!cameras.empty() && result->exit == kExitOk) result->exit = kExitPartial;
+}
+
 /// Without a floor, the world is a camera's, and nothing is up.
 void AskForFloor(const std::string& gauge, bool in_session, const std::string& path, CommandResult* result) {
   if (gauge.rfind("camera ", 0) != 0) return;
@@ -214,7 +226,11 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   const OutputFolder place(arguments.out, InputsOf(arguments), names);
   if (UsesScene(arguments.scene)) return RunOnScene(arguments, context);
   CommandResult result;
+  const bool from_session =
+      !arguments.session.session.empty() && arguments.corners.cameras.empty() && arguments.corners.corners.empty();
   app::FillCorners(arguments.session, &arguments.corners, &result);
+  const std::vector<std::string> not_filmed =
+      from_session ? app::CamerasWithoutBoard(arguments.session) : std::vector<std::string>{};
   arguments.corners.footage.all_cameras = false;
   const auto start = std::chrono::steady_clock::now();
   app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, &result);
@@ -249,6 +265,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
     result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments)});
   if (report.verdict.status == "fail") result.exit = kExitQualityGate;
   SayLeftOut(solved.left_out, corners, &result);
+  SayNotFilmed(not_filmed, &result);
   AskForFloor(report.gauge, !arguments.session.session.empty(), path, &result);
   app::WarnOfCovariance(report.rig, &result);
   return result;

@@ -2,6 +2,7 @@
 #include <chrono>
 #include <filesystem>
 
+#include "app/input/mask_notice.h"
 #include "app/input/take_input.h"
 #include "app/people/human_shape.h"
 #include "body/skeleton.h"
@@ -22,10 +23,21 @@ using nlohmann::ordered_json;
 
 struct BuildArguments {
   app::TakeArguments take;
-  std::string calib, pose3d, marker_unit, skeleton, out;
-  bool sequence_given = false, rate_given = false;
+  std::string calib, pose3d, marker_unit, skeleton, masks, out;
+  bool sequence_given = false, rate_given = false, masks_given = false;
   dataset::BuildOptions options;
 };
+
+/// Masks that `mask` made, or a person painted, come before new ones.
+void FindMasks(const app::TakeInput& take, BuildArguments* arguments, CommandResult* result) {
+  if (!arguments->options.masks) return arguments->masks.clear();
+  const std::string made = take.Folder("masks");
+  const bool there = !made.empty() && std::any_of(take.footage.begin(), take.footage.end(), [&](const auto& footage) {
+    return std::filesystem::is_directory(made + "/" + footage.camera);
+  });
+  if (!arguments->masks_given && there) arguments->masks = made;
+  if (!arguments->masks.empty()) result->inputs.push_back(arguments->masks);
+}
 
 /// Inputs; what a session says takes the place of flags that were not given.
 dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) {
@@ -41,6 +53,9 @@ dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) 
   if (arguments->out.empty()) throw UsageError("--out is needed without --session");
   if (!arguments->sequence_given && !take.take.empty()) arguments->options.sequence = dataset::Slug(take.take);
   if (!arguments->rate_given && take.fps_hz > 0) arguments->options.frame_rate_hz = take.fps_hz;
+  app::LeaveOutUncalibrated(inputs.calibration, &take, result);
+  FindMasks(take, arguments, result);
+  inputs.masks = arguments->masks;
   inputs.footage = std::move(take.footage);
   return inputs;
 }
@@ -99,6 +114,7 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
     result.metrics["calibration_offsets"] = {{"applied", false},
                                              {"largest_frames", report.calibration_offset_frames},
                                              {"reason", "images are taken whole; a timeline of the take is what chooses them"}};
+  result.metrics["masks_from"] = !arguments.options.masks ? "none" : inputs.masks.empty() ? "made" : inputs.masks;
   for (const dataset::BuildWarning& w : report.warnings) result.warnings.push_back({w.code, w.text, w.hint});
   CheckWorld(inputs, report, &result);
   result.outputs.push_back({arguments.out, "dataset"});
@@ -107,7 +123,9 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   result.folder = arguments.out;
   result.inputs.insert(result.inputs.end(), {inputs.calibration, inputs.pose3d});
   if (body::IsSkeletonFile(inputs.skeleton)) result.inputs.push_back(inputs.skeleton);
-  if (!report.gaps.empty()) result.exit = kExitPartial;
+  const auto lacks_masks = [](const dataset::BuiltCamera& c) { return !c.without_mask.empty(); };
+  if (!report.gaps.empty() || std::any_of(report.cameras.begin(), report.cameras.end(), lacks_masks))
+    result.exit = kExitPartial;
   if (report.images == 0) {
     result.exit = kExitBadInput;
     result.errors.push_back(
@@ -121,6 +139,11 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   if (!report.skeleton.empty()) {
     result.text += Format("  %zu joints beside Panoptic's 19: ", report.joints_beside.size()) + SomeOf(report.joints_beside) +
                    "; all joints of " + report.skeleton + " are in hdPose3d_stage1_" + report.skeleton + "\n";
+  }
+  if (!inputs.masks.empty()) {
+    result.text += Format("  %d masks of ", report.given_masks) + inputs.masks + " (--masks alone makes new ones)\n";
+    app::TellMasks(report.masks, inputs.masks, &result);
+    return result;
   }
   for (const dataset::BuiltCamera& c : report.cameras) {
     if (arguments.options.masks && c.joints == 0)
@@ -147,9 +170,16 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   AddSkeletonOption(sub, arguments->skeleton, "of the 3D joints, where --pose3d does not state it");
   StartGroup(sub, "Dataset");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "new folder; the session's dataset/TAKE unless given");
+  AddOption(sub, "--masks", arguments->masks,
+            "folder with a folder of masks for each camera, named by frame; alone: make masks. The session's masks/TAKE, "
+            "where it is there, unless given")
+      ->expected(0, 1)
+      ->type_name("DIR");
+  AddFlag(sub, "!--no-masks", arguments->options.masks, "no masks");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {
     arguments->sequence_given = sub->count("--sequence") > 0, arguments->rate_given = sub->count("--frame-rate") > 0;
+    arguments->masks_given = sub->count("--masks") > 0;
     return RunBuild(*arguments, context);
   });
 }

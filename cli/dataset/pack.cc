@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "app/input/mask_notice.h"
 #include "body/skeleton.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -164,6 +165,7 @@ CommandResult RunPack(PackArguments arguments, CommandContext& context) {
   result.outputs.push_back({arguments.out, "pack"});
   if (!arguments.dataset.empty()) result.inputs.push_back(arguments.dataset);
   AddNotices(report, &result);
+  if (arguments.options.masks) app::TellMasks(report.masks, arguments.dataset + "/masks", &result);
   if (!arguments.single.empty() && report.complete) {
     const OutputFiles place({arguments.single}, {arguments.dataset});
     dataset::WriteSinglePack(arguments.out, arguments.single);

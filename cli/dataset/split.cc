@@ -1,5 +1,7 @@
 #include "dataset/views/split.h"
 
+#include <cmath>
+
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -72,7 +74,8 @@ dataset::Split Make(Arguments& arguments, const dataset::PanopticDataset& data, 
     return split;
   }
   if (arguments.out.empty()) throw UsageError("--out is needed: the file for the split (or --describe an existing one)");
-  if (!arguments.test_frames.empty()) arguments.options.test_frames = ParseRanges("--test-frames", arguments.test_frames);
+  if (!arguments.test_frames.empty())
+    arguments.options.test_frames = ParseRanges("--test-frames,--holdout-frames", arguments.test_frames);
   if (!arguments.validation_frames.empty()) {
     arguments.options.validation_frames = ParseRanges("--validation-frames", arguments.validation_frames);
   }
@@ -92,7 +95,12 @@ CommandResult Run(Arguments& arguments) {
   }
   result.metrics = ReportJson(split, report);
   result.text = ReportText(split, report);
-  if (report.median_novelty_m < 2 * report.usual_step_m) {
+  if (!std::isfinite(report.median_novelty_m)) {
+    result.exit = kExitQualityGate;
+    result.errors.push_back({"SPL-NOBODY",
+                             "nobody has joints in both the training and the test frames: the split has no distance",
+                             "triangulate the take again, or choose other frames"});
+  } else if (report.median_novelty_m < 2 * report.usual_step_m) {
     result.warnings.push_back({"SPL-NEAR", "half of the test poses are as near to a training pose as neighbouring frames are",
                                "hold out another motion, or widen --guard"});
   }
@@ -113,7 +121,7 @@ void RegisterDatasetSplit(CLI::App& dataset, Registry& registry) {
   AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file for the split (JSON)");
   AddOption(sub, "--describe", arguments->from, "check and describe this split instead of making one");
   AddOption(sub, "--preset", o.preset, presets);
-  AddOption(sub, "--test-cameras", o.test_cameras, "names, separated by commas")->delimiter(',');
+  AddOption(sub, "--test-cameras,--holdout-cameras", o.test_cameras, "names, separated by commas")->delimiter(',');
   AddOption(sub, "--train-cameras", o.train_cameras, "names; default: all that are not for test")->delimiter(',');
   AddOption(sub, "--validation-cameras", o.validation_cameras, "names; default: the training cameras")->delimiter(',');
   AddOption(sub, "--train-count", o.num_train_cameras,

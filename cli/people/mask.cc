@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -132,6 +133,11 @@ void AddTruth(const app::MaskArguments& arguments, const std::string& folder, Co
     app::TruthScore score = app::CompareWithTruth(path, folder, camera);
     if (!score.worst_picture.empty()) score.worst_picture = arguments.out + score.worst_picture.substr(folder.size());
     const double n = std::max(1, score.pictures);
+    if (score.pictures == 0) {
+      result->warnings.push_back({"MSK-TRUTH",
+                                  "camera " + camera + ": no mask of " + path + " has the number of one of its frames",
+                                  "names must end in the frame's number"});
+    }
     list.push_back({{"name", camera},
                     {"pictures", score.pictures},
                     {"missing", score.missing},
@@ -142,6 +148,12 @@ void AddTruth(const app::MaskArguments& arguments, const std::string& folder, Co
                     {"too_little_px", score.too_little_px / n}});
     sum += score.iou_sum, pictures += score.pictures;
     if (score.pictures > 0 && score.worst <= worst) worst = score.worst, worst_picture = score.worst_picture;
+  }
+  if (pictures == 0) {
+    result->exit = kExitQualityGate;
+    result->errors.push_back(
+        {"MSK-TRUTH", "not one mask was compared with an exact one", "--truth CAMERA=FOLDER, named by frame"});
+    return;
   }
   result->metrics["truth"] = {{"pictures", pictures},
                               {"mean_iou", FiniteOrNull(pictures ? sum / pictures : std::nan(""))},
@@ -187,6 +199,12 @@ void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const 
   result->metrics["disagreeing_cameras"] = named;
   result->metrics["per_camera"] = per_camera;
   Warn(job, masks, result);
+  const auto is_empty = [](const app::MaskCameraResult& r) { return r.take.empty == r.take.pictures; };
+  if (std::all_of(masks.cameras.begin(), masks.cameras.end(), is_empty)) {
+    result->exit = kExitQualityGate;
+    result->errors.push_back({"MSK-NOBODY", "every mask of every camera is empty: nobody was found",
+                              "is anybody in view? otherwise give joints, a clean --plate, or another --backend"});
+  }
   AddTruth(arguments, folder, result);
 }
 
@@ -202,7 +220,8 @@ void FillFromSession(const app::TakeInput& take, app::MaskArguments* arguments) 
 CommandResult RunMask(app::MaskArguments arguments, CommandContext& context) {
   const auto start = std::chrono::steady_clock::now();
   CommandResult result;
-  const app::TakeInput take = app::ReadTakeInput(arguments.take, &result);
+  app::TakeInput take = app::ReadTakeInput(arguments.take, &result);
+  app::LeaveOutUncalibrated(arguments.calib.empty() ? take.calibration : arguments.calib, &take, &result);
   FillFromSession(take, &arguments);
   AtomicFolder folder(arguments.out, arguments.run.overwrite,
                       Joined(Joined(PathsOf(take.footage), PathsIn(arguments.pose2d)), {arguments.pose3d, arguments.calib}));

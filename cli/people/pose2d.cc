@@ -96,6 +96,15 @@ void AddCamera(const app::CameraPoses& camera, CommandResult* result) {
     result->exit = kExitPartial;
     result->warnings.push_back({"POSE-CAMERA", camera.track.camera + ": " + camera.failure, "the other cameras were done"});
   }
+  const bool nothing = camera.failure.empty() && camera.frames == 0;
+  if (nothing) {
+    result->exit = kExitPartial;
+    result->warnings.push_back({"POSE-CAMERA",
+                                camera.track.camera + " gives nothing: " +
+                                    (camera.damage.empty() ? "its footage has no frame" : camera.damage.front()),
+                                "copy its footage again; the other cameras were done"});
+    return;
+  }
   for (const std::string& line : camera.damage) {
     result->exit = kExitPartial;
     result->warnings.push_back({"POSE-FRAMES", camera.track.camera + ": " + line, "the other frames were used"});
@@ -153,7 +162,7 @@ std::string Summary(const Detected& detected, const std::string& out) {
   std::string text =
       Format("%s: people in %d of %d images, %.2f s an image and thread; skeleton %s, in %s", detected.backend.c_str(),
              with_people, frames, frames ? seconds / frames : 0, detected.skeleton.name.c_str(), out.c_str());
-  if (detected.agreement.json.empty()) return text;
+  if (detected.agreement.json.empty() || !std::isfinite(detected.agreement.median_px)) return text;
   return text + Format("\none camera left out: median %.2f px, p90 %.2f px; %.1f %% of the joints triangulated",
                        detected.agreement.median_px, detected.agreement.p90_px, 100 * detected.agreement.share_ok);
 }
@@ -172,11 +181,21 @@ void CheckAnything(const Detected& detected, CommandResult* result) {
   const auto& cameras = detected.cameras;
   if (std::all_of(cameras.begin(), cameras.end(), failed))
     throw FormatError(cameras.empty() ? "" : cameras[0].failure, "", "no camera's footage could be used");
+  if (std::all_of(cameras.begin(), cameras.end(), [](const app::CameraPoses& c) { return c.frames == 0; }))
+    throw FormatError(cameras[0].track.camera, "", "no camera's footage gives a single frame");
   const auto seen = [](const app::CameraPoses& c) { return c.frames_with_people > 0; };
   if (std::any_of(cameras.begin(), cameras.end(), seen)) return;
   result->exit = kExitQualityGate;
   result->errors.push_back(
       {"POSE-NOBODY", "nobody was found in any image", "look at the overlay images; try another --backend"});
+}
+
+/// Keypoints of which no camera's are explained by the others' are no result.
+void CheckAgreement(const app::PoseAgreement& agreement, CommandResult* result) {
+  if (agreement.share_ok > 0 || result->exit == kExitQualityGate) return;
+  result->exit = kExitQualityGate;
+  result->errors.push_back({"POSE-NO-AGREEMENT", "not one joint could be triangulated: the cameras' keypoints agree on nothing",
+                            "is the calibration of these cameras, and was the footage taken at the same time?"});
 }
 
 CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
@@ -206,7 +225,10 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   CheckSizes(detected.cameras, rig, &result);
   detected.agreement =
       app::MeasureAgreement(TracksOf(detected.cameras), detected.skeleton, rig, arguments.options.max_persons, run);
-  if (!detected.agreement.json.empty()) result.metrics["agreement"] = detected.agreement.json;
+  if (!detected.agreement.json.empty()) {
+    result.metrics["agreement"] = detected.agreement.json;
+    CheckAgreement(detected.agreement, &result);
+  }
   Write(detected, folder);
   result.folder = out;
   for (const app::CameraPoses& camera : detected.cameras) {

@@ -145,7 +145,10 @@ std::optional<app::FoundTake> FillFromSession(Arguments* arguments, CommandResul
   if (!found) return found;
   if (arguments->out.empty()) arguments->out = dataset::TakeFolder(found->session, "sync", found->take.name);
   if (arguments->fps <= 0) arguments->fps = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
-  if (arguments->from == "poses") app::FillPoses(*found, arguments->session, &arguments->pose);
+  if (arguments->from != "poses") return found;
+  const bool own = !arguments->pose.pose2d.empty();
+  app::FillPoses(*found, arguments->session, &arguments->pose);
+  if (!own) app::LeaveOutUncalibrated(&arguments->pose, result);
   return found;
 }
 

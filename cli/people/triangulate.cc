@@ -270,7 +270,9 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.timing.session, &arguments.pose, &result);
   const auto found = arguments.project.empty() ? app::FindTake(arguments.timing.session, &result) : std::nullopt;
   if (found) {
+    const bool own = !arguments.pose.pose2d.empty();
     app::FillPoses(*found, arguments.timing.session, &arguments.pose);
+    if (!own) app::LeaveOutUncalibrated(&arguments.pose, &result);
     if (arguments.out.empty()) arguments.out = dataset::TakeFolder(found->session, "pose3d", found->take.name);
   }
   if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");

@@ -67,7 +67,8 @@ double MedianRms(const Pose3d& pose) {
 }
 
 std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& rig, const std::map<int, People>& poses,
-                                double joint_rms_px, const std::string& folder) {
+                                double joint_rms_px, const std::string& folder,
+                                const std::map<std::string, internal::GivenMasks>& masks) {
   std::vector<CameraJob> jobs;
   for (const CameraFootage& footage : inputs.footage) {
     const int idx = rig.Find(footage.camera);
@@ -82,6 +83,8 @@ std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& 
     job.camera = rig.cameras[idx];
     job.poses = &poses;
     job.joint_rms_px = joint_rms_px;
+    const auto given = masks.find(footage.camera);
+    job.masks = given == masks.end() ? nullptr : &given->second;
     job.folder = folder;
     jobs.push_back(job);
   }
@@ -126,6 +129,11 @@ Json CameraEntry(const CameraResult& r, const CameraJob& job, bool masks) {
   entry["images"] = r.built.images;
   if (!r.gaps.empty()) entry["without_picture"] = r.gaps;
   if (!masks) return entry;
+  if (job.masks) {
+    entry["mask"] = {{"method", "given"}, {"mean_area_fraction", r.built.mean_area_fraction}};
+    if (!r.built.without_mask.empty()) entry["without_mask"] = r.built.without_mask;
+    return entry;
+  }
   entry["mask"] = {{"method", job.footage.plate.empty() ? "background-cut/take" : "background-cut/plate"},
                    {"background_known", r.built.background_known},
                    {"mean_area_fraction", r.built.mean_area_fraction},
@@ -190,6 +198,18 @@ void AddGaps(const CameraResult& r, BuildReport* report) {
   for (size_t i = 1; i < std::min<size_t>(r.gaps.size(), 8); ++i) text += ", " + std::to_string(r.gaps[i]);
   report->warnings.push_back({"DAT-INSTANTS", text + (r.gaps.size() > 8 ? ", …" : ""),
                               "the camera dropped frames, or they are damaged; see the timeline"});
+}
+
+/// Counts the masks that were taken, and names the time steps that have none.
+void AddGivenMasks(const BuiltCamera& c, const std::string& folder, BuildReport* report) {
+  const std::vector<int>& without = c.without_mask;
+  report->given_masks += c.images - static_cast<int>(without.size());
+  if (without.empty()) return;
+  std::string text = "camera " + c.alias + ": " + folder + " has no mask of " + std::to_string(without.size()) + " of " +
+                     std::to_string(c.images) + " images: " + std::to_string(without.front());
+  for (size_t i = 1; i < std::min<size_t>(without.size(), 8); ++i) text += ", " + std::to_string(without[i]);
+  report->warnings.push_back(
+      {"DAT-MASK-MISSING", text + (without.size() > 8 ? ", …" : ""), "these images have no mask in the dataset"});
 }
 
 /// Two joints of Panoptic's 19 in some frame.
@@ -286,8 +306,8 @@ std::optional<OwnJoints> OwnJointsOf(const BuildInputs& inputs, const Pose3d& po
 
 /// Masks are shaped by people's limbs.
 BuildOptions WithPossibleMasks(BuildOptions options, const std::optional<OwnJoints>& own, const std::map<int, People>& poses,
-                               BuildReport* report) {
-  if (!options.masks || !own || own->skeleton.human) return options;
+                               bool given, BuildReport* report) {
+  if (!options.masks || given || !own || own->skeleton.human) return options;
   if (own->skeleton.bones.empty() && HasLimbs(poses)) return options;  // points with people's names
   options.masks = false;
   report->warnings.push_back(
@@ -307,9 +327,10 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   report.world = pose.world;
   const std::map<int, People> poses = ToCoco19(pose);
   const std::optional<OwnJoints> own = OwnJointsOf(inputs, pose, &report);
-  const BuildOptions options = WithPossibleMasks(wanted, own, poses, &report);
+  const auto given = wanted.masks ? internal::FindGivenMasks(inputs) : std::map<std::string, internal::GivenMasks>{};
+  const BuildOptions options = WithPossibleMasks(wanted, own, poses, !given.empty(), &report);
   AtomicFolder folder(out, wanted.overwrite, InputsOf(inputs));
-  std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path());
+  std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path(), given);
   internal::RequireSizes(jobs, inputs.calibration, options);
   CheckViews(inputs, jobs, pose, &report);
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
@@ -326,8 +347,13 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
     report.images += r.built.images;
     report.warnings.insert(report.warnings.end(), r.warnings.begin(), r.warnings.end());
     AddGaps(r, &report);
+    if (!given.empty()) AddGivenMasks(r.built, inputs.masks, &report);
     if (options.masks) WarnOfWeakMasks(r.built, &report.warnings);
   }
+  if (!given.empty()) report.masks = given.begin()->second.meaning;
+  if (!given.empty() && report.given_masks == 0)
+    throw FormatError(inputs.masks, "",
+                      "no mask there has the number of a frame that is built: names must end in frame numbers");
   NoteOffsets(inputs, rig, &report);
   const double frame_rate_hz = TakeFrameRate(results, options, &report.warnings);
   WritePanopticCalibration(built_rig, folder.work_path() + "/calibration_" + options.sequence + ".json",

@@ -6,6 +6,7 @@
 
 #include "core/choice/option_group.h"
 #include "core/progress.h"
+#include "dataset/footage/mask_io.h"
 #include "dataset/masks/masks.h"
 #include "dataset/masks/size_rule.h"
 #include "dataset/time/timeline.h"
@@ -26,6 +27,7 @@ struct BuildInputs {
   std::vector<CameraFootage> footage;
   std::string pose3d;            ///< folder with points.csv, or a .trc or .c3d file
   std::string marker_unit = {};  ///< m, cm, mm or in, instead of what such a file states
+  std::string masks = {};        ///< folder with a folder of masks for each camera, instead of making them; may be empty
   std::string skeleton = {};     ///< name or file of the joints' skeleton, instead of what `pose3d` states; may be empty
 };
 
@@ -45,7 +47,6 @@ struct BuildOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, BuildOptions& o) {
   visit("sequence", o.sequence, "name of the sequence, as in calibration_<sequence>.json");
-  visit("masks", o.masks, "make foreground masks");
   visit("png", o.png, "keep images without loss instead of as JPEG");
   visit("jpeg-quality", o.jpeg_quality, "0..100");
   visit("frame-rate", o.frame_rate_hz, "Hz; frame rate of image folders; videos state their own");
@@ -71,6 +72,7 @@ struct BuiltCamera {
   double background_known = 0;  ///< fraction of the picture whose background was seen
   double mean_area_fraction = 0;
   int joints = 0, joints_on_mask = 0, joints_supported = 0;
+  std::vector<int> without_mask = {};  ///< time steps with an image, for which no mask was given
 };
 
 /// Time steps with joints for which a camera has no picture.
@@ -86,6 +88,8 @@ struct BuildReport {
   std::vector<BuiltCamera> cameras;
   std::vector<BuildGaps> gaps;  ///< cameras with gaps; if there are any, the dataset is partial
   std::vector<BuildWarning> warnings;
+  int given_masks = 0;                           ///< that were taken from BuildInputs::masks
+  MaskMeaning masks = {};                        ///< how those were read
   std::string skeleton;                          ///< of the joints that are written beside Panoptic's 19; empty: none are
   std::vector<std::string> joints_beside;        ///< joints with points that give none of the 19
   std::string marker_unit = {}, marker_up = {};  ///< of a .trc or .c3d file: its unit of length, and "y" or "z"; else empty

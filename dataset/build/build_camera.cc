@@ -198,6 +198,12 @@ void AddToReport(const BodyMask& mask, BuiltCamera* built) {
   built->joints_supported += mask.joints_supported;
 }
 
+double AreaFraction(const Image& mask) {
+  double sum = 0;
+  for (const uint8_t value : mask.pixels) sum += value;
+  return sum / (255.0 * static_cast<double>(mask.pixels.size()));
+}
+
 /// Second pass: pictures and masks of the time steps that have joints.
 void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model,
                  const BuildOptions& options, BuiltCamera* built) {
@@ -212,7 +218,15 @@ void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const 
       if (rgb.empty()) rgb = source->Picture();
       const std::string name = FrameName(job.name, instant);
       WriteImage(rgb, images + name + (options.png ? ".png" : ".jpg"), options.jpeg_quality);
-      if (model) {
+      if (job.masks) {
+        const Image mask = GivenMask(*job.masks, frame->number, rgb.width, rgb.height);
+        if (mask.empty()) {
+          built->without_mask.push_back(instant);
+        } else {
+          WriteImage(mask, masks + name + ".png");
+          built->mean_area_fraction += AreaFraction(mask);
+        }
+      } else if (model) {
         const BodyMask mask = SegmentBody(rgb, ProjectBody(people->second, camera, options.mask), *model, options.mask);
         WriteImage(mask.mask, masks + name + ".png");
         AddToReport(mask, built);
@@ -259,7 +273,7 @@ CameraResult Build(const CameraJob& job, const BuildOptions& options) {
   result.built.alias = job.footage.camera;
   result.built.size_rule = result.size.rule.name;
   CameraMaskModel model;
-  const bool masks = options.masks && !samples.frames.empty();
+  const bool masks = options.masks && !job.masks && !samples.frames.empty();
   if (masks) {
     model = Learn(job, samples, result.camera, options.mask);
     result.built.background_known = model.background.KnownFraction();

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "dataset/build/build.h"
+#include "dataset/build/given_masks.h"
 #include "dataset/masks/size_rule.h"
 #include "dataset/pose/pose3d.h"
 
@@ -19,9 +20,10 @@ struct CameraJob {
   std::string name;            ///< Panoptic's
   geometry::RigCamera camera;  ///< as calibrated
   const std::map<int, People>* poses = nullptr;
-  double joint_rms_px = 0;         ///< median reprojection error of the joints
-  std::string folder;              ///< of the dataset under construction
-  std::function<void()> on_image;  ///< after each picture
+  const GivenMasks* masks = nullptr;  ///< null: they are made
+  double joint_rms_px = 0;            ///< median reprojection error of the joints
+  std::string folder;                 ///< of the dataset under construction
+  std::function<void()> on_image;     ///< after each picture
 };
 
 struct CameraResult {

@@ -360,11 +360,13 @@ ColourMatch MatchDatasetColours(const PanopticDataset& dataset, const ColourMatc
     const std::string name = dataset.Resolve(options.reference);
     if (!name.empty()) resolved.reference = name;
   }
-  const auto read = [](const std::string& path, bool grey) {
-    return std::filesystem::exists(path) ? ReadImage(path, grey) : Image();
+  const PictureSource pictures = [&](int c, int frame) {
+    const std::string path = dataset.ImagePath(names[c], frame);
+    return std::filesystem::exists(path) ? ReadImage(path) : Image();
   };
-  const PictureSource pictures = [&](int c, int frame) { return read(dataset.ImagePath(names[c], frame), false); };
-  const PictureSource masks = [&](int c, int frame) { return read(dataset.MaskPath(names[c], frame), true); };
+  const PictureSource masks = [&](int c, int frame) {
+    return std::filesystem::exists(dataset.MaskPath(names[c], frame)) ? dataset.ReadMask(names[c], frame) : Image();
+  };
   return MatchColours(SampleSurfaceColours(dataset.rig, dataset.poses, pictures, masks, resolved, run), names, resolved);
 }
 

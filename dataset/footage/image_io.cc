@@ -117,6 +117,37 @@ void RequireProportion(const ImageHeader& header, size_t file_bytes, const std::
                         std::to_string(file_bytes) + " bytes: an image of one colour; refused");
 }
 
+struct Decoded {
+  ImageHeader header;
+  cv::Mat mat;
+};
+
+/// The pixels as stored; `flags`: OpenCV's way to convert. The whole file is checked.
+Decoded Decode(const std::string& path, int flags) {
+  CheckFileSize(path);
+  std::string bytes = ReadFile(path);
+  if (bytes.empty()) throw FormatError(path, "", "the file is empty");
+  Decoded file{internal::ParseImageHeader({bytes, bytes}, path), {}};
+  if (file.header.codec == "png") {
+    RequireProportion(file.header, bytes.size(), path);
+    CheckPng(bytes, path);
+  }
+  if (file.header.codec == "jpeg") CheckJpeg(bytes, path);
+  if (file.header.codec == "tiff") bytes = internal::WithoutTiffOrientation(std::move(bytes));
+  try {
+    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, bytes.data());
+    // OpenCV knows no combination of IMREAD_UNCHANGED; it ignores the orientation by itself.
+    file.mat = cv::imdecode(raw, flags == cv::IMREAD_UNCHANGED ? flags : flags | cv::IMREAD_IGNORE_ORIENTATION);
+  } catch (const cv::Exception& error) {
+    throw FormatError(path, "", "cannot decode the image: " + error.err);
+  }
+  const bool swap = file.header.turn.swaps_sides();
+  const int64_t width = swap ? file.header.height : file.header.width, height = swap ? file.header.width : file.header.height;
+  if (file.mat.cols != width || file.mat.rows != height)
+    throw FormatError(path, "", "cannot decode the image; the file is damaged");
+  return file;
+}
+
 }  // namespace
 
 int64_t MaxPixels() {
@@ -142,28 +173,38 @@ ImageHeader ReadImageHeader(const std::string& path) {
 }
 
 Image ReadImage(const std::string& path, bool grey, bool as_stored) {
-  CheckFileSize(path);
-  std::string bytes = ReadFile(path);
-  if (bytes.empty()) throw FormatError(path, "", "the file is empty");
-  const ImageHeader header = internal::ParseImageHeader({bytes, bytes}, path);
-  if (header.codec == "png") {
-    RequireProportion(header, bytes.size(), path);
-    CheckPng(bytes, path);
+  Decoded file = Decode(path, grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR);
+  if (!grey) cv::cvtColor(file.mat, file.mat, cv::COLOR_BGR2RGB);
+  return as_stored ? FromMat(file.mat) : Turned(FromMat(file.mat), file.header.turn);
+}
+
+Image ReadImageWithAlpha(const std::string& path) {
+  const Decoded file = Decode(path, cv::IMREAD_UNCHANGED);
+  if (file.mat.channels() != 4) return ReadImage(path);
+  cv::Mat mat = file.mat;
+  if (mat.depth() == CV_16U) mat.convertTo(mat, CV_8U, 1.0 / 257);
+  cv::cvtColor(mat, mat, cv::COLOR_BGRA2RGBA);
+  return Turned(FromMat(mat), file.header.turn);
+}
+
+RawImage ReadRawImage(const std::string& path) {
+  const Decoded file = Decode(path, cv::IMREAD_UNCHANGED);
+  if (file.header.turn.any())
+    throw FormatError(path, "orientation", "asks for " + ToText(file.header.turn) + ": write the image turned, without the tag");
+  RawImage raw;
+  raw.width = file.mat.cols, raw.height = file.mat.rows, raw.channels = file.mat.channels();
+  cv::Mat wide;
+  file.mat.convertTo(wide, CV_16U);
+  if (raw.channels >= 3) cv::cvtColor(wide, wide, raw.channels == 4 ? cv::COLOR_BGRA2RGBA : cv::COLOR_BGR2RGB);
+  const size_t row = static_cast<size_t>(raw.width) * raw.channels;
+  raw.values.resize(row * raw.height);
+  for (int y = 0; y < raw.height; ++y) std::copy_n(wide.ptr<uint16_t>(y), row, raw.values.begin() + y * row);
+  raw.most = file.mat.depth() == CV_16U ? 65535 : 255;
+  if (raw.channels == 1 && file.header.codec == "png" && file.header.bits < 8) {  // the decoder spreads them over 0..255
+    raw.most = (1 << file.header.bits) - 1;
+    for (uint16_t& value : raw.values) value = static_cast<uint16_t>(value * raw.most / 255);
   }
-  if (header.codec == "jpeg") CheckJpeg(bytes, path);
-  if (header.codec == "tiff") bytes = internal::WithoutTiffOrientation(std::move(bytes));
-  cv::Mat mat;
-  try {
-    const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, bytes.data());
-    mat = cv::imdecode(raw, (grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR) | cv::IMREAD_IGNORE_ORIENTATION);
-    if (!mat.empty() && !grey) cv::cvtColor(mat, mat, cv::COLOR_BGR2RGB);
-  } catch (const cv::Exception& error) {
-    throw FormatError(path, "", "cannot decode the image: " + error.err);
-  }
-  const bool swap = header.turn.swaps_sides();
-  if (mat.cols != (swap ? header.height : header.width) || mat.rows != (swap ? header.width : header.height))
-    throw FormatError(path, "", "cannot decode the image; the file is damaged");
-  return as_stored ? FromMat(mat) : Turned(FromMat(mat), header.turn);
+  return raw;
 }
 
 std::string EncodeImage(const Image& image, const std::string& path, int jpeg_quality) {

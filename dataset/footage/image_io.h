@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "core/image.h"
 #include "dataset/footage/picture_turn.h"
@@ -25,6 +26,18 @@ ImageHeader ReadImageHeader(const std::string& path);
 /// turned and mirrored as EXIF's or TIFF's orientation says, unless `as_stored`. Throws IoError / FormatError, also for more
 /// than MaxPixels() or sides beyond 65535, files beyond 1 GiB and JPEG of more than 500 scans.
 Image ReadImage(const std::string& path, bool grey = false, bool as_stored = false);
+/// The same, but with four channels (R, G, B and opacity, not premultiplied) where the file has opacity.
+Image ReadImageWithAlpha(const std::string& path);
+
+/// A file's own numbers, of 1 to 16 bits.
+struct RawImage {
+  int width = 0, height = 0, channels = 0;
+  int most = 255;                // largest number that the file can hold: 1, 3, 15, 255 or 65535
+  std::vector<uint16_t> values;  // (height, width, channels): grey; R, G, B; or R, G, B and opacity
+};
+/// Palettes come as their colours. Throws as ReadImage.
+RawImage ReadRawImage(const std::string& path);
+
 /// Writes PNG, or JPEG with `jpeg_quality`, by extension, atomically. Four channels are R, G, B and opacity, not
 /// premultiplied: PNG only.
 void WriteImage(const Image& image, const std::string& path, int jpeg_quality = 95);

@@ -124,6 +124,7 @@ class Builder {
     report_.threads = ResolveThreads(run.num_threads);
     report_.undistortion = StateUndistortion(plan_);
     report_.missing = plan_.missing;
+    if (plan_.masks) report_.masks = plan_.dataset.Masks();
     report_.frames_without_person = plan_.frames_without_person;
     report_.colour_status = plan_.colour.status;
     report_.colour_reason = plan_.options.match_colours ? plan_.colour.reason : "";

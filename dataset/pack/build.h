@@ -8,6 +8,7 @@
 #include "core/progress.h"
 #include "core/status.h"
 #include "dataset/colour/colour_match.h"
+#include "dataset/footage/mask_io.h"
 #include "dataset/pack/codec.h"
 #include "dataset/panoptic/missing.h"
 #include "dataset/views/undistort.h"
@@ -77,6 +78,7 @@ struct PackBuildReport {
   int num_shards = 0;                          ///< of the pack
   std::vector<int> built, kept, busy;          ///< shards made now, found finished, being made by another process
   std::vector<std::string> notes;              ///< why a shard was made again
+  MaskMeaning masks = {};                      ///< how the masks were read; nothing after a merge
   std::vector<std::string> skipped;            ///< pictures left out: "camera 00_03, frame 17: no image"
   MissingPictures missing;                     ///< of the whole pack's pictures and masks; nothing after a merge
   int frames_without_person = 0;               ///< that were asked for; nothing after a merge

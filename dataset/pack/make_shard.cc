@@ -70,8 +70,7 @@ std::string InputsLine(const PackPicture& picture, const InputFiles& files) {
          "\n";
 }
 
-Image Decode(const std::string& path, bool grey, const geometry::Camera& camera) {
-  Image image = ReadImage(path, grey);
+Image Checked(Image image, const std::string& path, const geometry::Camera& camera) {
   if (image.width == camera.width_px && image.height == camera.height_px) return image;
   throw FormatError(path, "",
                     "is " + std::to_string(image.width) + "x" + std::to_string(image.height) + ", the calibration says " +
@@ -113,8 +112,9 @@ EncodedPicture Encode(const PackPlan& plan, const ShardTools& tools, const PackP
   Pictures source;
   {
     const Stopwatch watch(&times.decode_s);
-    source.image = Decode(encoded.files.image, false, camera.camera);
-    if (!encoded.files.mask.empty()) source.mask = Decode(encoded.files.mask, true, camera.camera);
+    const InputFiles& files = encoded.files;
+    source.image = Checked(ReadImage(files.image), files.image, camera.camera);
+    if (!files.mask.empty()) source.mask = Checked(ReadMask(files.mask, plan.dataset.Masks()), files.mask, camera.camera);
   }
   if (plan.options.match_colours && !plan.colour.cameras.empty()) {
     const Stopwatch watch(&times.resample_s);

@@ -234,6 +234,9 @@ std::string PlanJson(const PackPlan& plan, const std::optional<Split>& split) {
   AddView(plan, &json);
   json["codec"] = ToString(plan.options.codec);
   json["mask_codec"] = plan.masks ? "png" : "none";
+  const MaskMeaning masks = plan.masks ? plan.dataset.Masks() : MaskMeaning{};
+  if (masks.from_alpha) json["masks_in"] = "opacity";
+  if (masks.form == MaskMeaning::Form::kLabels) json["mask_values"] = "labels";
   json["person"] = plan.options.person;
   const std::vector<std::string> names = geometry::CameraNames(plan.dataset.rig);
   json["aliases"] = plan.dataset.aliases;

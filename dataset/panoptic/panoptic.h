@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "dataset/footage/mask_io.h"
 #include "dataset/panoptic/own_joints.h"
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
@@ -56,6 +57,11 @@ struct PanopticDataset {
   std::string Resolve(const std::string& camera) const;
   std::string ImagePath(const std::string& camera, int frame) const;  ///< hdImgs/00_NN/00_NN_%08d.jpg (or .png)
   std::string MaskPath(const std::string& camera, int frame) const;   ///< masks/00_NN/00_NN_%08d.png
+  /// What the numbers of all masks of the folder mean; decided when first asked for.
+  const MaskMeaning& Masks() const { return mask_folder.Of(root + "/masks"); }
+  Image ReadMask(const std::string& camera, int frame) const { return dataset::ReadMask(MaskPath(camera, frame), Masks()); }
+
+  MaskFolder mask_folder = {};
 };
 
 /// True for `%02d_%02d`; then returns the panel and node numbers.

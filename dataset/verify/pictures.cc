@@ -60,19 +60,6 @@ ProjectedJoints ProjectJoints(const Body3dScene& scene, const geometry::RigCamer
   return out;
 }
 
-struct MaskCheck {
-  bool binary = true, empty = true;
-};
-
-MaskCheck CheckMask(const Image& mask) {
-  MaskCheck check;
-  for (const uint8_t p : mask.pixels) {
-    check.binary &= p == 0 || p == 255;
-    check.empty &= p == 0;
-  }
-  return check;
-}
-
 /// State of one camera's check.
 struct Checker {
   const geometry::RigCamera& camera;
@@ -80,8 +67,9 @@ struct Checker {
   geometry::Projector projector;
   FootageCheck counts;
   int valid = 0, in_image = 0, on_mask = 0, on_some_mask = 0;
-  std::vector<int> empty_masks;
-  std::set<std::string> told;
+  const std::optional<MaskMeaning>& masks;
+  std::vector<int> empty_masks = {};
+  std::set<std::string> told = {};
 
   const std::string& name() const { return camera.camera.name; }
 
@@ -113,17 +101,21 @@ struct Checker {
   void Mask(const std::string& path, int frame, const ProjectedJoints& joints) {
     Image mask;
     try {
-      mask = ReadImage(path, true);
+      mask = masks ? ReadMask(path, *masks) : ReadImage(path, true);
     } catch (const FormatError& error) {
-      findings->Error("DAT-MASK", path, WithoutPath(error));
+      if (error.where() == "values") {
+        Once("DAT-MASK-BINARY", path, WithoutPath(error));
+      } else {
+        findings->Error("DAT-MASK", path, WithoutPath(error));
+      }
       return;
     }
     ++counts.masks;
     Size(mask, path, "DAT-MASK-SIZE");
     if (mask.width != camera.camera.width_px || mask.height != camera.camera.height_px) return;
-    const MaskCheck check = CheckMask(mask);
-    if (!check.binary) Once("DAT-MASK-BINARY", path, "holds values other than 0 and 255");
-    if (check.empty && !joints.px.empty()) empty_masks.push_back(frame);
+    if (!masks) return;
+    const bool empty = std::all_of(mask.pixels.begin(), mask.pixels.end(), [](uint8_t p) { return p == 0; });
+    if (empty && !joints.px.empty()) empty_masks.push_back(frame);
     for (const Eigen::Vector2d& px : joints.px) {
       const int x = std::clamp(int(std::lround(px.x())), 0, mask.width - 1),
                 y = std::clamp(int(std::lround(px.y())), 0, mask.height - 1);
@@ -177,11 +169,28 @@ void PicturesAlone(const PanopticFootage& footage, const VerifyOptions& options,
 
 }  // namespace
 
+std::optional<MaskMeaning> VerifyMaskValues(const PanopticSequence& sequence, Findings* findings) {
+  const std::string folder = sequence.root + "/masks";
+  try {
+    const MaskMeaning meaning = MaskFolder().Of(folder);
+    std::string text = meaning.Text();
+    if (meaning.form == MaskMeaning::Form::kSoft && text.empty())
+      text = "soft masks: values between 0 and 255 are shares of a pixel";
+    if (meaning.form == MaskMeaning::Form::kNobody) text.clear();  // told by camera and frame
+    if (!text.empty()) findings->Warning("DAT-MASK-BINARY", folder, text + "; other programs may read them otherwise");
+    return meaning;
+  } catch (const FormatError& error) {
+    findings->Error("DAT-MASK-BINARY", error.path(), WithoutPath(error));
+    return std::nullopt;
+  }
+}
+
 FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
-                            const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings) {
+                            const std::map<int, Body3dScene>& scenes, const std::optional<MaskMeaning>& mask_values,
+                            const VerifyOptions& options, Findings* findings) {
   const std::string& name = camera.camera.name;
   const std::string masks = sequence.root + "/masks/" + name;
-  Checker checker{camera, findings, geometry::Projector(camera.camera), {}, 0, 0, 0, 0, {}, {}};
+  Checker checker{camera, findings, geometry::Projector(camera.camera), {}, 0, 0, 0, 0, mask_values};
   checker.counts.frames = static_cast<int64_t>(footage.pictures.size());
   if (scenes.empty()) {
     PicturesAlone(footage, options, &checker);

@@ -134,6 +134,7 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
   std::vector<Findings> by_camera(cameras.size());
   std::vector<FootageCheck> checks(cameras.size());
   const std::map<int, Body3dScene> none;
+  const std::optional<MaskMeaning> masks = internal::VerifyMaskValues(sequence, findings);
   ProgressStage stage(run, "pictures", static_cast<int64_t>(cameras.size()));
   std::mutex mutex;
   ParallelFor(static_cast<int64_t>(cameras.size()), run.num_threads, [&](int64_t i) {
@@ -141,8 +142,9 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
     const PanopticFootage& footage = sequence.footage.at(cameras[k].camera.name);
     const PanopticKind kind = KindOf(cameras[k].camera.name);
     const auto& scenes = kind == PanopticKind::kHd ? hd : kind == PanopticKind::kVga ? vga : none;
-    checks[k] = footage.is_video ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
-                                 : internal::VerifyPictures(sequence, cameras[k], footage, scenes, options, &by_camera[k]);
+    checks[k] = footage.is_video
+                    ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
+                    : internal::VerifyPictures(sequence, cameras[k], footage, scenes, masks, options, &by_camera[k]);
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
   });

@@ -4,10 +4,12 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/image.h"
+#include "dataset/footage/mask_io.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/sequence.h"
 #include "dataset/verify/findings.h"
@@ -43,9 +45,14 @@ struct FootageCheck {
   int no_picture = 0, no_mask = 0;              ///< frames with joints without a picture; with a picture and without a mask
   std::map<int, Thumbnail> thumbnails;          ///< of a few frames
 };
-/// Checks pictures or the video, and masks, of one camera. `scenes`: of its kind.
+/// Reports masks of other values than 0 and 255; null where they contradict each other or are no masks.
+std::optional<MaskMeaning> VerifyMaskValues(const PanopticSequence& sequence, Findings* findings);
+
+/// Checks pictures or the video, and masks, of one camera. `scenes`: of its kind. Without `masks`, what masks show is not
+/// looked at.
 FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
-                            const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
+                            const std::map<int, Body3dScene>& scenes, const std::optional<MaskMeaning>& masks,
+                            const VerifyOptions& options, Findings* findings);
 FootageCheck VerifyVideo(const geometry::RigCamera& camera, const PanopticFootage& footage,
                          const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
 

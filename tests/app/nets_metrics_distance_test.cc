@@ -6,6 +6,7 @@
 
 #include "app/nets/metrics_distance.h"
 #include "avatar/data/safetensors.h"
+#include "core/disk/npy_write.h"
 #include "core/error.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
@@ -85,6 +86,30 @@ TEST(MetricsDistance, OfGaussiansWithKnownMoments) {
   EXPECT_EQ(result.name, "FD (unnamed)");
   EXPECT_NEAR(Compare(folder, "a.npy", "a.npy").fd, 0, 1e-9);
   EXPECT_GT(result.floor, 0) << "halves of a set of four differ";
+}
+
+TEST(MetricsDistance, StatisticsStandForTheirSet) {
+  const TempDir folder;
+  PutNpy(folder / "a.npy", Cross(0, 0, 3, 1)), PutNpy(folder / "b.npy", Cross(2, -1, 1.5, 2.5));
+  const WrittenStatistics written = WriteStatistics({folder / "a.npy", {}}, "", {}, folder / "a.npz", OneThread());
+  EXPECT_EQ(written.n, 4);
+  EXPECT_EQ(written.d, 2);
+  EXPECT_NEAR(Compare(folder, "a.npz", "a.npz").fd, 0, 1e-12);
+  EXPECT_NEAR(Compare(folder, "a.npz", "a.npy").fd, 0, 1e-12);
+  const DistanceResult result = Compare(folder, "b.npy", "a.npz");
+  EXPECT_NEAR(result.fd, Compare(folder, "a.npy", "b.npy").fd, 1e-9);
+  EXPECT_TRUE(std::isnan(result.kid)) << "moments do not give it";
+  EXPECT_EQ(result.n_b, 4);
+}
+
+TEST(MetricsDistance, ArchivesOfSomethingElseAreCalledThat) {
+  const TempDir folder;
+  PutNpy(folder / "a.npy", Cross(0, 0, 3, 1));
+  const std::string zero = NpyOfDoubles({2}, {0, 0});
+  Put(folder / "motion.npz", NpzOf({{"poses", zero}, {"trans", zero}}));
+  Put(folder / "odd.npz", NpzOf({{"mu", zero}, {"sigma", zero}}));
+  EXPECT_THAT(Refused(folder, "motion.npz", "a.npy"), HasSubstr("AMASS"));
+  EXPECT_THAT(Refused(folder, "odd.npz", "a.npy"), HasSubstr("mu, sigma"));
 }
 
 TEST(MetricsDistance, FeaturesThatCannotBeComparedAreRefusedWithThePlace) {

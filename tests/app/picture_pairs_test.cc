@@ -45,6 +45,38 @@ TEST(PicturePairs, NamesDecideNotExtensions) {
   EXPECT_THAT(pairs.only_in_other, ElementsAre("p4"));
 }
 
+TEST(PicturePairs, FoldersOfCamerasAreRead) {
+  const TempDir folder;
+  for (const char* file : {"a/c1/0.png", "a/c2/0.png", "b/c2/0.png"}) Put(folder / file, "not opened");
+  const PicturePairs pairs = PairPictures(folder / "a", folder / "b", "");
+  ASSERT_EQ(pairs.pairs.size(), 1u);
+  EXPECT_EQ(pairs.pairs[0].name, "c2/0");
+}
+
+TEST(PicturePairs, OpacityLiesOverWhatTheOtherImageShowsThere) {
+  const TempDir folder;
+  Image truth = Noise(32, 32), render(32, 32, 4, 255);
+  for (size_t i = 0; i < 32 * 32; ++i) {
+    const bool clear = i % 32 < 12;
+    for (size_t k = 0; k < 3; ++k) {
+      if (clear) truth.pixels[3 * i + k] = 7;
+      render.pixels[4 * i + k] = clear ? 255 : truth.pixels[3 * i + k];
+    }
+    render.pixels[4 * i + 3] = clear ? 0 : 255;
+  }
+  dataset::WriteImage(truth, folder / "truth.png"), dataset::WriteImage(render, folder / "render.png");
+  PicturePairs pairs = PairPictures(folder / "truth.png", folder / "render.png", "");
+  pairs.backdrop = BackdropOf(pairs.pairs);
+  EXPECT_EQ(ToString(pairs.backdrop), "the colour 7,7,7");
+  ScorePairs(&pairs, {});
+  EXPECT_EQ(pairs.pairs[0].full.ssim, 1);
+  EXPECT_TRUE(pairs.pairs[0].clear);
+  pairs.backdrop = BackdropOf("white");
+  ScorePairs(&pairs, {});
+  EXPECT_LT(pairs.pairs[0].full.ssim, 0.9);
+  EXPECT_THROW(BackdropOf("1,2,300"), UsageError);
+}
+
 TEST(PicturePairs, WhatCannotBePairedIsNamed) {
   const TempDir folder;
   for (const char* file : {"a/p1.png", "b/p2.png", "twice/p1.png", "twice/p1.jpg", "none/x.txt", "masks/q.png"})

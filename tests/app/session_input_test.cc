@@ -6,6 +6,8 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "geometry/lens/camera.h"
+#include "geometry/rig/rig_io.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
@@ -102,6 +104,31 @@ TEST(SessionInput, PosesAndCalibrationAreWhereTheSessionKeepsThem) {
   ASSERT_EQ(pose.pose2d.size(), 2u) << "b has no poses";
   EXPECT_EQ(pose.pose2d[0].name, "a");
   EXPECT_EQ(pose.pose2d[1].path, folder / "pose2d/walk/c");
+}
+
+TEST(SessionInput, ACameraWithoutCalibrationIsNamedAndLeftOut) {
+  const TempDir folder;
+  geometry::Rig rig;
+  for (const char* name : {"a", "b"}) {
+    geometry::RigCamera camera;
+    camera.camera = geometry::MakePinhole(name, 80, 60, 70);
+    rig.cameras.push_back(camera);
+  }
+  geometry::WriteRig(rig, folder / "calibration.json");
+  PoseArguments pose;
+  pose.calib = folder / "calibration.json";
+  pose.pose2d = {{"a", "x"}, {"b", "y"}, {"lost", "z"}};
+  CommandResult result;
+  LeaveOutUncalibrated(&pose, &result);
+  ASSERT_EQ(pose.pose2d.size(), 2u);
+  EXPECT_EQ(result.exit, kExitPartial);
+  ASSERT_EQ(result.warnings.size(), 1u);
+  EXPECT_EQ(result.warnings[0].code, "CAL-LEFTOUT");
+  EXPECT_THAT(result.warnings[0].text, HasSubstr("lost"));
+  LeaveOutUncalibrated(&pose, &result);
+  EXPECT_EQ(result.warnings.size(), 1u) << "nothing more to leave out";
+  pose.pose2d = {{"a", "x"}, {"lost", "z"}};
+  EXPECT_THAT(MessageOf<FormatError>([&] { LeaveOutUncalibrated(&pose, &result); }), HasSubstr("fewer than two"));
 }
 
 TEST(SessionInput, WhatIsGivenIsNotReplacedByTheSessions) {

@@ -157,6 +157,20 @@ TEST_F(VerifyTest, GreyMask) {
   EXPECT_EQ(Only("DAT-MASK-BINARY"), 1);
 }
 
+TEST_F(VerifyTest, MasksOfZeroAndOneAreReadAndSaid) {
+  for (const char* camera : {"00_00", "00_01"}) {
+    for (int frame = 5; frame < 8; ++frame) {
+      const std::string path =
+          Path(std::string("masks/") + camera + "/" + camera + "_0000000" + std::to_string(frame) + ".png");
+      Image mask = ReadImage(path, true);
+      for (uint8_t& value : mask.pixels) value = value > 0;
+      WriteImage(mask, path);
+    }
+  }
+  EXPECT_EQ(Only("DAT-MASK-BINARY"), 1) << "and no DAT-COVER, no DAT-MASK-EMPTY";
+  EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 0);
+}
+
 TEST_F(VerifyTest, MaskOfAnotherSize) {
   WriteImage(Image(40, 30, 1, 255), Mask0(5));
   EXPECT_EQ(Only("DAT-MASK-SIZE"), 1);

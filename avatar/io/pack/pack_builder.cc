@@ -111,24 +111,23 @@ Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) 
   return plan;
 }
 
-Image ReadFor(const Job& job, const std::string& path, const char* what, bool grey) {
-  const std::string name = Name(job.camera->camera.name, job.frame);
-  if (!std::filesystem::exists(path))
-    throw IoError(path, std::string("the ") + what + " of " + name + " was removed meanwhile");
-  Image image = dataset::ReadImage(path, grey);
+Image ReadFor(const dataset::PanopticDataset& data, const Job& job, bool mask) {
+  const std::string &camera = job.camera->camera.name, name = Name(camera, job.frame), what = mask ? "mask" : "picture";
+  const std::string path = mask ? data.MaskPath(camera, job.frame) : data.ImagePath(camera, job.frame);
+  if (!std::filesystem::exists(path)) throw IoError(path, "the " + what + " of " + name + " was removed meanwhile");
+  Image image = mask ? data.ReadMask(camera, job.frame) : dataset::ReadImage(path);
   if (image.width != job.camera->camera.width_px || image.height != job.camera->camera.height_px) {
     throw FormatError(path, "",
-                      std::string(what) + " of " + name + " is " + std::to_string(image.width) + "x" +
-                          std::to_string(image.height) + ", the calibration says " +
-                          std::to_string(job.camera->camera.width_px) + "x" + std::to_string(job.camera->camera.height_px));
+                      what + " of " + name + " is " + std::to_string(image.width) + "x" + std::to_string(image.height) +
+                          ", the calibration says " + std::to_string(job.camera->camera.width_px) + "x" +
+                          std::to_string(job.camera->camera.height_px));
   }
   return image;
 }
 
 // Binary mask of the person as the crop's camera sees it.
 Image CropMask(const dataset::PanopticDataset& data, const Job& job, const geometry::RigCamera& crop) {
-  Image mask =
-      dataset::Resample(ReadFor(job, data.MaskPath(job.camera->camera.name, job.frame), "mask", true), *job.camera, crop);
+  Image mask = dataset::Resample(ReadFor(data, job, true), *job.camera, crop);
   for (uint8_t& value : mask.pixels) value = value >= 128 ? 255 : 0;
   return mask;
 }
@@ -197,7 +196,7 @@ struct Filler {
     const Image mask = CropMask(data, job, crop);
     if (std::count(mask.pixels.begin(), mask.pixels.end(), 255) < kMinPersonPx)
       return "the mask is empty where the person should be";
-    const Image image = ReadFor(job, data.ImagePath(job.camera->camera.name, job.frame), "picture", false);
+    const Image image = ReadFor(data, job, false);
     FillPicture(pack, i, dataset::Resample(image, *job.camera, crop), mask);
     FillPose(pack, i, joints.At(job.frame, *job.pose), crop);
     pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;

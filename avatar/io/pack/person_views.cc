@@ -16,7 +16,7 @@ constexpr double kFill = 0.85;  // of the crop; room for outlines that have to m
 Image Read(const dataset::PanopticDataset& data, const geometry::RigCamera& camera, int frame, bool mask) {
   const std::string& name = camera.camera.name;
   const std::string path = mask ? data.MaskPath(name, frame) : data.ImagePath(name, frame);
-  Image image = dataset::ReadImage(path, mask);
+  Image image = mask ? data.ReadMask(name, frame) : dataset::ReadImage(path);
   if (image.width != camera.camera.width_px || image.height != camera.camera.height_px)
     throw FormatError(path, "",
                       "is " + std::to_string(image.width) + "x" + std::to_string(image.height) + ", the calibration says " +

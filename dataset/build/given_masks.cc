@@ -1,0 +1,64 @@
+#include "dataset/build/given_masks.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "core/join.h"
+#include "dataset/footage/frames.h"
+
+namespace mvstudio::dataset::internal {
+namespace fs = std::filesystem;
+namespace {
+
+bool IsMask(const std::string& path) {
+  std::string extension = fs::path(path).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
+  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+}
+
+void AddFiles(const std::string& folder, GivenMasks* masks) {
+  for (const std::string& path : FilesIn(folder)) {
+    if (!IsMask(path)) continue;
+    const auto number = NumberInName(path);
+    if (!number) throw FormatError(path, "", "its name has no number: masks are found by the number of their frame");
+    const auto [at, is_new] = masks->files.emplace(*number, path);
+    if (!is_new)
+      throw FormatError(path, "",
+                        "is a second mask of frame " + std::to_string(*number) + ", beside " + at->second + "; keep one");
+  }
+}
+
+}  // namespace
+
+std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs) {
+  std::map<std::string, GivenMasks> all;
+  if (inputs.masks.empty()) return all;
+  if (!fs::is_directory(inputs.masks)) throw IoError(inputs.masks, "no such folder of masks");
+  std::vector<std::string> paths;
+  for (const CameraFootage& footage : inputs.footage) {
+    GivenMasks& masks = all[footage.camera];
+    AddFiles(inputs.masks + "/" + footage.camera, &masks);
+    for (const auto& [frame, path] : masks.files) paths.push_back(path);
+  }
+  if (paths.empty())
+    throw IoError(inputs.masks, "holds masks of none of the cameras; it must have a folder for each: " +
+                                    Join(inputs.footage, ", ", &CameraFootage::camera));
+  const MaskMeaning meaning = MeaningOfMasks(paths);
+  for (auto& [camera, masks] : all) masks.meaning = meaning;
+  return all;
+}
+
+Image GivenMask(const GivenMasks& masks, int64_t frame, int width, int height) {
+  const auto found = masks.files.find(frame);
+  if (found == masks.files.end()) return {};
+  Image mask = ReadMask(found->second, masks.meaning);
+  if (mask.width != width || mask.height != height)
+    throw FormatError(found->second, "",
+                      "is " + std::to_string(mask.width) + "x" + std::to_string(mask.height) + ", the footage is " +
+                          std::to_string(width) + "x" + std::to_string(height));
+  return mask;
+}
+
+}  // namespace mvstudio::dataset::internal

@@ -1,0 +1,27 @@
+// Private: masks that were made elsewhere, for BuildDataset.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "dataset/build/build.h"
+#include "dataset/footage/mask_io.h"
+
+namespace mvstudio::dataset::internal {
+
+/// The masks of one camera: number of the footage's frame -> file.
+struct GivenMasks {
+  std::map<int64_t, std::string> files;
+  MaskMeaning meaning;  ///< of all cameras' masks
+};
+
+/// FOLDER/CAMERA/*.png of every camera with footage, numbered by the last number of each name; empty without a folder. Throws
+/// IoError when the folder is not there or holds masks of none of the cameras, FormatError for two masks of a frame and what
+/// MeaningOfMasks throws.
+std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs);
+
+/// The mask of a frame; empty where there is none. Throws FormatError for another size.
+Image GivenMask(const GivenMasks& masks, int64_t frame, int width, int height);
+
+}  // namespace mvstudio::dataset::internal
