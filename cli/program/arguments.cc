@@ -9,6 +9,7 @@
 
 #include "cli/program/options.h"
 #include "core/join.h"
+#include "core/text/nearest_word.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -89,22 +90,6 @@ void CheckValue(const std::string& command, CLI::Option* option) {
   if (type.empty() && option->get_items_expected_max() == 0) option->check(Checked(FlagFault));
 }
 
-/// Number of letters to add, remove, change or exchange with a neighbour (optimal string alignment).
-size_t EditDistance(const std::string& a, const std::string& b) {
-  std::vector<std::vector<size_t>> d(a.size() + 1, std::vector<size_t>(b.size() + 1));
-  for (size_t i = 0; i <= a.size(); ++i) {
-    for (size_t j = 0; j <= b.size(); ++j) {
-      if (i == 0 || j == 0) {
-        d[i][j] = i + j;
-        continue;
-      }
-      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
-    }
-  }
-  return d[a.size()][b.size()];
-}
-
 const CLI::App& Deepest(const CLI::App& app) {
   const std::vector<CLI::App*> parsed = app.get_subcommands();
   return parsed.empty() ? app : Deepest(*parsed.back());
@@ -137,14 +122,14 @@ std::string Suggestion(const std::string& nearest) { return nearest.empty() ? ""
 
 std::string UnknownCommand(const CLI::App& app, const std::string& word) {
   const std::string path = PathOf(app);
-  const std::string nearest = Nearest(word, SubcommandNames(app));
+  const std::string nearest = NearestWord(word, SubcommandNames(app));
   const std::string text = "unknown command " + Quoted(path + (path.empty() ? "" : " ") + word) + Suggestion(nearest);
   return nearest.empty() ? text + "; there are " + Join(SubcommandNames(app), ", ") : text;
 }
 
 std::string UnknownFlag(const CLI::App& app, const std::string& word) {
   const std::string name = word.substr(0, word.find('='));
-  return "unknown flag " + Quoted(name) + Suggestion(Nearest(name, FlagNames(app)));
+  return "unknown flag " + Quoted(name) + Suggestion(NearestWord(name, FlagNames(app)));
 }
 
 bool IsFlag(const std::string& word) { return word.size() > 1 && word[0] == '-'; }
@@ -186,20 +171,6 @@ CLI::Validator OneOf(const std::vector<std::string>& names) {
 Notice ParseNotice(const CLI::App& app, const CLI::ParseError& error) {
   const std::string path = PathOf(Deepest(app));
   return {"CLI-USAGE", FaultText(app, error), "see mvstudio " + path + (path.empty() ? "" : " ") + "--help"};
-}
-
-std::string Nearest(const std::string& word, const std::vector<std::string>& candidates) {
-  std::string nearest;
-  const size_t letters = word.size() - std::min(word.size(), word.find_first_not_of('-'));
-  size_t best = std::max<size_t>(1, letters / 4) + 1;  // farther words are other words: --session is no --version
-  if (word.size() > 100) return "";
-  std::string lower = word;
-  std::transform(lower.begin(), lower.end(), lower.begin(), [](unsigned char c) { return std::tolower(c); });
-  for (const std::string& candidate : candidates) {
-    const size_t distance = EditDistance(lower, candidate);
-    if (distance < best) best = distance, nearest = candidate;
-  }
-  return nearest;
 }
 
 }  // namespace mvstudio::cli

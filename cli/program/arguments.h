@@ -18,7 +18,4 @@ CLI::Validator OneOf(const std::vector<std::string>& names);
 /// is.
 Notice ParseNotice(const CLI::App& app, const CLI::ParseError& error);
 
-/// The candidate that `word` was probably meant to be; empty when none is near.
-std::string Nearest(const std::string& word, const std::vector<std::string>& candidates);
-
 }  // namespace mvstudio::cli

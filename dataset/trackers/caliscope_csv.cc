@@ -1,13 +1,14 @@
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <string_view>
 
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/text/number_cell.h"
 #include "dataset/pose/pose2d_parse.h"
 #include "dataset/trackers/tracker_file.h"
 #include "dataset/trackers/tracker_table.h"
@@ -43,21 +44,16 @@ struct Row {
   Keypoint2d key;
 };
 
-template <class T>
-T Number(const CsvReader& csv, std::string_view cell, Column column) {
-  T value{};
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error == std::errc() && end == cell.data() + cell.size() && value >= 0 && value < T(1e9)) return value;
+int Index(const CsvReader& csv, std::string_view cell, Column column) {
+  if (const std::optional<int> value = WholeNumberCell(cell)) return *value;
   csv.Fail("`" + std::string(kNames[column].front()) + "` is `" + std::string(cell) + "`, not a number of 0 or more" +
            DecimalCommaHint(cell));
 }
 
 double Coordinate(const CsvReader& csv, std::string_view cell) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (cell.empty() || cell == "nan") return std::nan("");
-  if (error != std::errc() || end != cell.data() + cell.size()) csv.Fail("`" + std::string(cell) + "` is not a number");
-  return value;
+  const NumberCell number = ReadNumberCell(cell);
+  if (number.kind == NumberCell::Kind::kOther) csv.Fail("`" + std::string(cell) + "` is not a number" + DecimalCommaHint(cell));
+  return number.value;
 }
 
 Row ReadRow(CsvReader* csv, const Columns& columns) {
@@ -66,7 +62,7 @@ Row ReadRow(CsvReader* csv, const Columns& columns) {
   Row row;
   const auto cell = [&](int c) { return cells[static_cast<size_t>(columns.place[c])]; };
   for (const Column c : {kSync, kCamera, kObject, kPoint}) {
-    if (columns.place[c] >= 0) row.values[c] = Number<int>(*csv, cell(c), c);
+    if (columns.place[c] >= 0) row.values[c] = Index(*csv, cell(c), c);
   }
   row.key = internal::ToKeypoint(Coordinate(*csv, cell(kX)), Coordinate(*csv, cell(kY)), 1);
   return row;

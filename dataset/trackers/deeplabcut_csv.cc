@@ -1,11 +1,12 @@
-#include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 #include <string_view>
 
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/text/number_cell.h"
 #include "dataset/pose/pose2d_parse.h"
 #include "dataset/trackers/tracker_readers.h"
 #include "dataset/trackers/tracker_table.h"
@@ -54,9 +55,7 @@ std::vector<TrackerColumn> Columns(const Header& header) {
 
 /// A number, or the number in the name of a labelled image.
 int FrameOf(const CsvReader& csv, std::string_view cell) {
-  int frame = -1;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), frame);
-  if (error == std::errc() && end == cell.data() + cell.size() && frame >= 0) return frame;
+  if (const std::optional<int> frame = WholeNumberCell(cell)) return *frame;
   const std::string name = std::filesystem::path(cell).filename().string();
   const auto number = name.find('.') == std::string::npos ? std::nullopt : FrameNumber(name);
   if (!number) csv.Fail("`" + std::string(cell) + "` is no frame number and no image's name with one");
@@ -64,10 +63,8 @@ int FrameOf(const CsvReader& csv, std::string_view cell) {
 }
 
 double NumberOf(const CsvReader& csv, std::string_view cell) {
-  if (cell.empty() || cell == "nan" || cell == "NaN") return std::nan("");
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error == std::errc() && end == cell.data() + cell.size()) return value;
+  const NumberCell number = ReadNumberCell(cell);
+  if (number.kind != NumberCell::Kind::kOther) return number.value;
   csv.Fail("`" + std::string(cell) + "` is not a number" + DecimalCommaHint(cell));
 }
 
