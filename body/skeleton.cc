@@ -5,12 +5,14 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "body/names/joint_names.h"
 #include "body/skeleton_text.h"
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "core/text/nearest_word.h"
 
 namespace mvstudio::body {
 namespace {
@@ -77,16 +79,18 @@ std::vector<std::string> SkeletonNames() {
 }
 
 const Skeleton* FindSkeleton(const std::string& name) {
+  const std::string key = SkeletonKey(name);
   for (const Skeleton& skeleton : All()) {
-    if (skeleton.name == name) return &skeleton;
+    if (skeleton.name == key) return &skeleton;
   }
   return nullptr;
 }
 
 const Skeleton& SkeletonByName(const std::string& name) {
   if (const Skeleton* found = FindSkeleton(name)) return *found;
-  throw UsageError("unknown skeleton \"" + name + "\"; known are " + Join(SkeletonNames(), ", ") +
-                   "; one of your own is a file FILE.toml (docs/formats.md)");
+  const std::string nearest = NearestWord(SkeletonKey(name), SkeletonNames());
+  throw UsageError("unknown skeleton \"" + name + "\"" + (nearest.empty() ? "" : "; did you mean " + nearest + "?") +
+                   "; known are " + Join(SkeletonNames(), ", ") + "; one of your own is a file FILE.toml (docs/formats.md)");
 }
 
 bool IsSkeletonFile(const std::string& name_or_file) {
@@ -105,7 +109,7 @@ Skeleton SkeletonFrom(const std::string& name_or_file) {
   Skeleton skeleton = json ? SkeletonFromJson(ReadFile(name_or_file), name_or_file, "")
                            : SkeletonFromToml(ReadFile(name_or_file), name_or_file);
   const Skeleton* known = FindSkeleton(skeleton.name);
-  if (skeleton.name == PointsSkeleton({}).name || (known && known->joints != skeleton.joints)) {
+  if (skeleton.name == PointsSkeleton({}).name || (known && known->name == skeleton.name && known->joints != skeleton.joints)) {
     throw FormatError(name_or_file, "name", "`" + skeleton.name + "` is the name of other joints; choose another");
   }
   return skeleton;
@@ -231,15 +235,15 @@ const Skeleton& Coco19() {
 
 std::array<std::vector<int>, 19> Coco19From(const Skeleton& from) {
   // The Neck of a skeleton that also knows the top of the head lies above the shoulder line.
-  const bool upper_neck = from.Find("Head") >= 0;
+  const bool upper_neck = FindJoint(from, "Head") >= 0;
   const auto mean_of = [&from](const char* left, const char* right) {
-    const int i = from.Find(left), j = from.Find(right);
+    const int i = FindJoint(from, left), j = FindJoint(from, right);
     return i >= 0 && j >= 0 ? std::vector<int>{i, j} : std::vector<int>{};
   };
   std::array<std::vector<int>, 19> sources;
   for (size_t k = 0; k < sources.size(); ++k) {
     const std::string& joint = Coco19().joints[k];
-    const int own = joint == "Neck" && upper_neck ? -1 : from.Find(joint);
+    const int own = joint == "Neck" && upper_neck ? -1 : FindJoint(from, joint);
     if (own >= 0) {
       sources[k] = {own};
     } else if (joint == "Neck") {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cctype>
 #include <cstdint>
 #include <numeric>
 #include <string>
@@ -16,16 +17,47 @@ namespace mvstudio {
 
 struct JsonLimits {
   size_t max_depth = 64;
-  bool refuse_twice = true;  ///< reject a repeated key in one object; otherwise the last value counts, at the first one's
-                             ///< place
+  bool refuse_twice = true;      ///< reject a repeated key in one object; otherwise the last value counts, at the first one's
+                                 ///< place
+  bool missing_as_null = false;  ///< NaN, Infinity and -Infinity, as Python's json writes them, become null; else kNotFinite
 };
 
 struct JsonProblem {
-  enum class Kind { kNone, kSyntax, kNumber, kDepth, kTwice };
+  enum class Kind { kNone, kSyntax, kNumber, kDepth, kTwice, kNotFinite };
   Kind kind = Kind::kNone;
   size_t byte = 0;         ///< of kSyntax and kNumber (beyond the range of doubles); beyond the text if it is truncated
-  std::string where, key;  ///< of kTwice: the object, as in `cameras[3].K`, and the key
+  std::string where, key;  ///< of kTwice: the object, as in `cameras[3].K`, and the key; of kNotFinite: the value and its word
 };
+
+/// The word NaN, Infinity or -Infinity that begins at a byte; empty where another text does.
+inline std::string_view NotFiniteWordAt(std::string_view text, size_t at) {
+  const auto is_part = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == '.'; };
+  for (const std::string_view word : {"NaN", "Infinity", "-Infinity"}) {
+    if (text.substr(at, word.size()) != word || (at > 0 && is_part(text[at - 1]))) continue;
+    if (at + word.size() == text.size() || !is_part(text[at + word.size()])) return word;
+  }
+  return {};
+}
+
+/// The text with null for these words outside of strings; `grown` holds the places, in the new text, behind which it has one
+/// byte more than the old.
+inline std::string WithNulls(std::string_view text, std::vector<size_t>* grown) {
+  std::string nulls;
+  nulls.reserve(text.size() + text.size() / 8);
+  bool in_string = false;
+  for (size_t i = 0; i < text.size();) {
+    const char c = text[i];
+    if (c == '"') in_string = !in_string;
+    const size_t step = in_string && c == '\\' ? 2 : 1;
+    const bool may = !in_string && (c == 'N' || c == 'I' || c == '-');
+    const std::string_view word = may ? NotFiniteWordAt(text, i) : std::string_view();
+    nulls += word.empty() ? std::string(text.substr(i, step)) : "null";
+    if (word.size() > 4) nulls.append(word.size() - 4, ' ');
+    if (word.size() == 3) grown->push_back(nulls.size());
+    i += word.empty() ? step : word.size();
+  }
+  return nulls;
+}
 
 /// Receives the events of the library's parser. "-0" keeps its sign.
 template <class Json>
@@ -34,6 +66,14 @@ class JsonTreeBuilder {
   explicit JsonTreeBuilder(const JsonLimits& limits) : limits_(limits) {}
   Json& root() { return root_; }
   const JsonProblem& problem() const { return problem_; }
+  /// Place of the next value.
+  std::string Next() const {
+    if (levels_.empty()) return "";
+    const Level& level = levels_.back();
+    const std::string where = Where();
+    if (level.value->is_array()) return where + "[" + std::to_string(level.value->size()) + "]";
+    return where + (where.empty() ? "" : ".") + level.key;
+  }
 
   bool null() { return Add(nullptr); }
   bool boolean(bool value) { return Add(value); }
@@ -184,9 +224,23 @@ class JsonTreeBuilder {
 template <class Json>
 JsonProblem ParseJsonTree(std::string_view text, const JsonLimits& limits, Json* tree) {
   JsonTreeBuilder<Json> builder(limits);
+  std::string nulls;
+  std::vector<size_t> grown;
+  const bool any = text.find("NaN") != std::string_view::npos || text.find("Infinity") != std::string_view::npos;
+  if (limits.missing_as_null && any) nulls = WithNulls(text, &grown), text = nulls;
   Json::sax_parse(text.begin(), text.end(), &builder);
-  if (builder.problem().kind == JsonProblem::Kind::kNone) *tree = std::move(builder.root());
-  return builder.problem();
+  JsonProblem problem = builder.problem();
+  if (problem.kind == JsonProblem::Kind::kNone) *tree = std::move(builder.root());
+  if (problem.kind == JsonProblem::Kind::kSyntax && any && problem.byte > 0) {
+    const size_t at = problem.byte - 1;  // the lexer stops at the N, or behind the minus
+    for (const size_t from : {at, at > 0 ? at - 1 : at}) {
+      const std::string_view word = NotFiniteWordAt(text, from);
+      if (!word.empty()) problem = {JsonProblem::Kind::kNotFinite, problem.byte, builder.Next(), std::string(word)};
+    }
+  }
+  const auto before = [&](size_t place) { return place <= problem.byte; };
+  problem.byte -= static_cast<size_t>(std::count_if(grown.begin(), grown.end(), before));
+  return problem;
 }
 
 }  // namespace mvstudio

@@ -40,6 +40,9 @@ void ThrowIfBroken(const JsonProblem& problem, const JsonLimits& limits, const s
       throw FormatError(path, problem.where, "the key " + JsonQuoted<Json>(problem.key) + " is there twice");
     case JsonProblem::Kind::kNumber:
       throw FormatError(path, place, "the number is beyond the range of doubles");
+    case JsonProblem::Kind::kNotFinite:
+      throw FormatError(path, problem.where.empty() ? place : problem.where,
+                        "is " + problem.key + ", which is no number: every number is needed here");
     case JsonProblem::Kind::kSyntax:
       throw FormatError(path, place, "is not valid JSON; cut short or damaged?");
   }

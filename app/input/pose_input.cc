@@ -7,8 +7,8 @@
 #include "app/input/calib_read.h"
 #include "app/input/take_frames.h"
 #include "app/input/tracker_input.h"
+#include "body/names/joint_names.h"
 #include "core/error.h"
-#include "core/join.h"
 #include "core/some_of.h"
 
 namespace mvstudio::app {
@@ -90,11 +90,8 @@ void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range
 /// Takes the detections of joints out, as if nobody had seen them.
 void LeaveOutJoints(const std::vector<std::string>& names, PoseInput* input) {
   for (const std::string& name : names) {
-    const int joint = input->skeleton.Find(name);
-    if (joint < 0) {
-      throw UsageError("option 'without-joint' " + name + ": skeleton " + input->skeleton.name +
-                       " has no such joint; there are " + Join(input->skeleton.joints, ", "));
-    }
+    const int joint = body::FindJoint(input->skeleton, name);
+    if (joint < 0) throw UsageError("option 'without-joint': " + body::UnknownJoint(input->skeleton, name));
     for (dataset::Pose2dTrack& track : input->tracks) {
       for (auto& [frame, people] : track.frames) {
         for (dataset::Person2d& person : people) person.keypoints.at(static_cast<size_t>(joint)).score = 0;

@@ -1,8 +1,10 @@
 #include "app/input/pose_truth.h"
 
+#include <cmath>
 #include <filesystem>
 
 #include "app/input/pose3d_input.h"
+#include "app/result.h"
 #include "core/error.h"
 #include "dataset/pose/markers.h"
 
@@ -13,7 +15,7 @@ TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string&
     const dataset::MarkerFile markers = dataset::ReadMarkers(truth, options.marker_unit);
     const dataset::JointTable reference = dataset::ToTable(markers.pose.rows);
     return {ComparePose3d(dataset::ToTable(pose.rows), reference, align), markers.unit, markers.y_up ? "y" : "z",
-            dataset::UnitDoubt(markers, truth)};
+            dataset::UnitDoubt(markers, truth), dataset::NotesOf(markers, truth)};
   }
   namespace fs = std::filesystem;
   const fs::path path(truth);
@@ -32,9 +34,15 @@ TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string&
 
 nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth) {
   const dataset::Pose3dComparison& comparison = truth.comparison;
-  nlohmann::ordered_json json = {
-      {"median_mm", comparison.median_mm}, {"mean_mm", comparison.mean_mm}, {"p95_mm", comparison.p95_mm},
-      {"max_mm", comparison.max_mm},       {"num", comparison.num},         {"aligned", comparison.aligned}};
+  const auto figure = [&](double mm) { return FiniteOrNull(comparison.num > 0 ? mm : std::nan("")); };
+  nlohmann::ordered_json json = {{"median_mm", figure(comparison.median_mm)},
+                                 {"mean_mm", figure(comparison.mean_mm)},
+                                 {"p95_mm", figure(comparison.p95_mm)},
+                                 {"max_mm", figure(comparison.max_mm)},
+                                 {"num", comparison.num},
+                                 {"aligned", comparison.aligned}};
+  if (comparison.num == 0) json["why_none"] = comparison.why_none;
+  if (!comparison.without_counterpart.empty()) json["without_counterpart"] = comparison.without_counterpart;
   if (comparison.persons_left_out > 0) json["persons_left_out"] = comparison.persons_left_out;
   if (comparison.num_covariance > 0) {
     json["coverage68"] = comparison.coverage68;

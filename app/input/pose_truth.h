@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 #include <string>
+#include <vector>
 
 #include "dataset/pose/pose3d.h"
 #include "dataset/pose/pose3d_compare.h"
@@ -15,14 +16,16 @@ struct TruthOptions {
 
 struct TruthComparison {
   dataset::Pose3dComparison comparison;
-  std::string unit = {}, up = {};  ///< of a .trc or .c3d file: its unit of length, and "y" or "z"; else empty
-  std::string unit_doubt = {};     ///< dataset::UnitDoubt
+  std::string unit = {}, up = {};       ///< of a .trc or .c3d file: its unit of length, and "y" or "z"; else empty
+  std::string unit_doubt = {};          ///< dataset::UnitDoubt
+  std::vector<std::string> notes = {};  ///< MarkerFile::notes, with the path
 };
 
 /// Compares with `truth`: a folder of body3DScene files, a folder with points.csv, a single table, or a file of markers.
 /// Throws IoError, FormatError.
 TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, const TruthOptions& options);
 
+/// Figures of a comparison with nothing are null.
 nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth);
 
 }  // namespace mvstudio::app

@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/format.h"
+#include "core/some_of.h"
 #include "dataset/trackers/tracked_project.h"
 
 namespace mvstudio::app {
@@ -17,6 +18,19 @@ void FillUnit(const dataset::TrackedProject& project, PoseArguments* pose, Comma
                                                    : std::string("config.toml states no square of its board");
   result->warnings.push_back({"POSE-UNIT", "lengths of the anipose project are taken as mm: " + why,
                               "option 'unit' m, cm or in if its calibration counts in another unit"});
+}
+
+void WarnOfUnused(const dataset::TrackedProject& project, CommandResult* result) {
+  if (project.unused.empty()) return;
+  const auto has = [&](const std::string& key) {
+    return std::find(project.unused.begin(), project.unused.end(), "triangulation." + key) != project.unused.end();
+  };
+  const bool world = has("axes") || has("reference_point");
+  result->warnings.push_back(
+      {"POSE-PROJECT",
+       "settings of the project's config.toml that are not used: " + SomeOf(project.unused, 30) +
+           (world ? "; points are in the world of its calibration, not in that of axes and reference_point" : ""),
+       "options of this command are used instead: option 'min-score' for a score_threshold"});
 }
 
 void WarnOfLeftOut(const dataset::TrackedProject& project, CommandResult* result) {
@@ -45,6 +59,7 @@ void FillFromProject(const std::string& folder, const SessionArguments& session,
   }
   pose->points2d = found.table, pose->bones = project.bones;
   for (const auto& [camera, path] : found.files) pose->pose2d.push_back({camera, path});
+  WarnOfUnused(project, result);
   WarnOfLeftOut(project, result);
   result->metrics["project"] = {{"program", project.program}, {"take", found.name}, {"filtered", found.filtered}};
 }

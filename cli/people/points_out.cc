@@ -7,6 +7,7 @@
 #include "core/disk/manifest.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/some_of.h"
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
 
@@ -18,6 +19,17 @@ using nlohmann::ordered_json;
 namespace {
 
 double NumberOf(const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); }
+
+/// A comparison with nothing is none: it fails.
+void RequireComparison(const std::string& key, const std::string& path, const app::TruthComparison& comparison,
+                       CommandResult* result) {
+  if (comparison.comparison.num > 0) return;
+  if (result->exit == app::kExitOk || result->exit == app::kExitPartial) result->exit = app::kExitQualityGate;
+  result->errors.push_back(
+      {"TRI-NO-COMMON", "--" + key + " " + path + ": nothing could be compared: " + comparison.comparison.why_none,
+       "joints are compared by frame and name: give the reference of this take (a marker file's frame 1 is our frame 0), and "
+       "joints called as in it"});
+}
 
 /// The points as they were written as markers, where that changed them.
 void CompareWritten(const MarkerFolderArguments& arguments, const dataset::Pose3d& written, CommandResult* result) {
@@ -54,6 +66,9 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
     const app::TruthComparison comparison = app::CompareWithTruth(pose, truth, {align, arguments.marker_unit});
     result->metrics[key] = app::ComparisonToJson(comparison);
     result->inputs.push_back(truth);
+    RequireComparison(key, truth, comparison, result);
+    for (const std::string& note : comparison.notes)
+      result->warnings.push_back({"TRI-MARKER-FILE", note, "check the file, or export it again"});
     if (comparison.unit_doubt.empty()) return;
     result->warnings.push_back({"TRI-UNIT", comparison.unit_doubt, "name the unit: --marker-unit m, cm, mm or in"});
   };
@@ -62,10 +77,13 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
 }
 
 std::string ComparisonText(const std::string& key, const std::string& what, const ordered_json& m) {
+  if (m["num"] == 0) return "\nagainst " + key + what + ": nothing could be compared, " + m["why_none"].get<std::string>();
   std::string text = Format("\nagainst %s%s: median %.2f mm, p95 %.2f mm, %d joints", key.c_str(), what.c_str(),
                             NumberOf(m["median_mm"]), NumberOf(m["p95_mm"]), m["num"].get<int>());
   if (m.contains("unit"))
     text += Format(" (its unit %s, %s up)", m["unit"].get<std::string>().c_str(), m["up"].get<std::string>().c_str());
+  if (m.contains("without_counterpart"))
+    text += "; not compared, by their names: " + SomeOf(m["without_counterpart"].get<std::vector<std::string>>());
   if (m.contains("persons_left_out"))
     text += Format("; %d other person(s) have no counterpart in it", m["persons_left_out"].get<int>());
   return text;

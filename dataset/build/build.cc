@@ -254,6 +254,8 @@ Pose3d ReadMarkersOf(const BuildInputs& inputs, BuildReport* report) {
   report->marker_unit = file.unit, report->marker_up = file.y_up ? "y" : "z";
   const std::string doubt = UnitDoubt(file, inputs.pose3d);
   if (!doubt.empty()) report->warnings.push_back({"DAT-UNIT", doubt, "name the unit: option 'marker-unit' m, cm, mm or in"});
+  for (const std::string& note : NotesOf(file, inputs.pose3d))
+    report->warnings.push_back({"DAT-MARKER-FILE", note, "check the file, or export it again"});
   return std::move(file.pose);
 }
 

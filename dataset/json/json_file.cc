@@ -17,7 +17,9 @@ constexpr size_t kMaxDepth = 64;
 
 }  // namespace
 
-Json ParseJson(std::string_view text, const std::string& path) { return JsonFromText<Json>(text, {kMaxDepth, true}, path); }
+Json ParseJson(std::string_view text, const std::string& path, bool missing_as_null) {
+  return JsonFromText<Json>(text, {kMaxDepth, true, missing_as_null}, path);
+}
 
 std::string ReadTextFile(const std::string& path, int64_t max_bytes) {
   std::error_code error;

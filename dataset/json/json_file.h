@@ -16,8 +16,8 @@ using Json = nlohmann::ordered_json;
 
 /// Parses a text. Rejected: nesting deeper than 64, a repeated key in one object, numbers beyond the range of doubles,
 /// bytes that are not UTF-8. "-0" keeps its sign. Throws FormatError with `path` and the byte of the syntax error, or the
-/// place of the key.
-Json ParseJson(std::string_view text, const std::string& path);
+/// place of the key; or of a NaN or an infinity, unless `missing_as_null`: then these words are null.
+Json ParseJson(std::string_view text, const std::string& path, bool missing_as_null = false);
 
 constexpr int64_t kMaxJsonBytes = int64_t{256} << 20;
 /// The same for a regular file of at most `max_bytes`. Throws IoError, FormatError.

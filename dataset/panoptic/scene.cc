@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
@@ -32,6 +33,20 @@ std::vector<double>& JointsOf(PanopticBody& body, size_t skeleton) {
   return skeleton == 0 ? body.joints19 : skeleton == 1 ? body.joints26 : body.joints15;
 }
 
+/// x, y, z, c of every joint. One with a null is missing, as CMU writes it: c = -1.
+std::vector<double> NumbersOf(const JsonView& joints) {
+  std::vector<double> numbers;
+  for (size_t i = 0; i + 3 < joints.ArraySize(); i += 4) {
+    bool missing = false;
+    for (size_t k = i; k < i + 4; ++k) {
+      missing = missing || joints.value()[k].is_null();
+      numbers.push_back(joints.value()[k].is_null() ? 0 : joints[k].Number());
+    }
+    if (missing) std::fill(numbers.end() - 4, numbers.end(), 0), numbers.back() = -1;
+  }
+  return numbers;
+}
+
 PanopticBody ReadBody(const JsonView& json) {
   RequireObject(json);
   PanopticBody body;
@@ -46,7 +61,7 @@ PanopticBody ReadBody(const JsonView& json) {
       joints.Fail("must hold " + std::to_string(4 * count) + " numbers (x, y, z, c of " + std::to_string(count) +
                   " joints), holds " + std::to_string(joints.ArraySize()));
     }
-    JointsOf(body, s) = joints.Numbers();
+    JointsOf(body, s) = NumbersOf(joints);
   }
   if (!any) json["joints19"];  // throws: it is missing
   body.extras = internal::ExtrasOf(json, {"id", "joints19", "joints26", "joints15"});
@@ -97,7 +112,7 @@ std::vector<double> ToJoints(const Coco19Pose& pose) {
 }  // namespace
 
 PanopticScene ParsePanopticScene(std::string_view text, const std::string& path) {
-  const Json json = internal::ParseJson(text, path);
+  const Json json = internal::ParseJson(text, path, true);
   const JsonView file(path, json);
   RequireObject(file);
   PanopticScene scene;

@@ -67,7 +67,7 @@ std::string C3dBytes::Text(size_t at, size_t length) const {
 }
 
 C3dParameters::C3dParameters(const std::string& path, std::string_view file) : bytes_(file, ProcessorOf(path, file)) {
-  const size_t begin = SectionOf(path, file);
+  const size_t begin = begin_ = SectionOf(path, file);
   const size_t blocks = bytes_.Byte(begin + 2);
   // Some programs leave the number of blocks at 0; then the entries' own end counts.
   ReadEntries(path, begin + 4, blocks == 0 ? file.size() : std::min(file.size(), begin + blocks * kBlock));

@@ -43,6 +43,8 @@ class C3dParameters {
   C3dParameters(const std::string& path, std::string_view file);
 
   const C3dBytes& bytes() const { return bytes_; }
+  /// Place of the section in the file.
+  size_t begin() const { return begin_; }
   bool Has(const std::string& name) const { return table_.count(name) > 0; }
   /// The number at an index; `missing` where there is none.
   double Number(const std::string& name, size_t index, double missing) const;
@@ -53,6 +55,7 @@ class C3dParameters {
   void ReadEntries(const std::string& path, size_t begin, size_t end);
 
   C3dBytes bytes_;
+  size_t begin_ = 0;
   std::map<std::string, C3dParameter> table_;
 };
 

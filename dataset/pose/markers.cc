@@ -70,6 +70,12 @@ std::string UnitDoubt(const MarkerFile& file, const std::string& path) {
                 file.unit.c_str(), spread_m < kLeastM ? "within" : "over", spread_m);
 }
 
+std::vector<std::string> NotesOf(const MarkerFile& file, const std::string& path) {
+  std::vector<std::string> notes;
+  for (const std::string& note : file.notes) notes.push_back(path + ": " + note);
+  return notes;
+}
+
 Pose3d ReadPoints3d(const std::string& path, const std::string& unit) {
   return IsMarkerFile(path) ? ReadMarkers(path, unit).pose : ReadPose3d(path);
 }

@@ -13,6 +13,7 @@ struct MarkerFile {
   Pose3d pose;       ///< skeleton "points"; rows kOk, or kTooFewViews where the file has no point; no views, no sigma
   std::string unit;  ///< of the file's lengths: m, cm, mm or in
   bool y_up = true;  ///< the file's y axis is up: x_in_world = (z, x, y) of the file; else its axes are kept (z up)
+  std::vector<std::string> notes = {};  ///< what the file states about itself and does not hold, in sentences
 };
 
 /// "m", "mm", "millimeters", "inches", …; metres, or nothing for another word.
@@ -28,6 +29,9 @@ MarkerFile ReadMarkers(const std::string& path, const std::string& unit = {});
 /// What speaks against the unit, in a sentence: in most frames the points of a file lie within 5 mm, or over more than 20 m.
 /// Empty where nothing does, and where no frame has two points.
 std::string UnitDoubt(const MarkerFile& file, const std::string& path);
+
+/// The notes of a file with its path before them.
+std::vector<std::string> NotesOf(const MarkerFile& file, const std::string& path);
 
 /// 3D points of any kind: a folder with points.csv, or a file of markers. Errors as in ReadPose3d and ReadMarkers.
 Pose3d ReadPoints3d(const std::string& path, const std::string& unit = {});

@@ -35,7 +35,7 @@ std::optional<int> FrameNumber(const std::string& file_name) {
 json ParsePoseJson(const std::string& text, const PoseFile& file) {
   constexpr size_t kMaxDepth = 16;
   json parsed;
-  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, false}, &parsed);
+  const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, false, true}, &parsed);
   if (problem.kind == JsonProblem::Kind::kNone) return parsed;
   if (problem.kind == JsonProblem::Kind::kDepth)
     file.Fail("", "JSON nested deeper than " + std::to_string(kMaxDepth) + " levels");
@@ -56,13 +56,14 @@ void AppendKeypoints(const json& numbers, size_t num_joints, const std::string& 
                          " of skeleton " + file.skeleton.name + "; " +
                          FittingSkeletons(numbers.size() % 3 ? 0 : numbers.size() / 3));
   }
-  for (size_t i = 0; i < numbers.size(); ++i) {
-    if (!numbers[i].is_number() || !std::isfinite(numbers[i].get<double>())) {
-      file.Fail(where + "[" + std::to_string(i) + "]", "is not a number");
-    }
-  }
+  const auto number = [&](size_t i) {
+    if (numbers[i].is_null()) return std::nan("");  // NaN in Python
+    if (!numbers[i].is_number()) file.Fail(where + "[" + std::to_string(i) + "]", "is not a number");
+    return numbers[i].get<double>();
+  };
   for (size_t k = 0; k < numbers.size(); k += 3) {
-    person->keypoints.push_back({numbers[k].get<double>(), numbers[k + 1].get<double>(), numbers[k + 2].get<double>()});
+    const Keypoint2d key{number(k), number(k + 1), number(k + 2)};
+    person->keypoints.push_back(std::isfinite(key.x_px + key.y_px + key.score) ? key : Keypoint2d());
   }
 }
 

@@ -1,17 +1,19 @@
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <set>
 #include <string_view>
 #include <tuple>
 #include <unordered_map>
 
+#include "body/names/joint_names.h"
 #include "core/check.h"
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/label.h"
+#include "core/text/number_cell.h"
 #include "core/text/shortest_text.h"
 #include "dataset/pose/pose2d_parse.h"
 
@@ -73,8 +75,8 @@ class Reader {
  private:
   [[noreturn]] void Fail(const std::string& what) const { throw FormatError(path_, "line " + std::to_string(line_), what); }
   [[noreturn]] void FailJoint() const {
-    Fail("joint `" + unknown_joint_ + "` is not in skeleton " + skeleton_->name +
-         "; give the skeleton that has it, or none to take the joints from the file");
+    Fail(body::UnknownJoint(*skeleton_, unknown_joint_) +
+         "; give the skeleton that has it by option 'skeleton', or none to take the joints from the file");
   }
 
   void ReadHeader(const std::vector<std::string_view>& fields) {
@@ -99,21 +101,23 @@ class Reader {
     return columns_[c] < 0 ? std::string_view() : fields[static_cast<size_t>(columns_[c])];
   }
 
-  template <class T>
-  T Number(const std::vector<std::string_view>& fields, int c) const {
+  [[noreturn]] void FailNumber(const std::vector<std::string_view>& fields, int c, const char* what) const {
     const std::string_view field = Field(fields, c);
-    T value{};
-    const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
-    if (error != std::errc() || end != field.data() + field.size() || !std::isfinite(static_cast<double>(value))) {
-      Fail(std::string("`") + kNames[c] + "` is `" + std::string(field) + "`, " + WhyNoNumber(field));
-    }
-    return value;
+    Fail(std::string("`") + kNames[c] + "` is `" + std::string(field) + "`, " + what + DecimalCommaHint(field));
+  }
+
+  /// NaN for a missing one.
+  double Number(const std::vector<std::string_view>& fields, int c) const {
+    const NumberCell cell = ReadNumberCell(Field(fields, c));
+    if (cell.kind == NumberCell::Kind::kOther) FailNumber(fields, c, "not a number");
+    return cell.value;
   }
 
   int Index(const std::vector<std::string_view>& fields, int c) const {
-    const int value = columns_[c] < 0 ? 0 : Number<int>(fields, c);
-    if (value < 0) Fail(std::string("`") + kNames[c] + "` is negative");
-    return value;
+    if (columns_[c] < 0) return 0;
+    const std::optional<int> value = WholeNumberCell(Field(fields, c), std::numeric_limits<int>::max());
+    if (!value) FailNumber(fields, c, "not a whole number of 0 or more");
+    return *value;
   }
 
   int Frame(const std::vector<std::string_view>& fields) const {
@@ -125,9 +129,10 @@ class Reader {
 
   int JointIndex(std::string_view name) {
     if (!skeleton_) return joints_.Of(name);
-    const int index = skeleton_->Find(std::string(name));
-    if (index < 0) unknown_joint_ = name;
-    return index;
+    const auto [known, is_new] = places_.emplace(std::string(name), -1);
+    if (is_new) known->second = body::FindJoint(*skeleton_, known->first);
+    if (known->second < 0) unknown_joint_ = name;
+    return known->second;
   }
 
   Row ReadRow(CsvReader* csv) {
@@ -136,10 +141,8 @@ class Reader {
     Row row;
     row.line = line_;
     row.frame = Frame(fields), row.person = Index(fields, kPerson);
-    if (!Field(fields, kX).empty() && !Field(fields, kY).empty()) {
-      row.key.x_px = Number<double>(fields, kX), row.key.y_px = Number<double>(fields, kY);
-      row.key.score = columns_[kScore] < 0 ? 1 : Number<double>(fields, kScore);
-    }
+    const Keypoint2d key{Number(fields, kX), Number(fields, kY), columns_[kScore] < 0 ? 1 : Number(fields, kScore)};
+    if (std::isfinite(key.x_px + key.y_px + key.score)) row.key = key;
     for (const int c : {kCamera, kJoint}) {
       if (!IsName(Field(fields, c)))
         Fail(std::string("`") + kNames[c] + "` is empty, not UTF-8, or has control characters in it");
@@ -155,6 +158,7 @@ class Reader {
   int line_ = 0;
   std::string unknown_joint_;
   Numbering cameras_, joints_;
+  std::unordered_map<std::string, int> places_;  ///< in the skeleton, of the file's joints
 };
 
 /// Sorts and leaves out all rows whose point another row gives, too.

@@ -28,10 +28,11 @@ struct PoseFile {
   }
 };
 
-/// Throws FormatError for damaged JSON, and for JSON nested deeper than 16 levels.
+/// NaN and infinities, as Python's json writes them, become null. Throws FormatError for damaged JSON, and for JSON nested
+/// deeper than 16 levels.
 nlohmann::json ParsePoseJson(const std::string& text, const PoseFile& file);
 
-/// Appends `num_joints` keypoints from a flat list x, y, score, …; `where` names the list.
+/// Appends `num_joints` keypoints from a flat list x, y, score, …; `where` names the list. One with a null is not detected.
 void AppendKeypoints(const nlohmann::json& numbers, size_t num_joints, const std::string& where, const PoseFile& file,
                      Person2d* person);
 

@@ -38,6 +38,10 @@ json Flatten(const json& instance, const std::string& where, const PoseFile& fil
   }
   json flat = json::array();
   for (size_t k = 0; k < points.size(); ++k) {
+    if (points[k].is_null()) {
+      flat.insert(flat.end(), {nullptr, nullptr, nullptr});
+      continue;
+    }
     if (!points[k].is_array() || points[k].size() != 2) {
       file.Fail(where + ".keypoints[" + std::to_string(k) + "]", "is not a pair of numbers");
     }

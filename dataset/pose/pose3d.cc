@@ -10,6 +10,7 @@
 #include <string_view>
 #include <tuple>
 
+#include "body/names/joint_names.h"
 #include "body/skeleton_text.h"
 #include "core/check.h"
 #include "core/csv.h"
@@ -284,14 +285,23 @@ body::Skeleton SkeletonOf(const Pose3d& pose) {
 
 void UseSkeleton(const body::Skeleton& skeleton, const std::string& path, Pose3d* pose) {
   std::vector<std::string> strangers;
-  for (const std::string& joint : JointsIn(pose->rows)) {
-    if (skeleton.Find(joint) < 0) strangers.push_back(joint);
+  std::map<std::string, std::string> names;
+  const std::vector<std::string> joints = JointsIn(pose->rows);
+  for (const std::string& joint : joints) {
+    const int place = body::FindJoint(skeleton, joint);
+    if (place < 0)
+      strangers.push_back(joint);
+    else
+      names[joint] = skeleton.joints[static_cast<size_t>(place)];
   }
   if (!strangers.empty()) {
-    throw FormatError(
-        path, "",
-        "skeleton " + skeleton.name + " lacks " + std::to_string(strangers.size()) + " of its joints: " + SomeOf(strangers));
+    throw FormatError(path, "",
+                      "skeleton " + skeleton.name + " lacks " + std::to_string(strangers.size()) +
+                          " of its joints: " + SomeOf(strangers) + "; the skeleton has " + SomeOf(skeleton.joints));
   }
+  const std::string twice = body::TwiceTheSameJoint(skeleton, joints);
+  if (!twice.empty()) throw FormatError(path, "", twice + " are the same joint of skeleton " + skeleton.name);
+  for (JointRow& row : pose->rows) row.joint = names[row.joint];
   pose->skeleton = skeleton.name, pose->definition = skeleton;
 }
 

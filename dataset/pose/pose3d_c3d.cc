@@ -2,17 +2,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
 
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/label.h"
 #include "dataset/pose/c3d_parameters.h"
+#include "dataset/pose/marker_labels.h"
 
 namespace mvstudio::dataset {
 namespace {
 
 using internal::C3dParameters;
+
+constexpr size_t kBlock = 512;
 
 /// Where the points lie, and how they are stored.
 struct Layout {
@@ -21,6 +24,8 @@ struct Layout {
   double scale = 1;  ///< negative: floats
   bool is_float() const { return scale < 0; }
 };
+
+using Notes = std::vector<std::string>;
 
 /// Two 16-bit halves of a frame's number; 0 where the parameter is missing.
 double LongNumber(const C3dParameters& c3d, const std::string& name) {
@@ -36,16 +41,90 @@ std::pair<double, double> FramesOf(const C3dParameters& c3d) {
   return {first, last == 65535 && count > last ? first + count - 1 : last};
 }
 
-Layout ReadLayout(const std::string& path, const C3dParameters& c3d) {
-  constexpr size_t kBlock = 512;
+/// The factor of the points. The parameters count where the header's copy differs: its sign says floats or integers.
+double ScaleOf(const std::string& path, const C3dParameters& c3d, Notes* notes) {
+  const double header = c3d.bytes().Float(12), scale = c3d.Number("POINT:SCALE", 0, header);
+  if (!std::isfinite(scale) || scale == 0) throw FormatError(path, "POINT:SCALE", "the scale of the points is no number, or 0");
+  const bool same = header == scale || (header < 0 && scale < 0);  // floats are stored in the file's unit
+  if (!same) notes->push_back(Format("POINT:SCALE is %g, its header says %g; POINT:SCALE is used", scale, header));
+  return scale;
+}
+
+/// The points of a frame. The header's count must be that of the parameters.
+size_t PointsOf(const std::string& path, const C3dParameters& c3d) {
+  const size_t count = c3d.bytes().Word(2);
+  if (count == 0) throw FormatError(path, "header", "holds no 3D points; analog data alone are not read");
+  const double used = c3d.Number("POINT:USED", 0, static_cast<double>(count));
+  if (used != static_cast<double>(count))
+    throw FormatError(path, "POINT:USED", Format("is %g, the header says %zu points; one of them is damaged", used, count));
+  return count;
+}
+
+/// Frames that fit between the first point and the file's end, or the parameters where these stand behind the points. The last
+/// may be the zeros that fill the last block.
+size_t HeldFrames(const C3dParameters& c3d, const Layout& layout) {
+  const size_t end = c3d.begin() > layout.begin ? c3d.begin() : c3d.bytes().size();
+  return end <= layout.begin ? 0 : (end - layout.begin) / layout.frame_bytes;
+}
+
+bool IsZero(const C3dParameters& c3d, const Layout& layout, size_t frame) {
+  const size_t at = layout.begin + frame * layout.frame_bytes;
+  for (size_t i = at; i < at + layout.frame_bytes; ++i) {
+    if (c3d.bytes().Byte(i) != 0) return false;
+  }
+  return true;
+}
+
+/// The frames of a file that holds more of them than it counts: all where the 16-bit count is at its end or began anew.
+size_t BeyondCount(const C3dParameters& c3d, const Layout& layout, size_t held, bool at_end, Notes* notes) {
+  constexpr size_t kTurn = 65536;
+  const size_t counted = layout.num_frames, filling = kBlock / layout.frame_bytes + 1;
+  if (held <= counted + filling) return counted;
+  const size_t turned = counted + (held - counted) / kTurn * kTurn;
+  if (turned > counted && held - turned <= filling) {
+    notes->push_back(Format("it counts %zu frames, its size is that of %zu: the count began anew after 65536; all are read",
+                            counted, turned));
+    return turned;
+  }
+  if (at_end) {
+    size_t frames = held;
+    while (frames + filling > held && frames > counted && IsZero(c3d, layout, frames - 1)) --frames;
+    notes->push_back(Format("it counts %zu frames, as many as 16 bits can, and holds %zu; all are read", counted, frames));
+    return frames;
+  }
+  while (held > counted && IsZero(c3d, layout, held - 1)) --held;
+  if (held == counted) return counted;
+  notes->push_back(Format("it counts %zu frames, its size is that of %zu; those behind the count are not read", counted, held));
+  return counted;
+}
+
+/// Counts against the file's size, both ways.
+void CheckFrames(const std::string& path, const C3dParameters& c3d, bool at_end, Layout* layout, Notes* notes) {
+  const size_t held = HeldFrames(c3d, *layout);
+  if (held >= layout->num_frames) {
+    layout->num_frames = BeyondCount(c3d, *layout, held, at_end, notes);
+    return;
+  }
+  if (held == 0)
+    throw FormatError(path, "frame 0", Format("the file is cut off: it holds none of %zu frames", layout->num_frames));
+  notes->push_back(
+      Format("it states %zu frames and holds %zu: the file is cut off; what it holds is read", layout->num_frames, held));
+  layout->num_frames = held;
+}
+
+void CheckRates(const C3dParameters& c3d, Notes* notes) {
+  const double header_hz = c3d.bytes().Float(20), rate_hz = c3d.Number("POINT:RATE", 0, header_hz);
+  constexpr double kTolerance = 0.01;
+  if (header_hz > 0 && rate_hz > 0 && !(std::abs(rate_hz / header_hz - 1) <= kTolerance))
+    notes->push_back(Format("POINT:RATE is %g frames a second, its header says %g", rate_hz, header_hz));
+}
+
+Layout ReadLayout(const std::string& path, const C3dParameters& c3d, Notes* notes) {
   constexpr double kMaxFrame = 1e9;
   const internal::C3dBytes& bytes = c3d.bytes();
   Layout layout;
-  layout.num_points = bytes.Word(2);
-  layout.scale = bytes.Float(12);
-  if (layout.num_points == 0) throw FormatError(path, "header", "holds no 3D points; analog data alone are not read");
-  if (!std::isfinite(layout.scale) || layout.scale == 0)
-    throw FormatError(path, "header", "the scale of the points is no number, or 0");
+  layout.num_points = PointsOf(path, c3d);
+  layout.scale = ScaleOf(path, c3d, notes);
   const size_t data_block = bytes.Word(16);
   const size_t width = layout.is_float() ? 4 : 2;
   layout.frame_bytes = width * (4 * layout.num_points + bytes.Word(4));
@@ -57,20 +136,10 @@ Layout ReadLayout(const std::string& path, const C3dParameters& c3d) {
                       "the frames have no order: first " + std::to_string(first) + ", last " + std::to_string(last));
   layout.first_frame = static_cast<int>(first);
   layout.num_frames = static_cast<size_t>(last - first) + 1;
-  const size_t held = bytes.size() <= layout.begin ? 0 : (bytes.size() - layout.begin) / layout.frame_bytes;
-  if (held < layout.num_frames) {
-    throw FormatError(path, "frame " + std::to_string(held),
-                      "the file is cut off: it holds " + std::to_string(held) + " of " + std::to_string(layout.num_frames) +
-                          " frames; copy it again");
-  }
+  CheckFrames(path, c3d, last == 65535, &layout, notes);
+  CheckRates(c3d, notes);
   return layout;
 }
-
-/// "SUBJECT:MARKER" apart; without a colon the subject is empty.
-struct Marker {
-  int person = 0;
-  std::string name;
-};
 
 std::vector<std::string> LabelsOf(const std::string& path, const C3dParameters& c3d, size_t count) {
   std::vector<std::string> labels = c3d.Texts("POINT:LABELS");
@@ -85,26 +154,6 @@ std::vector<std::string> LabelsOf(const std::string& path, const C3dParameters& 
     if (!why.empty()) throw FormatError(path, "POINT:LABELS[" + std::to_string(i) + "]", why);
   }
   return labels;
-}
-
-std::vector<Marker> MarkersOf(const std::vector<std::string>& labels) {
-  std::vector<std::string> subjects;
-  std::set<std::pair<int, std::string>> seen;
-  std::vector<Marker> markers;
-  for (const std::string& label : labels) {
-    const size_t colon = label.find(':');
-    const bool split = colon != std::string::npos && colon + 1 < label.size();
-    const std::string subject = split ? label.substr(0, colon) : "";
-    auto known = std::find(subjects.begin(), subjects.end(), subject);
-    if (known == subjects.end()) known = subjects.insert(known, subject);
-    Marker marker{static_cast<int>(known - subjects.begin()), split ? label.substr(colon + 1) : label};
-    const std::string name = marker.name;
-    for (int number = 2; !seen.insert({marker.person, marker.name}).second; ++number) {
-      marker.name = name + "_" + std::to_string(number);
-    }
-    markers.push_back(std::move(marker));
-  }
-  return markers;
 }
 
 /// x, y, z in the file's axes and units; not finite where the point is missing.
@@ -132,14 +181,14 @@ std::string UnitOf(const std::string& path, const C3dParameters& c3d, const std:
 MarkerFile ReadC3dMarkers(const std::string& path, const std::string& unit) {
   const std::string text = ReadFile(path);
   const C3dParameters c3d(path, text);
-  const Layout layout = ReadLayout(path, c3d);
   MarkerFile file;
+  const Layout layout = ReadLayout(path, c3d, &file.notes);
   file.pose.skeleton = "points";
   file.unit = UnitOf(path, c3d, unit);
   const std::vector<std::string> up = c3d.Texts("POINT:Y_SCREEN");
   file.y_up = !up.empty() && up[0] == "+Y";
   const double metres = MetresPerUnit(file.unit).value_or(1);
-  const std::vector<Marker> markers = MarkersOf(LabelsOf(path, c3d, layout.num_points));
+  const std::vector<internal::MarkerLabel> markers = internal::SplitLabels(LabelsOf(path, c3d, layout.num_points));
   for (size_t f = 0; f < layout.num_frames; ++f) {
     for (size_t m = 0; m < markers.size(); ++m) {
       JointRow& row = file.pose.rows.emplace_back();

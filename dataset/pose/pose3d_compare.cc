@@ -3,9 +3,14 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <optional>
+#include <set>
 
+#include "body/names/joint_names.h"
+#include "core/some_of.h"
 #include "core/statistics.h"
+#include "dataset/pose/marker_labels.h"
 #include "geometry/rig/alignment.h"
 
 namespace mvstudio::dataset {
@@ -165,8 +170,65 @@ JointTable ToCoco19Table(const Pose3d& pose) {
   return table;
 }
 
-Pose3dComparison ComparePose3d(const JointTable& pose, const JointTable& reference, bool align) {
+namespace {
+
+std::set<std::string> NamesIn(const JointTable& table) {
+  std::set<std::string> names;
+  for (const auto& [frame, persons] : table) {
+    for (const auto& [person, joints] : persons) {
+      for (const auto& [name, row] : joints) names.insert(name);
+    }
+  }
+  return names;
+}
+
+/// The reference's joints by the pose's names.
+JointTable Renamed(const JointTable& reference, const std::set<std::string>& names, std::vector<std::string>* without) {
+  std::multimap<std::string, std::string> by_key, own_by_key;
+  for (const std::string& name : names) by_key.emplace(body::JointKey(name), name);
+  const std::set<std::string> own = NamesIn(reference);
+  for (const std::string& name : own) own_by_key.emplace(body::JointKey(name), name);
+  std::map<std::string, std::string> name_of;
+  for (const std::string& name : own) {
+    const std::string key = body::JointKey(name);
+    const bool by_spelling = names.count(name) == 0 && own_by_key.count(key) == 1 && by_key.count(key) == 1;
+    name_of[name] = by_spelling ? by_key.find(key)->second : name;
+    if (names.count(name_of[name]) == 0) without->push_back(name);
+  }
+  JointTable renamed;
+  for (const auto& [frame, persons] : reference) {
+    for (const auto& [person, joints] : persons) {
+      for (const auto& [name, row] : joints) renamed[frame][person][name_of[name]] = row;
+    }
+  }
+  return renamed;
+}
+
+std::string RangeOf(const JointTable& table) {
+  return std::to_string(table.begin()->first) + " to " + std::to_string(table.rbegin()->first);
+}
+
+std::string WhyNone(const JointTable& pose, const JointTable& reference) {
+  if (pose.empty()) return "no joint of the pose has a position";
+  if (reference.empty()) return "the reference holds no point";
+  const std::set<std::string> ours = NamesIn(pose), theirs = NamesIn(reference);
+  std::vector<std::string> common;
+  std::set_intersection(ours.begin(), ours.end(), theirs.begin(), theirs.end(), std::back_inserter(common));
+  if (common.empty())
+    return "no joint has a name of the reference's: here are " + SomeOf({ours.begin(), ours.end()}) + ", there " +
+           SomeOf({theirs.begin(), theirs.end()});
+  const auto shared = [&](const auto& entry) { return reference.count(entry.first) > 0; };
+  if (std::none_of(pose.begin(), pose.end(), shared))
+    return "no frame is in both: frames " + RangeOf(pose) + " here, " + RangeOf(reference) + " there";
+  return "in no frame of both has a person a joint that the reference has there, too";
+}
+
+}  // namespace
+
+Pose3dComparison ComparePose3d(const JointTable& of_pose, const JointTable& of_reference, bool align) {
   Pose3dComparison result;
+  const JointTable pose = internal::SplitSubjects(of_pose);
+  const JointTable reference = Renamed(internal::SplitSubjects(of_reference), NamesIn(pose), &result.without_counterpart);
   const std::vector<Pair> pairs = PairAll(pose, reference, &result.persons_left_out);
   geometry::Rigid3 reference_from_pose;
   if (align) reference_from_pose = Align(pairs, &result.aligned);
@@ -182,6 +244,7 @@ Pose3dComparison ComparePose3d(const JointTable& pose, const JointTable& referen
     result.coverage68 /= result.num_covariance;
     result.coverage95 /= result.num_covariance;
   }
+  if (result.num == 0) result.why_none = WhyNone(pose, reference);
   return result;
 }
 

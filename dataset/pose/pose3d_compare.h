@@ -17,6 +17,8 @@ struct Pose3dComparison {
   int num_covariance = 0;    ///< joints that had a covariance
   double coverage68 = 0;     ///< fraction of these inside the ellipsoid of 68 % probability
   double coverage95 = 0;
+  std::string why_none;                          ///< where `num` is 0: what of the two does not match, in a sentence
+  std::vector<std::string> without_counterpart;  ///< names of the reference's joints that the pose does not have
 };
 
 /// frame -> person -> joint of a pose, Ok ones only.
@@ -28,9 +30,10 @@ JointTable ToTable(const std::vector<JointRow>& rows);
 JointTable ToCoco19Table(const Pose3d& pose);
 JointTable ToTable(const std::map<int, std::map<int, Coco19Pose>>& poses);
 
-/// Compares joints of the same frame and name. In a frame each person of the reference is compared with one person, nearest
-/// pairs first. A person for whom nobody was left in most of the frames is not in the reference and is left out. `align`:
-/// removes the best rigid motion (no scale) first.
+/// Compares joints of the same frame and name. Names are equal for all spellings of one joint (body::JointKey), unless a
+/// name is there itself; of labels "SUBJECT:MARKER", on either side, the subjects are persons. In a frame each person of the
+/// reference is compared with one person, nearest pairs first. A person for whom nobody was left in most of the frames is not
+/// in the reference and is left out. `align`: removes the best rigid motion (no scale) first.
 Pose3dComparison ComparePose3d(const JointTable& pose, const JointTable& reference, bool align = false);
 
 }  // namespace mvstudio::dataset

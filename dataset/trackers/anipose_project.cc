@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 #include <regex>
+#include <set>
 
 #include "core/disk/files.h"
 #include "core/disk/place.h"
@@ -24,7 +25,34 @@ struct Config {
   bool filter = false;
   double board_square = 0;
   std::vector<std::pair<std::string, std::string>> bones;
+  std::vector<std::string> unused;
 };
+
+/// Keys, with those of the tables in it, that are neither used here nor without effect on where points are.
+void AddUnused(const toml::table& table, const std::string& above, std::vector<std::string>* unused) {
+  static const std::set<std::string> kKnown = {"nesting",
+                                               "project",
+                                               "model_folder",
+                                               "video_extension",
+                                               "converted_video_speed",
+                                               "pipeline",
+                                               "cameras",
+                                               "calibration",
+                                               "labeling",
+                                               "filter.enabled",
+                                               "triangulation.cam_regex",
+                                               "triangulation.triangulate",
+                                               "triangulation.constraints"};
+  for (const auto& [key, node] : table) {
+    const std::string name = above + std::string(key.str());
+    if (kKnown.count(name) > 0) continue;
+    const toml::table* inner = node.as_table();
+    if (inner)
+      AddUnused(*inner, name + ".", unused);
+    else
+      unused->push_back(name);
+  }
+}
 
 toml::table Parse(const std::string& path) {
   const std::string text = ReadFile(path);
@@ -77,6 +105,7 @@ Config ReadConfig(const std::string& folder) {
   config.board_square = root.at_path("calibration.board_square_side_length").value_or(0.0);
   config.bones = Lines(root, "triangulation.constraints");
   if (config.bones.empty()) config.bones = Lines(root, "labeling.scheme");
+  AddUnused(root, "", &config.unused);
   RefuseCrops(root, config.path);
   return config;
 }
@@ -194,7 +223,7 @@ TrackedProject ReadAniposeProject(const std::string& folder) {
   const CameraNames names(config);
   TrackedProject project;
   project.program = "anipose";
-  project.board_square = config.board_square, project.bones = config.bones;
+  project.board_square = config.board_square, project.bones = config.bones, project.unused = config.unused;
   const fs::path root = PlainPath(folder);
   const fs::path project_folder = root.has_filename() ? root : root.parent_path();
   for (const std::string& session : Sessions(project_folder.string(), config.nesting)) {

@@ -1,13 +1,14 @@
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 #include <string_view>
 
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/text/number_cell.h"
 #include "dataset/pose/pose2d_parse.h"
 #include "dataset/trackers/tracker_file.h"
 #include "dataset/trackers/tracker_table.h"
@@ -51,11 +52,9 @@ int Number(const CsvReader& csv, std::string_view cell, Column column) {
 }
 
 double Coordinate(const CsvReader& csv, std::string_view cell) {
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (cell.empty() || cell == "nan") return std::nan("");
-  if (error != std::errc() || end != cell.data() + cell.size()) csv.Fail("`" + std::string(cell) + "` is not a number");
-  return value;
+  const NumberCell number = ReadNumberCell(cell);
+  if (number.kind == NumberCell::Kind::kOther) csv.Fail("`" + std::string(cell) + "` is not a number" + DecimalCommaHint(cell));
+  return number.value;
 }
 
 Row ReadRow(CsvReader* csv, const Columns& columns) {

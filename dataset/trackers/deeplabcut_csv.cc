@@ -1,12 +1,13 @@
-#include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <string_view>
 
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/text/number_cell.h"
 #include "dataset/pose/pose2d_parse.h"
 #include "dataset/trackers/tracker_readers.h"
 #include "dataset/trackers/tracker_table.h"
@@ -65,10 +66,8 @@ int FrameOf(const CsvReader& csv, std::string_view cell) {
 }
 
 double NumberOf(const CsvReader& csv, std::string_view cell) {
-  if (cell.empty() || cell == "nan" || cell == "NaN") return std::nan("");
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error == std::errc() && end == cell.data() + cell.size()) return value;
+  const NumberCell number = ReadNumberCell(cell);
+  if (number.kind != NumberCell::Kind::kOther) return number.value;
   csv.Fail("`" + std::string(cell) + "` is not a number" + DecimalCommaHint(cell));
 }
 

@@ -1,14 +1,15 @@
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 #include <string_view>
 
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/label.h"
+#include "core/text/number_cell.h"
 #include "dataset/pose/pose2d_parse.h"
 #include "dataset/trackers/tracker_readers.h"
 #include "dataset/trackers/tracker_table.h"
@@ -65,10 +66,8 @@ Columns ReadColumns(CsvReader* csv) {
 double Number(const CsvReader& csv, const std::vector<std::string_view>& cells, int column) {
   if (column < 0) return std::nan("");
   const std::string_view cell = cells[static_cast<size_t>(column)];
-  if (cell.empty() || cell == "nan" || cell == "NaN") return std::nan("");
-  double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error == std::errc() && end == cell.data() + cell.size()) return value;
+  const NumberCell number = ReadNumberCell(cell);
+  if (number.kind != NumberCell::Kind::kOther) return number.value;
   csv.Fail("`" + std::string(cell) + "` is not a number" + DecimalCommaHint(cell));
 }
 

@@ -22,6 +22,7 @@ struct TrackedProject {
   std::vector<Take> takes;                                 ///< by name
   std::vector<std::pair<std::string, std::string>> bones;  ///< anipose: between joints, by names, in config.toml
   double board_square = 0;            ///< side of the board's squares as config.toml states it; 0: not stated
+  std::vector<std::string> unused;    ///< anipose: keys of config.toml that change its results and are not used here
   std::vector<std::string> left_out;  ///< files whose name tells no camera, and takes of one camera: "PATH: why"
 };
 

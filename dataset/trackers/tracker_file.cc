@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "body/names/joint_names.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "dataset/pack/child_process.h"
@@ -102,12 +103,16 @@ std::vector<std::string> UnitedJoints(const std::vector<TrackedPoints>& cameras)
 std::vector<Pose2dTrack> ToSkeleton(std::vector<TrackedPoints> cameras, const body::Skeleton& skeleton) {
   std::vector<Pose2dTrack> tracks;
   for (TrackedPoints& camera : cameras) {
+    const std::string twice = body::TwiceTheSameJoint(skeleton, camera.joints);
+    if (!twice.empty())
+      throw FormatError("camera " + camera.track.camera, camera.program + " file",
+                        twice + " are the same joint of skeleton " + skeleton.name + "; rename one of them");
     std::vector<size_t> place_of;
     for (const std::string& joint : camera.joints) {
-      const int place = skeleton.Find(joint);
+      const int place = body::FindJoint(skeleton, joint);
       if (place < 0) {
-        throw FormatError("camera " + camera.track.camera, "",
-                          "joint `" + joint + "` of its " + camera.program + " file is not in skeleton " + skeleton.name +
+        throw FormatError("camera " + camera.track.camera, camera.program + " file",
+                          body::UnknownJoint(skeleton, joint) +
                               "; add it there, or leave option 'skeleton' out to take the joints from the file");
       }
       place_of.push_back(static_cast<size_t>(place));

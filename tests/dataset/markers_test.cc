@@ -142,7 +142,7 @@ TEST_F(Markers, DamagedC3dIsNamed) {
   const std::string whole = TwoPoints().Bytes();
   EXPECT_THAT(Message("not a c3d"), HasSubstr("is no C3D file"));
   EXPECT_THAT(Message(whole.substr(0, 600)), HasSubstr("cut off"));
-  EXPECT_THAT(Message(whole.substr(0, 1024 + 32)), HasSubstr("holds 1 of 2 frames"));
+  EXPECT_THAT(Message(whole.substr(0, 1024)), HasSubstr("holds none of 2 frames"));
   std::string other = whole;
   other[515] = 99;
   EXPECT_THAT(Message(other), HasSubstr("processor type 99"));
@@ -182,6 +182,84 @@ TEST_F(Markers, TrcOfOtherProgramsAndUnits) {
   }
   EXPECT_EQ(Read(text("furlong"), "m", "a.trc").pose.rows[0].x_in_world.x(), 300);
   EXPECT_THAT(MessageOf<FormatError>([&] { Read(text("furlong"), {}, "a.trc"); }), HasSubstr("`furlong` is none of"));
+}
+
+/// Four markers at (10 m + 1, 10 m + 2, 10 m + 3) m, in frames 1 and 2.
+std::string TrcOfFour(const std::string& names, const std::string& head = "100\t100\t2\t4\tm") {
+  std::string text = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n" + head +
+                     "\nFrame#\tTime\t" + names + "\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\tX3\tY3\tZ3\tX4\tY4\tZ4\n\n";
+  for (const std::string frame : {"1\t0", "2\t0.01"}) {
+    text += frame;
+    for (int m = 0; m < 4; ++m) {
+      for (int k = 1; k <= 3; ++k) text += "\t" + std::to_string(10 * m + k) + ".5";
+    }
+    text += "\n";
+  }
+  return text;
+}
+
+std::string Replaced(std::string text, const std::string& from, const std::string& to) {
+  for (size_t at = 0; (at = text.find(from, at)) != std::string::npos; at += to.size()) text.replace(at, from.size(), to);
+  return text;
+}
+
+TEST_F(Markers, TrcNamesKeepTheirColumns) {
+  const auto names = [&](const std::string& bytes) {
+    const MarkerFile file = Read(bytes, {}, "a.trc");
+    std::string list;
+    for (size_t m = 0; m < 4; ++m) {
+      list += file.pose.rows.at(m).joint + " ";
+      EXPECT_NEAR(file.pose.rows[m].x_in_world.y(), 10. * static_cast<double>(m) + 1.5, 1e-12);
+    }
+    return list;
+  };
+  const std::string clean = TrcOfFour("a\t\t\tb\t\t\tc\t\t\td\t\t");
+  for (const std::string& bytes :
+       {clean, TrcOfFour("a\tb\tc\td"), TrcOfFour(" a \t\tb\t\tc\t\td\t"), TrcOfFour("\ta\t\tb\t\tc\t\td"),
+        TrcOfFour("a\tb\tc\td", "  100 \t\t 100\t\t 2\t\t 4\t\t m "), Replaced(clean, ".5", ",5"),
+        Replaced(TrcOfFour("a\tb\tc\td"), "\t", "  "), Replaced(TrcOfFour("a\tb\tc\td"), "\t", ",")}) {
+    EXPECT_EQ(names(bytes), "a b c d ") << bytes;
+  }
+  EXPECT_EQ(names(TrcOfFour("a\t\t\t\t\t\tc\t\t\td\t\t")), "a point_2 c d ");
+  EXPECT_EQ(names(TrcOfFour("a\t\tc\td")), "a point_2 c d ");
+  EXPECT_THAT(MessageOf<FormatError>([&] { Read(TrcOfFour("a\tb\tc\td\te"), {}, "a.trc"); }), HasSubstr("5 names"));
+}
+
+TEST_F(Markers, TrcNumbersAreReadWholeOrRefused) {
+  const std::string clean = TrcOfFour("a\tb\tc\td");
+  const auto message = [&](const std::string& bytes) { return MessageOf<FormatError>([&] { Read(bytes, {}, "a.trc"); }); };
+  EXPECT_THAT(message(Replaced(clean, "\t12.5", "\t12,5")), HasSubstr("a comma"));
+  EXPECT_THAT(message(Replaced(clean, "\t12.5", "\t12.5mm")), HasSubstr("`12.5mm`"));
+  EXPECT_THAT(message(Replaced(clean, "\n2\t", "\n1\t")), HasSubstr("frame 1 stands in line 7"));
+  EXPECT_THAT(message(Replaced(clean, "\n2\t", "\n2x\t")), HasSubstr("not a frame number"));
+  for (const std::string missing : {"", "NaN", "null", "-inf", "NA"}) {
+    const MarkerFile file = Read(Replaced(clean, "\t12.5", "\t" + missing), {}, "a.trc");
+    EXPECT_EQ(file.pose.rows.at(1).status, Status::kTooFewViews) << missing;
+    EXPECT_EQ(file.pose.rows.at(2).status, Status::kOk) << missing;
+  }
+}
+
+TEST_F(Markers, TrcIsHeldAgainstItsHeader) {
+  const auto notes = [&](const std::string& head) {
+    return ::testing::PrintToString(Read(TrcOfFour("a\tb\tc\td", head), {}, "a.trc").notes);
+  };
+  EXPECT_EQ(notes("100\t100\t2\t4\tm"), "{}");
+  EXPECT_THAT(notes("100\t100\t9\t4\tm"), HasSubstr("states 9 frames, 2 are there"));
+  EXPECT_THAT(notes("100\t100\t2\t5\tm"), HasSubstr("states 5 markers"));
+  EXPECT_THAT(notes("50\t100\t2\t4\tm"), HasSubstr("states 50 frames a second"));
+}
+
+TEST_F(Markers, C3dCountsAreHeldAgainstTheSize) {
+  C3dSample sample = TwoPoints();
+  const std::string whole = sample.Bytes();
+  const MarkerFile cut = Read(whole.substr(0, 1024 + 32));
+  EXPECT_EQ(cut.pose.rows.size(), 2u);
+  ASSERT_EQ(cut.notes.size(), 1u);
+  EXPECT_THAT(cut.notes[0], HasSubstr("states 2 frames and holds 1"));
+  sample.first = 1, sample.frames.assign(65536 + 40, {1, 2, 3, 0, 4, 5, 6, 0});
+  const MarkerFile wrapped = Read(sample.Bytes());  // the header's count is 40
+  EXPECT_EQ(wrapped.pose.rows.size(), 2u * (65536 + 40));
+  EXPECT_THAT(wrapped.notes.at(0), HasSubstr("began anew"));
 }
 
 }  // namespace

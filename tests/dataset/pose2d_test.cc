@@ -100,7 +100,8 @@ TEST_F(Pose2d, FrameNumbersOfAllNamings) {
 TEST_F(Pose2d, EmptyAndMissingFolders) {
   EXPECT_THAT(MessageOf<IoError>(), AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no .json")));
   fs::remove_all(folder_);
-  EXPECT_THAT(MessageOf<IoError>(), AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no such file or folder")));
+  EXPECT_THAT(MessageOf<IoError>(),
+              AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no such file or folder")));
 }
 
 TEST_F(Pose2d, TruncatedJsonNamesFileCameraAndFrame) {
@@ -122,12 +123,28 @@ TEST_F(Pose2d, DamagedContentIsRefused) {
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("people[0].pose_keypoints_2d"));
   Put("1.json", "{\"people\":[{\"pose_keypoints_2d\":[1e999]}]}");
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("1.json"));
-  std::string with_null = People(51);
-  with_null.replace(with_null.find("4.5"), 3, "null");
-  Put("1.json", with_null);
+  std::string with_text = People(51);
+  with_text.replace(with_text.find("4.5"), 3, "\"x\"");
+  Put("1.json", with_text);
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("pose_keypoints_2d[4]"));
   Put("1.json", std::string(100000, '['));
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("nested deeper"));
+}
+
+TEST_F(Pose2d, AMissingValueCostsItsKeypointAlone) {
+  for (const std::string word : {"NaN", "null", "Infinity", "-Infinity"}) {
+    std::string text = People(51);
+    text.replace(text.find("4.5"), 3, word);  // y of the second keypoint
+    Put("000001_keypoints.json", text.insert(text.find("\"people\""), "\"note\":\"NaN \\\" -Infinity\","));
+    const Pose2dTrack track = Read();
+    EXPECT_TRUE(track.skipped.empty()) << track.skipped[0];
+    const std::vector<Keypoint2d>& keypoints = track.frames.at(1).at(0).keypoints;
+    EXPECT_EQ(keypoints.at(0).y_px, 1.5);
+    EXPECT_EQ(keypoints.at(1).score, 0) << word;
+    EXPECT_EQ(keypoints.at(2).x_px, 6.5) << word;
+  }
+  Put("000001_keypoints.json", "{\"people\":[NaN,NaN,}");  // byte 20 of the file
+  EXPECT_NE(MessageOf<FormatError>().find("at byte 20 of 20"), std::string::npos) << MessageOf<FormatError>();
 }
 
 TEST_F(Pose2d, OneDamagedFileAmongManyIsLeftOutAndListed) {

@@ -173,5 +173,22 @@ TEST(ComparePose3d, PairsAreThoseThatAreNear) {
   EXPECT_EQ(comparison.num, ComparePose3d(reference, reference).num);
 }
 
+TEST(ComparePose3d, NamesMeetInAllSpellingsAndNothingIsSaidToBeNothing) {
+  const JointTable pose = RandomTable(3, 1);
+  JointTable subject, spelled, other, later;
+  for (const auto& [frame, persons] : pose) {
+    for (const auto& [name, row] : persons.at(0)) {
+      subject[frame][0]["anna:" + name] = row, other[frame][0]["x" + name] = row, later[frame + 50][0][name] = row;
+    }
+    spelled[frame][0]["left_hip"] = persons.at(0).at("LHip"), spelled[frame][0]["nose"] = persons.at(0).at("Nose");
+  }
+  EXPECT_EQ(ComparePose3d(subject, pose).num, 12);
+  EXPECT_EQ(ComparePose3d(pose, subject).max_mm, 0);
+  EXPECT_EQ(ComparePose3d(pose, spelled).num, 6);
+  EXPECT_EQ(ComparePose3d(pose, spelled).max_mm, 0);
+  EXPECT_NE(ComparePose3d(pose, other).why_none.find("no joint has a name"), std::string::npos);
+  EXPECT_NE(ComparePose3d(pose, later).why_none.find("frames 0 to 2 here, 50 to 52 there"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace mvstudio::dataset
