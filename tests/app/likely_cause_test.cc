@@ -42,9 +42,10 @@ TEST(LikelyCause, WithoutAClearCauseItSaysWhatEachWouldLeave) {
   report.as_given.num_detections = 100;
   EXPECT_EQ(AddLikelyCause(report, "TRI-CAUSE", "look at it", &result), "look at it");
   ASSERT_EQ(result.warnings.size(), 1u);
-  EXPECT_EQ(result.warnings[0].text,
-            "none of the likely causes explains it: of the detections in a sample 1 % fit together as given, 87.5 % with cameras a "
-            "and b exchanged, 0 % with camera c mirrored");
+  EXPECT_EQ(
+      result.warnings[0].text,
+      "none of the likely causes explains it: of the detections in a sample 1 % fit together as given, 87.5 % with cameras a "
+      "and b exchanged, 0 % with camera c mirrored");
   EXPECT_EQ(result.metrics["causes"].size(), 3u);
   EXPECT_EQ(AddLikelyCause({}, "TRI-CAUSE", "look at it", &nothing), "look at it");
   EXPECT_TRUE(nothing.warnings.empty());
