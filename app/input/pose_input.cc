@@ -156,6 +156,13 @@ void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<std::string>& 
   }
 }
 
+/// The tracks as everything later takes them.
+void Change(const PoseArguments& arguments, const geometry::Rig& rig, PoseInput* input) {
+  ApplyChanges(arguments.changes, rig, input->skeleton, &input->tracks);
+  RefuseEqual(input->tracks, rig, arguments.pose2d, arguments.points2d);
+  LeaveOutJoints(arguments.without_joints, input);
+}
+
 void CheckCameras(const PoseInput& input, CommandResult* result) {
   if (input.cameras.size() < 2) throw UsageError("at least two cameras are needed, option 'pose2d' NAME=FOLDER once for each");
   WarnOfDuplicates(input.rig, input.cameras, result);
@@ -176,7 +183,12 @@ std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton) {
 }
 
 triangulate::TakeBody BodyOf(const body::Skeleton& skeleton) {
-  return {static_cast<int>(skeleton.joints.size()), body::MirrorGroups(skeleton)};
+  triangulate::TakeBody body{static_cast<int>(skeleton.joints.size()), body::MirrorGroups(skeleton)};
+  if (skeleton.human) {
+    body.sides = {skeleton.Find("Nose"), skeleton.Find("LShoulder"), skeleton.Find("RShoulder"), skeleton.Find("LHip"),
+                  skeleton.Find("RHip")};
+  }
+  return body;
 }
 
 PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
@@ -189,7 +201,7 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   }
   const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
   if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, result);
-  LeaveOutJoints(arguments.without_joints, &input);
+  Change(arguments, input.rig, &input);
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
   CheckCameras(input, result);
   input.limbs = LimbsOf(input.skeleton);
@@ -204,8 +216,11 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
     input_ = ReadRig(arguments, result);
     input_.skeleton = SkeletonOf(arguments);
     input_.limbs = LimbsOf(input_.skeleton);
+    if (!arguments.changes.rate.empty())
+      throw UsageError("option 'rate' needs the whole take: leave option 'chunk-frames' out");
+    const auto& without = arguments.changes.without_cameras;
     for (const auto& [camera, folder] : arguments.pose2d) {
-      input_.cameras.push_back(camera);
+      if (std::find(without.begin(), without.end(), camera) == without.end()) input_.cameras.push_back(camera);
       const std::vector<int> frames = dataset::OpenPoseFrames(folder, camera);
       num_files_[camera] = frames.size();
       numbers.insert(frames.begin(), frames.end());
@@ -229,7 +244,7 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
   PoseInput part;
   CommandResult own;
   ReadTracks(arguments_, {numbers_[begin], numbers_[end - 1], true}, &own, &part);
-  LeaveOutJoints(arguments_.without_joints, &part);
+  Change(arguments_, input_.rig, &part);
   for (const dataset::Pose2dTrack& track : part.tracks) {
     std::set<std::string>& damaged = damaged_[track.camera];
     damaged.insert(track.skipped.begin(), track.skipped.end());

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "app/input/pose_changes.h"
 #include "app/result.h"
 #include "app/words.h"
 #include "body/skeleton.h"
@@ -24,6 +25,7 @@ struct PoseArguments {
   std::string points2d;  ///< table of points of all cameras, ours or caliscope's, instead of pose2d
   std::vector<std::pair<std::string, std::string>> bones = {};  ///< of a project's configuration, for files that state none
   std::vector<std::string> without_joints = {};                 ///< names of joints whose detections are left out
+  PoseChanges changes = {};
   std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, DeepLabCut's and SLEAP's too, one per camera
 };
 

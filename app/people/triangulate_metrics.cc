@@ -124,10 +124,24 @@ void PointStatistics::AddFrames(const std::vector<triangulate::DetectedFrame>& f
   for (const triangulate::DetectedFrame& frame : frames) {
     num_carriable_ += NumCarriable(frame, options.min_score, options.max_persons, options.min_views);
     frames_with_people_.resize(std::max(frames_with_people_.size(), frame.people.size()));
-    for (size_t c = 0; c < frame.people.size(); ++c) frames_with_people_[c] += !frame.people[c].empty();
+    for (size_t c = 0; c < frame.people.size(); ++c) {
+      frames_with_people_[c] += !frame.people[c].empty();
+      for (const triangulate::DetectedPerson& person : frame.people[c]) {
+        for (const triangulate::Keypoint& key : person) CountScore(key);
+      }
+    }
     const int seen = SeenByTwo(frame);
     num_crowded_ += seen > options.max_persons;
     most_persons_ = std::max(most_persons_, seen);
+  }
+}
+
+void PointStatistics::CountScore(const triangulate::Keypoint& key) {
+  if (!key.px.allFinite()) return;
+  if (key.score > 0) {
+    ++scores_[static_cast<size_t>(std::min(key.score, 1.0) * 1000)];
+  } else {
+    num_unscored_ += !key.px.isZero(0);
   }
 }
 
@@ -284,28 +298,80 @@ void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* resul
   }
 }
 
-void CheckLoss(const PointStatistics& statistics, CommandResult* result) {
-  const double carriable = static_cast<double>(statistics.num_carriable());
-  if (statistics.num_ok() == 0 || statistics.num_ok() >= kLostShare * carriable) return;
-  result->exit = kExitQualityGate;
-  result->errors.push_back({"TRI-LOST",
-                            "only " + std::to_string(statistics.num_ok()) + " of " +
-                                std::to_string(statistics.num_carriable()) +
-                                " joints that several cameras see could be "
-                                "triangulated",
-                            "check that calibration and poses belong to the same cameras and that all cameras count frames "
-                            "alike"});
+std::string PointStatistics::ScoresText(double min_score) const {
+  int64_t total = 0, above = 0, below = 0;
+  for (size_t i = 0; i < scores_.size(); ++i) total += scores_[i];
+  for (size_t i = 0; i < scores_.size(); ++i) above += i + 1 > 1000 * min_score ? scores_[i] : 0;
+  if (total == 0 && num_unscored_ == 0) return "";
+  if (total == 0) return Format("all %lld joints have score 0, which means not seen", static_cast<long long>(num_unscored_));
+  std::string text =
+      Format("%lld of %lld detections have a score below option 'min-score' %g and are left out; quantiles 10, 50, 90 %%:",
+             static_cast<long long>(total - above), static_cast<long long>(total), min_score);
+  size_t bin = 0;
+  for (const double share : {0.1, 0.5, 0.9}) {
+    while (bin + 1 < scores_.size() && static_cast<double>(below + scores_[bin]) < share * static_cast<double>(total))
+      below += scores_[bin++];
+    text += Format(" %.3g", static_cast<double>(bin) / 1000);
+  }
+  return text;
+}
+
+int PointStatistics::Count(Status status) const {
+  const auto found = counts_.find(status);
+  return found == counts_.end() ? 0 : found->second;
+}
+
+bool PointStatistics::CheckLoss(const triangulate::TakeOptions& options, CommandResult* result) const {
+  const double carriable = static_cast<double>(num_carriable_);
+  if (num_ok() > 0 && num_ok() >= kLostShare * carriable) return false;
+  const bool none = num_ok() == 0;
+  result->exit = none ? kExitIllPosed : kExitQualityGate;
+  Notice error{none ? "TRI-NO-POINTS" : "TRI-LOST", "no joint could be triangulated",
+               "check that calibration and poses belong to the same cameras and that all cameras count frames alike"};
+  if (!none)
+    error.text = "only " + std::to_string(num_ok()) + " of " + std::to_string(num_carriable_) +
+                 " joints that several cameras see could be triangulated";
+  const std::string scores = ScoresText(options.min_score);
+  bool known = false;
+  if (num_carriable_ == 0 && !scores.empty() && scores.find(" 0 of ") == std::string::npos && scores.rfind("0 of ", 0) != 0) {
+    error.text += ": " + scores;
+    error.hint = "option 'min-score' with a lower limit, or option 'ignore-scores' where scores say nothing";
+    known = true;
+  } else if (num_carriable_ == 0) {
+    error.text += Format(": no joint is seen by %d cameras in one frame", options.min_views);
+    error.hint = "frame numbers of the cameras must overlap: `mvstudio sync` finds offsets";
+    known = true;
+  } else if (2 * Count(Status::kNotConverged) > num_tried_) {
+    error.text +=
+        Format("; for %d of %d the search for a point does not end (NotConverged)", Count(Status::kNotConverged), num_tried_);
+    error.hint =
+        "the rays of a point are parallel to what numbers hold: look at focal lengths and distances of the calibration";
+    known = true;
+  }
+  result->errors.push_back(error);
+  return known;
 }
 
 void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result) {
-  constexpr double kMaxSigmaOfDiagonal = 0.015;
+  constexpr double kMaxSigmaOfDiagonal = 0.015, kMaxLeftOutOfDiagonal = 0.03, kSearchEnds = 0.25;
   double diagonal_px = 0;
   for (const geometry::RigCamera& camera : rig.cameras)
     diagonal_px += std::hypot(camera.camera.width_px, camera.camera.height_px);
   diagonal_px /= static_cast<double>(rig.cameras.size());
-  if (take.sigma_px <= kMaxSigmaOfDiagonal * diagonal_px) return;
-  const std::string text = Format("views disagree: sigma %.1f px is %.1f %% of the image's diagonal", take.sigma_px,
-                                  100 * take.sigma_px / diagonal_px);
+  const triangulate::LeftOutFigures& left_out = take.holdout.all;
+  std::string text;
+  if (take.sigma_px > kSearchEnds * diagonal_px) {
+    text = "views disagree: no noise of detections explains by how much";
+  } else if (take.sigma_px > kMaxSigmaOfDiagonal * diagonal_px) {
+    text = Format("views disagree: sigma %.1f px is %.1f %% of the image's diagonal", take.sigma_px,
+                  100 * take.sigma_px / diagonal_px);
+  } else if (left_out.num_samples > 0 && left_out.coverage < 0.5) {
+    text = Format("cameras disagree: the others predict only %.0f %% of a camera's detections", 100 * left_out.coverage);
+  } else if (left_out.num_samples > 0 && left_out.median_px > kMaxLeftOutOfDiagonal * diagonal_px) {
+    text =
+        Format("cameras disagree: what the others predict is %.0f px from a camera's detections (median)", left_out.median_px);
+  }
+  if (text.empty()) return;
   result->exit = kExitQualityGate;
   result->errors.push_back({"TRI-INCONSISTENT", text,
                             "check that each folder belongs to its camera, that all cameras count frames from the same "

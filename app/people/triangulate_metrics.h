@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <map>
 #include <utility>
 #include <vector>
@@ -29,6 +30,10 @@ class PointStatistics {
   int64_t num_carriable() const { return num_carriable_; }
   void AddTo(const body::Skeleton& skeleton, nlohmann::ordered_json* metrics) const;
 
+  /// Too few points, or none: an error (exit 5 or 4), with the reason where the scores or the statuses are it. True when the
+  /// reason is known.
+  bool CheckLoss(const triangulate::TakeOptions& options, CommandResult* result) const;
+
  private:
   std::vector<std::pair<int, int>> limbs_;
   std::map<Status, int> counts_;
@@ -39,7 +44,13 @@ class PointStatistics {
   int num_frames_ = 0, num_crowded_ = 0, most_persons_ = 0;  // frames with more people than are kept
   int num_lower_bounds_ = 0;  // points whose sigma holds the calibration's part of some of their cameras only
   int num_tried_ = 0, num_persons_ = 0;
+  void CountScore(const triangulate::Keypoint& key);
+  std::string ScoresText(double min_score) const;
+  int Count(Status status) const;
+
   int64_t num_carriable_ = 0;
+  int64_t num_unscored_ = 0;               // joints with coordinates and score 0
+  std::array<int64_t, 1001> scores_ = {};  // detections by score, in thousandths
   double solve_s_ = 0;
 };
 
@@ -55,10 +66,8 @@ std::string RefinementText(const triangulate::SkeletonRefineReport& report);
 /// Warns of cameras that are off or scaled, or that swap left and right.
 void AddCameraWarnings(const triangulate::TakeResult& take, CommandResult* result);
 
-/// Almost all joints that could be triangulated were lost: exit 4, "TRI-LOST".
-void CheckLoss(const PointStatistics& statistics, CommandResult* result);
-
-/// Detections that scatter by a considerable part of the image do not match this calibration: exit 4.
+/// Detections that scatter by a considerable part of the image, or that the other cameras do not predict, do not match this
+/// calibration: exit 4.
 void CheckConsistency(const triangulate::TakeResult& take, const geometry::Rig& rig, CommandResult* result);
 
 }  // namespace mvstudio::app

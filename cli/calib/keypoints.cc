@@ -7,10 +7,12 @@
 #include "app/calib/calibration_use.h"
 #include "app/input/calib_read.h"
 #include "app/input/pose_input.h"
+#include "app/input/sync_input.h"
 #include "app/people/known_lengths.h"
 #include "app/people/likely_cause.h"
 #include "calib/calibrate.h"
 #include "calib/keypoints/place.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
@@ -295,6 +297,9 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
             "--points2d, DeepLabCut and SLEAP the points in the file");
   AddOption(sub, "--unit,--calib-unit", arguments.calib_unit,
             "--from-keypoints: m, cm, mm or in: of a calibration that names no unit; m unless given");
+  AddOption(sub, "--sync", arguments.sync,
+            "--from-keypoints: sync.json of `mvstudio sync`: time offsets and rates of the cameras");
+  AddPoseChanges(sub, arguments.changes);
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
@@ -313,9 +318,11 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const auto test = ParseFrames("--test-frames", arguments.test_frames);
   app::PoseArguments pose;
   pose.calib = calib_path, pose.calib_unit = arguments.calib_unit, pose.skeleton = arguments.skeleton;
-  pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d;
-  const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d}), {"calibration.json"});
+  pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d, pose.changes = arguments.changes;
+  const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d, arguments.sync}),
+                           {"calibration.json"});
   app::PoseInput input = app::ReadPoseInput(pose, &result);
+  if (!arguments.sync.empty()) app::ApplySync(arguments.sync, &input, &result);
   Posed posed = PosedCameras(input);
   const bool lenses_only = input.rig.gauge == calib::kLensesOnly;
   if (!lenses_only && arguments.person_height_m > 0)

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "app/input/pose_changes.h"
 #include "calib/keypoints/refine.h"
 #include "cli/program/command.h"
 
@@ -17,6 +18,8 @@ struct KeypointArguments {
   std::string points2d;                   ///< table of points of all cameras, instead of pose2d
   double person_height_m = 0;             ///< 0: not said; for lenses without poses
   std::vector<app::NamedPath> pose2d;
+  app::PoseChanges changes;
+  std::string sync;  ///< sync.json; may be empty
 
   bool IsGiven() const { return from_keypoints || !points2d.empty(); }
   calib::KeypointRefineOptions options;

@@ -60,9 +60,12 @@ ordered_json CameraJson(const CameraSync& camera, double fps) {
   json["offset_frames"] = ok ? FiniteOrNull(camera.offset_frames) : ordered_json(nullptr);
   json["sigma_frames"] = ok ? FiniteOrNull(camera.sigma_frames) : ordered_json(nullptr);
   if (fps > 0) {
-    json["offset_ms"] = ok ? FiniteOrNull(1000 * camera.offset_frames / fps) : ordered_json(nullptr);
-    json["sigma_ms"] = ok ? FiniteOrNull(1000 * camera.sigma_frames / fps) : ordered_json(nullptr);
+    json["offset_ms"] = ok ? FiniteOrNull(1000 * camera.offset_frames / camera.nominal_rate / fps) : ordered_json(nullptr);
+    json["sigma_ms"] = ok ? FiniteOrNull(1000 * camera.sigma_frames / camera.nominal_rate / fps) : ordered_json(nullptr);
   }
+  json["nominal_rate"] = camera.nominal_rate;
+  json["rate_ppm"] = FiniteOrNull(camera.rate_ppm);
+  json["sigma_rate_ppm"] = FiniteOrNull(camera.sigma_rate_ppm);
   json["contrast"] = FiniteOrNull(camera.contrast);
   json["agreement"] = FiniteOrNull(camera.agreement);
   json["runner_up_frames"] = FiniteOrNull(camera.runner_up_frames);
@@ -117,8 +120,18 @@ dataset::SyncFile ToFile(const SyncResult& sync, double fps) {
     if (camera.status != SyncStatus::kOk) continue;
     entry.offset_frames = camera.offset_frames;
     entry.sigma_frames = camera.sigma_frames;
+    entry.nominal_rate = camera.nominal_rate;
+    entry.rate_ppm = camera.rate_ppm;
   }
   return file;
+}
+
+/// What a clock does beside being offset; empty: nothing.
+std::string RateText(const CameraSync& camera) {
+  std::string text;
+  if (camera.nominal_rate != 1) text += Format("  %.4g frames for one of the reference", camera.nominal_rate);
+  if (camera.rate_ppm != 0) text += Format("  %+.0f +- %.0f ppm", camera.rate_ppm, camera.sigma_rate_ppm);
+  return text;
 }
 
 std::string Summary(const SyncResult& sync, double fps) {
@@ -132,9 +145,10 @@ std::string Summary(const SyncResult& sync, double fps) {
     }
     text += Format("%-12s %+9.3f +- %.3f frames", camera.name.c_str(), camera.offset_frames, camera.sigma_frames);
     if (fps > 0) {
-      text += Format("  %+9.2f +- %.2f ms", 1000 * camera.offset_frames / fps, 1000 * camera.sigma_frames / fps);
+      const double ms = 1000 / fps / camera.nominal_rate;
+      text += Format("  %+9.2f +- %.2f ms", ms * camera.offset_frames, ms * camera.sigma_frames);
     }
-    text += "\n";
+    text += RateText(camera) + "\n";
   }
   return text;
 }
@@ -260,9 +274,11 @@ void Describe(const dataset::SyncFile& file, const char* hint, CommandResult* re
       ++num_ok;
       json["offset_frames"] = FiniteOrNull(*c.offset_frames);
       json["sigma_frames"] = FiniteOrNull(c.sigma_frames);
-      json["rate_ppm"] = FiniteOrNull(c.rate_ppm);
+      json["nominal_rate"] = c.nominal_rate, json["rate_ppm"] = FiniteOrNull(c.rate_ppm);
       result->text +=
-          Format("%-12s %+9.3f +- %.3f frames %+8.2f ppm\n", c.name.c_str(), *c.offset_frames, c.sigma_frames, c.rate_ppm);
+          Format("%-12s %+9.3f +- %.3f frames %+8.2f ppm", c.name.c_str(), *c.offset_frames, c.sigma_frames, c.rate_ppm);
+      if (c.nominal_rate != 1) result->text += Format("  %.6g frames for one of the reference", c.nominal_rate);
+      result->text += "\n";
     } else {
       result->errors.push_back({"SYN-UNDETERMINED", "camera " + c.name + ": " + c.status, hint});
       result->text += c.name + "  " + c.status + "\n";

@@ -1,28 +1,13 @@
 #include "cli/people/take_timing.h"
 
-#include <cmath>
-
 #include "app/calib/calibration_use.h"
+#include "app/input/sync_input.h"
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
 #include "dataset/session/timeline_source.h"
-#include "dataset/time/sync_file.h"
-#include "triangulate/sync/sync.h"
 
 namespace mvstudio::cli {
 namespace {
-
-/// The detections as the reference camera would have numbered their frames.
-void ApplySync(const std::string& path, app::PoseInput* input, CommandResult* result) {
-  const std::vector<double> offsets = dataset::OffsetsOf(dataset::ReadSync(path), geometry::CameraNames(input->rig));
-  result->inputs.push_back(path);
-  for (const std::string& camera : input->cameras) {
-    if (std::isfinite(offsets[static_cast<size_t>(input->rig.Find(camera))])) continue;
-    result->warnings.push_back({"TRI-NO-OFFSET", camera + ": " + path + " has no time offset for it, it is left out",
-                                "run `mvstudio sync` again with more motion, or set its offset_frames in the file"});
-  }
-  input->frames = triangulate::ApplyOffsets(input->frames, offsets);
-}
 
 /// Frame numbers become instants, as everything later counts them. Offsets of a sync file are kept to a fraction of a frame;
 /// else each camera's nearest frame is taken. False when nothing of the session says how the cameras' clocks relate.
@@ -33,7 +18,7 @@ bool ApplySession(const app::FoundTake& found, const TimingArguments& timing, ap
   if (!timing.sync.empty() || (timeline && timeline->clock == dataset::TimelineClock::kOffsets && !sync.empty())) {
     app::RenumberByClock(found, timing.session, input);
     input->frames = app::ToFrames(input->tracks, input->rig, timing.calib);
-    ApplySync(timing.sync.empty() ? sync : timing.sync, input, result);
+    app::ApplySync(timing.sync.empty() ? sync : timing.sync, input, result);
     numbering->in_footage = timeline != nullptr;
     numbering->timeline = timeline;
     return true;
@@ -54,7 +39,7 @@ FrameNumbering ApplyTiming(const std::optional<app::FoundTake>& found, const Tim
   if (found) {
     stated = ApplySession(*found, timing, input, &numbering, result);
   } else if (stated) {
-    ApplySync(timing.sync, input, result);
+    app::ApplySync(timing.sync, input, result);
     numbering.in_footage = false;
   }
   if (stated) {

@@ -172,16 +172,31 @@ geometry::Rig RigOf(const triangulate::TakeOptions& options, const app::PoseInpu
 
 /// When the take is lost or does not fit: why. Else whether its cameras are synchronous. `sample` gives frames of it. True when
 /// a cause was clear.
-bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const GiveFrames& sample, const RunContext& run,
-            CommandResult* result) {
+bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const triangulate::TakeResult& take,
+            const GiveFrames& sample, const RunContext& run, CommandResult* result) {
   const geometry::Rig rig = RigOf(arguments.options, input);
   triangulate::CauseOptions options;
   options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
-  if (result->errors.empty()) return app::AddTiming(CheckTiming(rig, sample(), options, run), result);
+  const bool timed = !arguments.timing.sync.empty();
+  const triangulate::TakeBody body = app::BodyOf(input.skeleton);
+  if (result->errors.empty()) {
+    const bool apart = std::any_of(take.cameras.begin(), take.cameras.end(), [](const triangulate::CameraDiagnosis& camera) {
+      return 2 * camera.num_rejected > camera.num_detections;
+    });
+    if (!apart) return app::AddTiming(CheckTiming(rig, sample(), options, run), timed, result);
+    return app::AddCameraCause(RankCauses(rig, sample(), body, options, run), timed, result);
+  }
   Notice& error = result->errors.back();
-  const triangulate::CauseReport report = RankCauses(rig, sample(), app::BodyOf(input.skeleton), options, run);
+  const triangulate::CauseReport report = RankCauses(rig, sample(), body, options, run);
   error.hint = app::AddLikelyCause(report, "TRI-CAUSE", error.hint, result);
   return !report.message.empty();
+}
+
+void CheckViews(const triangulate::TakeOptions& options, const app::PoseInput& input) {
+  const int cameras = static_cast<int>(input.cameras.size());
+  if (options.min_views <= cameras) return;
+  throw UsageError(Format("--min-views %d: only %d cameras have 2D joints, so that no point can have as many views",
+                          options.min_views, cameras));
 }
 
 std::string PointsPath(const Arguments& arguments) { return (std::filesystem::path(arguments.out) / "points.csv").string(); }
@@ -202,18 +217,14 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   statistics.WarnOfAbsence(input, result);
   statistics.WarnOfPersons(arguments.options.max_persons, result);
   if (statistics.num_ok() > 0) AddComparisons(arguments.comparison, arguments.out, result);
-  if (statistics.num_ok() > 0) app::CheckConsistency(take, input.rig, result);
   app::CheckLimbs(take, input, result);
   app::CheckUp(take, input, result);
-  app::CheckLoss(statistics, result);
+  const bool known = statistics.CheckLoss(arguments.options, result);
+  if (result->errors.empty()) app::CheckConsistency(take, input.rig, result);
+  const bool lost = !result->errors.empty();
+  // Of a lost take the cameras' own figures are of chance.
+  if (!known && !SayWhy(arguments, input, take, sample, run, result) && !lost) app::AddCameraWarnings(take, result);
   KeepOneError(result);
-  if (statistics.num_ok() == 0) {
-    result->exit = kExitIllPosed;
-    result->errors.push_back(
-        {"TRI-NO-POINTS", "no joint could be triangulated; see status_counts",
-         "check that calibration and poses belong to the same cameras and that all cameras count frames alike"});
-  }
-  if (!SayWhy(arguments, input, sample, run, result)) app::AddCameraWarnings(take, result);
   if (arguments.had_points && KeepsOlder(PointsPath(arguments), result)) return;
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
     result->outputs.push_back(
@@ -278,6 +289,8 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
   CheckArguments(arguments);
+  if (found && !arguments.pose.changes.rate.empty())
+    throw UsageError("--rate is for takes outside sessions; a session's clocks state their rates");
   FillMarkerOptions(found, &arguments.markers);
   const auto& pose = arguments.pose;
   const OutputFolder place(arguments.out, InputsOf(arguments),
@@ -288,6 +301,7 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   if (!arguments.markers.to.empty()) markers = std::make_unique<AtomicFolder>(MarkerFolder(arguments), true);
   if (arguments.chunk_frames > 0) {
     const app::PoseParts parts(arguments.pose, &result);
+    CheckViews(arguments.options, parts.input());
     app::ReportOffsetsUnused(parts.input().rig, "--chunk-frames reads the take in parts", &result);
     app::PointStatistics statistics(static_cast<int>(parts.input().skeleton.joints.size()), parts.input().limbs);
     const triangulate::TakeResult take = SolveChunks(arguments, parts, context.run, &statistics, &result);
@@ -297,6 +311,7 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
     CheckCameras(arguments.images, input.rig, pose.calib);
     arguments.timing.calib = pose.calib;
+    CheckViews(arguments.options, input);
     const FrameNumbering numbering = ApplyTiming(found, arguments.timing, arguments.options, context.run, &input, &result);
     app::PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
     const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics, &result);

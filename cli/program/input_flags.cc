@@ -65,6 +65,43 @@ void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& 
   AddOption(sub, "--skeleton", skeleton, what + ": a name that triangulate knows, or a file FILE.toml (docs/formats.md)");
 }
 
+namespace {
+
+/// NAMES of cameras, or the flag alone for all.
+void AddCameraSet(CLI::App* sub, const std::string& name, app::CameraSet& cameras, const std::string& help) {
+  AddWordsOption(
+      sub, name,
+      [&cameras, name](const std::vector<std::string>& texts) { FromString(Join(texts, ","), name.substr(2), &cameras); },
+      [&cameras] { return ToString(cameras); }, help)
+      ->expected(0, 1)
+      ->type_name("[CAMERAS]");
+}
+
+}  // namespace
+
+void AddPoseChanges(CLI::App* sub, app::PoseChanges& changes) {
+  const GroupScope group(sub, "What the 2D joints mean");
+  AddCameraSet(sub, "--normalized", changes.normalized,
+               "coordinates are 0 to 1 of the image's width and height; of all cameras, or of those named, with commas");
+  AddCameraSet(sub, "--flip-y", changes.flip_y, "y counts from the lower edge, as in DLTdv and Argus: y becomes height - y");
+  AddCameraSet(sub, "--flip-x", changes.flip_x, "the images were mirrored: x becomes width - 1 - x");
+  AddCameraSet(sub, "--swap-sides", changes.swap_sides,
+               "left and right joints bear each other's name, as a detector calls them in mirrored images");
+  AddChoices(sub, "--rotate", changes.rotate,
+             "90, 180 or 270, or CAMERA=90: degrees clockwise by which the images were turned against the calibration's; the "
+             "joints are turned back");
+  AddChoices(
+      sub, "--image-size", changes.image_size,
+      "WIDTHxHEIGHT, or CAMERA=WIDTHxHEIGHT: of the images in which the joints were found, where they are scaled against "
+      "the calibrated ones");
+  AddChoices(sub, "--rate", changes.rate,
+             "HZ, or CAMERA=HZ: frames a second, where cameras differ; time steps count at HZ, else at the lowest");
+  AddOption(sub, "--swap-cameras", changes.swap_cameras, "A,B: the 2D joints of these two cameras bear each other's name");
+  AddOption(sub, "--without-camera", changes.without_cameras, "names of cameras, with commas, whose 2D joints are left out")
+      ->delimiter(',');
+  AddFlag(sub, "--ignore-scores", changes.ignore_scores, "every joint that has coordinates counts as seen with score 1");
+}
+
 void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   const GroupScope input(sub, "Calibration and 2D joints");
   AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
@@ -83,6 +120,7 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   AddOption(sub, "--unit,--calib-unit", arguments.calib_unit,
             "m, cm, mm or in: of a calibration that names no unit; m unless given");
   AddPoseMendingOptions(sub, arguments.invert, arguments.mirror);
+  AddPoseChanges(sub, arguments.changes);
 }
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {

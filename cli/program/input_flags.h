@@ -32,7 +32,10 @@ void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const 
 /// Adds --skeleton: a known name or a file; `what` begins the help.
 void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& what);
 
-/// Adds --calib, --pose2d, --points2d and --skeleton.
+/// Adds what the numbers of 2D joints may mean: --normalized, --flip-y, --rotate, --rate, …
+void AddPoseChanges(CLI::App* sub, app::PoseChanges& changes);
+
+/// Adds --calib, --pose2d, --points2d, --skeleton and the changes.
 void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments);
 
 void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments);

@@ -85,7 +85,10 @@ void PlaceClocks(TimelineClock kind, const SyncFile* sync, const std::vector<dou
   const Clock ref = (*clocks)[reference];
   const double ref_origin = ref.times->origin_s.value_or(ref.fit.start_s);
   const bool offsets = kind == TimelineClock::kOffsets && sync;
-  const double frame_s = sync && sync->fps ? 1 / *sync->fps : ref.fit.period_s;
+  std::vector<std::string> names;
+  for (const Clock& c : *clocks) names.push_back(c.times->camera);
+  const std::vector<double> rates = offsets ? RatesOf(*sync, names) : std::vector<double>(names.size(), 1);
+  const double frame_s = sync && sync->fps ? 1 / *sync->fps : ref.fit.period_s * rates[reference];
   for (size_t i = 0; i < clocks->size(); ++i) {
     Clock& c = (*clocks)[i];
     c.placed = c.fit.status != ClockStatus::kNoTime && std::isfinite(known[i]);
@@ -94,10 +97,13 @@ void PlaceClocks(TimelineClock kind, const SyncFile* sync, const std::vector<dou
       continue;
     }
     c.origin_s = c.times->origin_s.value_or(c.fit.start_s);
-    c.shift_s = ref_origin - (known[i] - known[reference]) * frame_s;
+    c.shift_s = ref_origin - (known[i] / rates[i] - known[reference] / rates[reference]) * frame_s;
     if (!offsets) continue;
     for (const SyncedCamera& s : sync->cameras) {
-      if (s.name == c.times->camera) c.rate = 1 + 1e-6 * s.rate_ppm;
+      if (s.name != c.times->camera) continue;
+      c.rate = 1 + 1e-6 * s.rate_ppm;
+      // Where the file knows of other rates, they are the motion's, whatever rates the videos state.
+      if (s.nominal_rate != 1 && c.fit.period_s > 0) c.rate = frame_s / rates[i] / c.fit.period_s;
     }
     c.period_s = c.fit.period_s * c.rate;
   }
@@ -329,8 +335,9 @@ SyncFile SyncFromTimeline(const Timeline& timeline) {
     SyncedCamera& entry = sync.cameras.emplace_back();
     entry.name = c.name;
     entry.status = ToString(c.status);
-    if (c.status == ClockStatus::kOk && std::abs(c.fps_hz / timeline.fps_hz - 1) > kSameRate) entry.status = "OtherRate";
     if (entry.status != "Ok") continue;
+    const double rate = c.fps_hz / timeline.fps_hz;
+    if (std::abs(rate - 1) > kSameRate) entry.nominal_rate = rate * (1 + 1e-6 * c.rate_ppm);
     entry.offset_frames = c.name == timeline.reference ? 0 : c.offset_frames;
     entry.sigma_frames = c.sigma_frames;
     entry.rate_ppm = c.rate_ppm;

@@ -118,7 +118,7 @@ std::map<int64_t, int64_t> InstantOfEachFrame(const CameraTimeline& camera);
 std::vector<std::pair<int64_t, int64_t>> TicksOfFrames(const CameraTimes& camera);
 
 /// Offsets of the cameras from their times on a common clock, as a sync file: frame numbers count ticks of each clock from
-/// its first frame. Cameras with a rate other than the reference's are "OtherRate", those without times "NoTime".
+/// its first frame. Those without times are "NoTime".
 SyncFile SyncFromTimeline(const Timeline& timeline);
 
 }  // namespace mvstudio::dataset

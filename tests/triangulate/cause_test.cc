@@ -209,6 +209,57 @@ TEST(Cause, AMirroredCamera) {
   ExpectFound(Search(rig, frames), Cause::kMirrored, "the images of cam_1 mirrored");
 }
 
+/// Every pixel of one camera, or of all with -1, changed.
+template <class Change>
+std::vector<DetectedFrame> Changed(std::vector<DetectedFrame> frames, int only, const Change& change) {
+  for (DetectedFrame& frame : frames) {
+    for (size_t c = 0; c < frame.people.size(); ++c) {
+      if (only >= 0 && static_cast<size_t>(only) != c) continue;
+      for (DetectedPerson& person : frame.people[c]) {
+        for (Keypoint& key : person) change(&key.px);
+      }
+    }
+  }
+  return frames;
+}
+
+void ExpectRemedy(const CauseReport& report, Cause cause, const std::string& remedy) {
+  ASSERT_FALSE(report.trials.empty());
+  EXPECT_EQ(report.trials[0].cause, cause) << ToString(report.trials[0].cause) << ": " << report.trials[0].assumption;
+  EXPECT_TRUE(report.trials[0].clear) << report.trials[0].carried << " " << report.as_given.carried;
+  EXPECT_EQ(report.trials[0].remedy, remedy);
+}
+
+TEST(Cause, CoordinatesThatAreNoPixelsFromTheTopLeft) {
+  const geometry::Rig rig = MakeStudio(4);
+  const std::vector<DetectedFrame> good = Film(rig);
+  const auto parts = [](Eigen::Vector2d* px) { *px = px->cwiseQuotient(Eigen::Vector2d(1920, 1088)); };
+  const auto below = [](Eigen::Vector2d* px) { px->y() = 1088 - px->y(); };
+  const auto turned = [](Eigen::Vector2d* px) { *px = Eigen::Vector2d(1087 - px->y(), px->x()); };
+  ExpectRemedy(Search(rig, Changed(good, -1, parts)), Cause::kNormalized, "option 'normalized'");
+  ExpectRemedy(Search(rig, Changed(good, 2, parts)), Cause::kNormalized, "option 'normalized' cam_2");
+  ExpectRemedy(Search(rig, Changed(good, -1, below)), Cause::kFlippedY, "option 'flip-y'");
+  ExpectRemedy(Search(rig, Changed(good, 1, below)), Cause::kFlippedY, "option 'flip-y' cam_1");
+  ExpectRemedy(Search(rig, Changed(good, -1, turned)), Cause::kTurned, "option 'rotate' 90");
+  ExpectRemedy(Search(rig, Changed(good, 3, turned)), Cause::kTurned, "option 'rotate' cam_3=90");
+}
+
+TEST(Cause, PosesThatAreInvertedOrMirrored) {
+  const geometry::Rig rig = MakeStudio(4);
+  const std::vector<DetectedFrame> good = Film(rig);
+  geometry::Rig inverted = rig, mirrored = rig;
+  for (geometry::RigCamera& camera : inverted.cameras) camera.cam_from_world = Inverse(camera.cam_from_world);
+  const Eigen::Vector3d flip(1, -1, 1);
+  for (geometry::RigCamera& camera : mirrored.cameras) {
+    const Eigen::Matrix3d rotation = flip.asDiagonal() * camera.cam_from_world.rotation.toRotationMatrix() * flip.asDiagonal();
+    camera.cam_from_world = {Eigen::Quaterniond(rotation), flip.cwiseProduct(camera.cam_from_world.translation)};
+  }
+  ExpectRemedy(Search(inverted, good), Cause::kInverted, "option 'invert'");
+  TakeBody body = Body();
+  body.sides = {0, 5, 2, 12, 9};
+  ExpectRemedy(RankCauses(mirrored, good, body, {}), Cause::kMirroredPoses, "option 'mirror'");
+}
+
 TEST(Cause, DoesNotDependOnThreads) {
   const geometry::Rig rig = MakeStudio(4);
   std::vector<DetectedFrame> frames = Film(rig, 2);

@@ -2,6 +2,8 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
+#include <utility>
 
 #include "core/check.h"
 #include "triangulate/sync/sync.h"
@@ -13,6 +15,7 @@ using People = std::vector<DetectedPerson>;
 using CameraFrames = std::map<int, const People*>;
 
 constexpr double kWhole = 1e-6;
+constexpr double kLeastRate = 1e-3;
 
 /// Mean distance of the joints that both have, px; infinity without any.
 double MeanDistance(const DetectedPerson& a, const DetectedPerson& b) {
@@ -74,38 +77,62 @@ People Between(const CameraFrames& frames, int first, double t) {
   return between;
 }
 
-void AddCamera(const CameraFrames& frames, size_t camera_idx, size_t num_cameras, double offset,
-               std::map<int, DetectedFrame>* shifted) {
-  const double whole = std::round(offset);
-  const bool is_whole = std::abs(offset - whole) < kWhole;
-  const int low = static_cast<int>(is_whole ? whole : std::floor(offset));
-  for (const auto& [number, people] : frames) {
-    if (!is_whole && frames.count(number + 1) == 0) continue;
-    DetectedFrame& frame = (*shifted)[number - low];
-    frame.frame = number - low;
+/// People at a time between two frames of the camera, or of one; nothing where a frame is missing.
+std::optional<People> At(const CameraFrames& frames, double position) {
+  const double whole = std::round(position);
+  if (std::abs(position - whole) < kWhole) {
+    const People* people = At(frames, static_cast<int>(whole));
+    return people ? std::optional(*people) : std::nullopt;
+  }
+  const int low = static_cast<int>(std::floor(position));
+  if (!At(frames, low) || !At(frames, low + 1)) return std::nullopt;
+  return Between(frames, low, position - low);
+}
+
+void AddCamera(const CameraFrames& frames, size_t camera_idx, size_t num_cameras, const Clock& clock,
+               std::map<int, DetectedFrame>* timed) {
+  if (frames.empty()) return;
+  const auto on_reference = [&](int frame) { return (frame - clock.offset_frames) / clock.rate; };
+  const auto add = [&](int number) {
+    std::optional<People> people = At(frames, clock.offset_frames + clock.rate * number);
+    if (!people) return;
+    DetectedFrame& frame = (*timed)[number];
+    frame.frame = number;
     frame.people.resize(num_cameras);
-    frame.people[camera_idx] = is_whole ? *people : Between(frames, number, offset - low);
+    frame.people[camera_idx] = std::move(*people);
+  };
+  int next = static_cast<int>(std::ceil(on_reference(frames.begin()->first) - kWhole));
+  for (const auto& [number, people] : frames) {  // the reference's frames up to the next of the camera's
+    next = std::max(next, static_cast<int>(std::ceil(on_reference(number) - kWhole)));
+    for (; next < on_reference(number + 1) - kWhole; ++next) add(next);
   }
 }
 
 }  // namespace
 
-std::vector<DetectedFrame> ApplyOffsets(const std::vector<DetectedFrame>& frames, const std::vector<double>& offset_frames) {
-  std::map<int, DetectedFrame> shifted;
-  for (size_t c = 0; c < offset_frames.size(); ++c) {
-    if (std::isnan(offset_frames[c])) continue;
-    MVS_CHECK(std::abs(offset_frames[c]) < 1e8, "offset of camera " << c << ": " << offset_frames[c] << " frames");
+std::vector<DetectedFrame> ApplyClocks(const std::vector<DetectedFrame>& frames, const std::vector<Clock>& clocks) {
+  std::map<int, DetectedFrame> timed;
+  for (size_t c = 0; c < clocks.size(); ++c) {
+    const Clock& clock = clocks[c];
+    if (std::isnan(clock.offset_frames)) continue;
+    MVS_CHECK(std::abs(clock.offset_frames) < 1e8, "offset of camera " << c << ": " << clock.offset_frames << " frames");
+    MVS_CHECK(clock.rate >= kLeastRate && clock.rate <= 1 / kLeastRate, "rate of camera " << c << ": " << clock.rate);
     CameraFrames of_camera;
     for (const DetectedFrame& frame : frames) {
-      MVS_CHECK(frame.people.size() == offset_frames.size(),
-                "frame " << frame.frame << ": " << frame.people.size() << " cameras");
+      MVS_CHECK(frame.people.size() == clocks.size(), "frame " << frame.frame << ": " << frame.people.size() << " cameras");
       if (!frame.people[c].empty()) of_camera[frame.frame] = &frame.people[c];
     }
-    AddCamera(of_camera, c, offset_frames.size(), offset_frames[c], &shifted);
+    AddCamera(of_camera, c, clocks.size(), clock, &timed);
   }
   std::vector<DetectedFrame> list;
-  for (auto& [number, frame] : shifted) list.push_back(std::move(frame));
+  for (auto& [number, frame] : timed) list.push_back(std::move(frame));
   return list;
+}
+
+std::vector<DetectedFrame> ApplyOffsets(const std::vector<DetectedFrame>& frames, const std::vector<double>& offset_frames) {
+  std::vector<Clock> clocks;
+  for (const double offset : offset_frames) clocks.push_back({offset, 1});
+  return ApplyClocks(frames, clocks);
 }
 
 }  // namespace mvstudio::triangulate

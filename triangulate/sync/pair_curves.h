@@ -27,6 +27,8 @@ struct PairCurve {
   double Cost(int d, const int* block_weights = nullptr) const;
   /// The admissible offset of lowest cost.
   int Best() const;
+  /// How far its cost lies below the typical one, 0 to 1.
+  double Strength() const { return usable() ? 1 - Cost(Best()) : 0; }
 };
 
 /// All pairs of cameras.

@@ -16,7 +16,8 @@ namespace mvstudio::triangulate::internal {
 namespace {
 
 constexpr int64_t kMaxFrames = 400;
-constexpr int kParams = 3;  // of a camera: offset (frames), shift of its image (px)
+constexpr int kParams = 4;  // of a camera: offset (frames), drift (frames at the take's end), shift of its image (px)
+constexpr int kShift = 2;
 
 /// Variance of a sampled track is about this part of a detection's; samples of neighbouring frames share their noise in turn.
 constexpr double kSampleVariance = 0.33;
@@ -31,6 +32,7 @@ struct TimedView {
 
 struct TimedPoint {
   int frame = 0;
+  double at = 0;  // -1 at the beginning of the take, 1 at its end
   size_t person_idx = 0, joint_idx = 0;
   int block = 0;
   std::vector<TimedView> views;
@@ -38,7 +40,9 @@ struct TimedPoint {
 };
 
 struct State {
-  std::vector<double> offset_frames;  // NaN: takes no part
+  std::vector<double> offset_frames;  // in the middle of the take; NaN: takes no part
+  std::vector<double> drift_frames;   // by how much the offset is larger at the end of the take
+  std::vector<bool> drifts;           // whether that is estimated
   std::vector<Eigen::Vector2d> shift_px;
   double scale_px = 0;  // robust standard deviation of a residual's coordinate
 };
@@ -93,14 +97,17 @@ bool Triangulate(double scale_px, TimedPoint* point) {
 struct Problem {
   const PreparedRig* rig;
   const Tracks* tracks;
-  std::vector<int> frames;  // of the reference's clock, thinned
-  double stride = 1;        // of the thinning
+  std::vector<int> frames;                   // of the reference's clock, thinned
+  double stride = 1;                         // of the thinning
+  double middle_frame = 0, half_frames = 1;  // of the take
   size_t num_persons = 0, num_joints = 0;
 };
 
 Problem MakeProblem(const PreparedRig& rig, const Tracks& tracks, const std::vector<int>& frames) {
   const int64_t count = static_cast<int64_t>(frames.size()), kept = std::min(count, kMaxFrames);
-  Problem problem{&rig, &tracks, {}, static_cast<double>(count) / static_cast<double>(std::max<int64_t>(1, kept)), 0, 0};
+  Problem problem{&rig, &tracks, {}, static_cast<double>(count) / static_cast<double>(std::max<int64_t>(1, kept))};
+  if (count > 0) problem.middle_frame = 0.5 * (frames.front() + frames.back());
+  if (count > 1) problem.half_frames = 0.5 * (frames.back() - frames.front());
   for (int64_t k = 0; k < kept; ++k) problem.frames.push_back(frames[static_cast<size_t>(k * count / kept)]);
   for (const auto& camera : tracks) {
     problem.num_persons = std::max(problem.num_persons, camera.size());
@@ -112,12 +119,15 @@ Problem MakeProblem(const PreparedRig& rig, const Tracks& tracks, const std::vec
 void MakePointsOfFrame(const Problem& problem, const State& state, size_t index, std::vector<TimedPoint>* points) {
   for (size_t p = 0; p < problem.num_persons; ++p) {
     for (size_t j = 0; j < problem.num_joints; ++j) {
-      TimedPoint point{problem.frames[index], p, j, 0, {}, Eigen::Vector3d::Zero()};
+      TimedPoint point;
+      point.frame = problem.frames[index], point.person_idx = p, point.joint_idx = j;
+      point.at = (point.frame - problem.middle_frame) / problem.half_frames;
       point.block = static_cast<int>(index * kSyncBlocks / problem.frames.size());
       for (size_t c = 0; c < problem.tracks->size(); ++c) {
         const auto& camera = (*problem.tracks)[c];
         if (std::isnan(state.offset_frames[c]) || p >= camera.size() || j >= camera[p].size()) continue;
-        auto seen = See(*problem.rig, c, camera[p][j], problem.frames[index] + state.offset_frames[c], state);
+        const double offset = state.offset_frames[c] + point.at * state.drift_frames[c];
+        auto seen = See(*problem.rig, c, camera[p][j], point.frame + offset, state);
         if (seen) point.views.push_back(*seen);
       }
       if (point.views.size() >= 2 && Triangulate(state.scale_px, &point)) points->push_back(std::move(point));
@@ -187,7 +197,7 @@ void AddPoint(const TimedPoint& point, Normal* normal) {
   for (const TimedView& seen : point.views) {
     const Residual residual = *Evaluate(seen, point.x_in_local);
     Eigen::Matrix<double, 2, kParams> by_params;  // of the residual
-    by_params << seen.px_per_frame, -Eigen::Matrix2d::Identity();
+    by_params << seen.px_per_frame, point.at * seen.px_per_frame, -Eigen::Matrix2d::Identity();
     const Eigen::Matrix<double, 2, 3> by_x = -residual.d_px_d_x;
     const Eigen::Index first = kParams * static_cast<Eigen::Index>(seen.camera_idx);
     xx += seen.weight * by_x.transpose() * by_x;
@@ -206,6 +216,14 @@ void AddPoint(const TimedPoint& point, Normal* normal) {
   }
 }
 
+/// Keeps an unknown where it is.
+void Hold(Eigen::Index i, Normal* normal) {
+  normal->information.row(i).setZero();
+  normal->information.col(i).setZero();
+  normal->information(i, i) = 1;
+  for (auto& gradient : normal->gradients) gradient[i] = 0;
+}
+
 Normal MakeNormal(const std::vector<TimedPoint>& points, const State& state, size_t reference_idx) {
   const Eigen::Index size = kParams * static_cast<Eigen::Index>(state.offset_frames.size());
   Normal normal{Eigen::MatrixXd::Zero(size, size), std::vector<Eigen::VectorXd>(kSyncBlocks, Eigen::VectorXd::Zero(size))};
@@ -214,15 +232,13 @@ Normal MakeNormal(const std::vector<TimedPoint>& points, const State& state, siz
   constexpr double kPriorWeight = 0.25;
   for (size_t c = 0; c < state.offset_frames.size(); ++c) {
     const Eigen::Index first = kParams * static_cast<Eigen::Index>(c);
-    for (int k = 1; k < kParams; ++k) {
+    for (int k = kShift; k < kParams; ++k) {
       normal.information(first + k, first + k) += kPriorWeight;
-      for (auto& gradient : normal.gradients) gradient[first + k] += kPriorWeight * state.shift_px[c][k - 1] / kSyncBlocks;
+      for (auto& gradient : normal.gradients) gradient[first + k] += kPriorWeight * state.shift_px[c][k - kShift] / kSyncBlocks;
     }
-    if (!std::isnan(state.offset_frames[c]) && c != reference_idx) continue;
-    normal.information.row(first).setZero();
-    normal.information.col(first).setZero();
-    normal.information(first, first) = 1;
-    for (auto& gradient : normal.gradients) gradient[first] = 0;
+    const bool free = !std::isnan(state.offset_frames[c]) && c != reference_idx;
+    if (!free) Hold(first, &normal);
+    if (!free || !state.drifts[c]) Hold(first + 1, &normal);
   }
   return normal;
 }
@@ -242,17 +258,23 @@ Eigen::MatrixXd Scatter(const std::vector<Eigen::VectorXd>& gradients) {
   return blocks > 1 ? Eigen::MatrixXd(scatter * blocks / (blocks - 1.0)) : scatter;
 }
 
-/// Standard deviations of the offsets: the larger of those from the noise, which neighbouring frames share, and those from how
-/// much blocks of the take disagree.
-std::vector<double> Sigmas(const Normal& normal, const State& state, double stride, size_t reference_idx) {
+struct ClockSigma {
+  double offset_frames = 0, drift_frames = 0;
+};
+
+/// Standard deviations of offsets and drifts: the larger of those from the noise, which neighbouring frames share, and those
+/// from how much blocks of the take disagree.
+std::vector<ClockSigma> Sigmas(const Normal& normal, const State& state, double stride, size_t reference_idx) {
   const Eigen::MatrixXd inverse = normal.information.inverse();
   const Eigen::MatrixXd sandwich = inverse * Scatter(normal.gradients) * inverse;
   const double shared = std::max(1.0, 1 / kSampleVariance / stride);
-  std::vector<double> sigmas;
-  for (size_t c = 0; c < state.offset_frames.size(); ++c) {
-    const Eigen::Index i = kParams * static_cast<Eigen::Index>(c);
-    const double variance = std::max(sandwich(i, i), inverse(i, i) * state.scale_px * state.scale_px * shared);
-    sigmas.push_back(c == reference_idx ? 0.0 : std::sqrt(variance));
+  const auto sigma = [&](Eigen::Index i) {
+    return std::sqrt(std::max(sandwich(i, i), inverse(i, i) * state.scale_px * state.scale_px * shared));
+  };
+  std::vector<ClockSigma> sigmas(state.offset_frames.size());
+  for (size_t c = 0; c < sigmas.size(); ++c) {
+    const Eigen::Index first = kParams * static_cast<Eigen::Index>(c);
+    if (c != reference_idx) sigmas[c] = {sigma(first), state.drifts[c] ? sigma(first + 1) : 0};
   }
   return sigmas;
 }
@@ -271,10 +293,59 @@ double Step(const Normal& normal, State* state) {
     const Eigen::Index first = kParams * static_cast<Eigen::Index>(c);
     const double change = std::clamp(step[first], -kMaxStepFrames, kMaxStepFrames);
     state->offset_frames[c] += change;
-    state->shift_px[c] += step.segment<2>(first + 1);
-    largest = std::max(largest, std::abs(change));
+    const double drift = std::clamp(step[first + 1], -kMaxStepFrames, kMaxStepFrames);
+    state->drift_frames[c] += drift;
+    state->shift_px[c] += step.segment<2>(first + kShift);
+    largest = std::max({largest, std::abs(change), std::abs(drift)});
   }
   return largest;
+}
+
+/// Steps until nothing moves; false where there is too little to go by.
+bool Converge(const Problem& problem, size_t reference_idx, int num_threads, State* state, std::vector<TimedPoint>* points) {
+  constexpr int kMaxSteps = 25;
+  constexpr size_t kMinPoints = 30;
+  constexpr double kTinyFrames = 1e-5;
+  bool ok = false;
+  *points = MakePoints(problem, *state, num_threads);
+  for (int k = 0; k < kMaxSteps; ++k) {
+    if (points->size() < kMinPoints) return false;
+    state->scale_px = std::max(MedianResidual(*points) / 1.17741, 1e-6);  // median of |r| of two coordinates
+    const double change = Step(MakeNormal(*points, *state, reference_idx), state);
+    if (std::isnan(change)) return false;
+    *points = MakePoints(problem, *state, num_threads);
+    ok = change < 0.01;
+    if (change < kTinyFrames) break;
+  }
+  return ok;
+}
+
+/// Cameras whose clocks drift beyond doubt, and by so much that it matters.
+std::vector<bool> Drifting(const State& state, const std::vector<ClockSigma>& sigmas) {
+  constexpr double kLeastSigmas = 5, kLeastFrames = 0.1;
+  std::vector<bool> drifting;
+  for (size_t c = 0; c < sigmas.size(); ++c) {
+    const double least = std::max(kLeastFrames, kLeastSigmas * sigmas[c].drift_frames);
+    drifting.push_back(state.drifts[c] && std::abs(state.drift_frames[c]) >= least);
+  }
+  return drifting;
+}
+
+/// Lets clocks drift where the motion says that they do. `state` has converged without.
+void FindDrifts(const Problem& problem, size_t reference_idx, int num_threads, State* state, std::vector<TimedPoint>* points) {
+  State trial = *state;
+  std::vector<TimedPoint> trial_points;
+  for (size_t c = 0; c < trial.drifts.size(); ++c) trial.drifts[c] = c != reference_idx && !std::isnan(trial.offset_frames[c]);
+  if (!Converge(problem, reference_idx, num_threads, &trial, &trial_points)) return;
+  const std::vector<bool> all = trial.drifts, drifting = Drifting(trial, Sigmas(MakeNormal(trial_points, trial, reference_idx),
+                                                                                trial, problem.stride, reference_idx));
+  if (std::none_of(drifting.begin(), drifting.end(), [](bool is) { return is; })) return;
+  trial.drifts = drifting;
+  for (size_t c = 0; c < drifting.size(); ++c) {
+    if (!drifting[c]) trial.drift_frames[c] = 0;
+  }
+  if (drifting != all && !Converge(problem, reference_idx, num_threads, &trial, &trial_points)) return;
+  *state = trial, *points = std::move(trial_points);
 }
 
 }  // namespace
@@ -282,39 +353,41 @@ double Step(const Normal& normal, State* state) {
 FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
                        const std::vector<std::optional<int>>& start_frames, int reference_idx, const SyncOptions& options,
                        const RunContext& run) {
-  constexpr int kMaxSteps = 25, kMinPoints = 30;
-  constexpr double kTinyFrames = 1e-5;
+  const size_t num_cameras = rig.cameras.size(), reference = static_cast<size_t>(reference_idx);
   std::vector<int> common_frames;
   const Tracks tracks = MakeTracks(rig, frames, start_frames, options.min_score, run, &common_frames);
   FineSync fine;
-  State state{{}, std::vector<Eigen::Vector2d>(rig.cameras.size(), Eigen::Vector2d::Zero()), 0};
+  State state{{},
+              std::vector<double>(num_cameras, 0),
+              std::vector<bool>(num_cameras, false),
+              std::vector<Eigen::Vector2d>(num_cameras, Eigen::Vector2d::Zero()),
+              0};
   State unmoved = state;
   for (const auto& each : start_frames) {
     state.offset_frames.push_back(each ? *each : std::nan(""));
     unmoved.offset_frames.push_back(each ? 0 : std::nan(""));
   }
   fine.offset_frames = state.offset_frames;
-  fine.sigma_frames.assign(rig.cameras.size(), std::nan(""));
+  fine.sigma_frames.assign(num_cameras, std::nan(""));
+  fine.drift.assign(num_cameras, 0), fine.sigma_drift.assign(num_cameras, 0);
   fine.residual_before_px = fine.residual_after_px = std::nan("");
   const Problem problem = MakeProblem(rig, tracks, common_frames);
-  std::vector<TimedPoint> points = MakePoints(problem, state, run.num_threads);
-  for (int k = 0; k < kMaxSteps; ++k) {
-    if (static_cast<int>(points.size()) < kMinPoints) return fine;
-    state.scale_px = std::max(MedianResidual(points) / 1.17741, 1e-6);  // median of |r| of two coordinates
-    const double change = Step(MakeNormal(points, state, static_cast<size_t>(reference_idx)), &state);
-    if (std::isnan(change)) return fine;
-    points = MakePoints(problem, state, run.num_threads);
-    fine.ok = change < 0.01;
-    if (change < kTinyFrames) break;
-  }
+  std::vector<TimedPoint> points;
+  fine.ok = Converge(problem, reference, run.num_threads, &state, &points);
+  if (!fine.ok) return fine;
+  FindDrifts(problem, reference, run.num_threads, &state, &points);
   fine.offset_frames = state.offset_frames;
-  fine.sigma_frames = Sigmas(MakeNormal(points, state, static_cast<size_t>(reference_idx)), state, problem.stride,
-                             static_cast<size_t>(reference_idx));
+  fine.middle_frame = problem.middle_frame;
+  const std::vector<ClockSigma> sigmas = Sigmas(MakeNormal(points, state, reference), state, problem.stride, reference);
+  for (size_t c = 0; c < num_cameras; ++c) {
+    fine.sigma_frames[c] = sigmas[c].offset_frames;
+    fine.drift[c] = state.drift_frames[c] / problem.half_frames;
+    fine.sigma_drift[c] = sigmas[c].drift_frames / problem.half_frames;
+  }
   fine.num_points = static_cast<int>(points.size());
   unmoved.shift_px = state.shift_px;
   unmoved.scale_px = state.scale_px;
-  CompareResiduals(MakePoints(problem, unmoved, run.num_threads), MakePoints(problem, state, run.num_threads),
-                   &fine.residual_before_px, &fine.residual_after_px);
+  CompareResiduals(MakePoints(problem, unmoved, run.num_threads), points, &fine.residual_before_px, &fine.residual_after_px);
   return fine;
 }
 

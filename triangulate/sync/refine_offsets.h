@@ -10,7 +10,9 @@ namespace mvstudio::triangulate::internal {
 
 struct FineSync {
   bool ok = false;
-  std::vector<double> offset_frames, sigma_frames;  // (cameras); NaN where the camera takes no part
+  std::vector<double> offset_frames, sigma_frames;  // (cameras) in the middle frame; NaN where the camera takes no part
+  double middle_frame = 0;
+  std::vector<double> drift, sigma_drift;  // (cameras) by which the offset grows in a frame; 0 unless the motion determines it
   double residual_before_px = 0, residual_after_px = 0;
   int num_points = 0;
 };

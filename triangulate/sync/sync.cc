@@ -12,6 +12,7 @@
 #include "core/random.h"
 #include "core/statistics.h"
 #include "triangulate/sync/pair_curves.h"
+#include "triangulate/sync/rates.h"
 #include "triangulate/sync/refine_offsets.h"
 
 namespace mvstudio::triangulate {
@@ -45,11 +46,9 @@ void CheckOptions(const PreparedRig& rig, const SyncOptions& o) {
                                    Join(rig.cameras, ", ", &PreparedCamera::name));
 }
 
-double Strength(const PairCurve& curve) { return curve.usable() ? 1 - curve.Cost(curve.Best()) : 0; }
-
 int ChooseReference(const PreparedRig& rig, const std::vector<PairCurve>& curves, const SyncOptions& options) {
   std::vector<double> sums(rig.cameras.size(), 0);
-  for (const PairCurve& curve : curves) sums[curve.a] += Strength(curve), sums[curve.b] += Strength(curve);
+  for (const PairCurve& curve : curves) sums[curve.a] += curve.Strength(), sums[curve.b] += curve.Strength();
   int best = 0;
   for (size_t c = 0; c < sums.size(); ++c) {
     if (rig.cameras[c].name == options.reference) return static_cast<int>(c);
@@ -67,7 +66,7 @@ Offsets SpanningTree(const std::vector<PairCurve>& curves, size_t num_cameras, i
     double best_strength = -1;
     for (const PairCurve& curve : curves) {
       if (!curve.usable() || offsets[curve.a].has_value() == offsets[curve.b].has_value()) continue;
-      const double strength = Strength(curve);
+      const double strength = curve.Strength();
       if (strength > best_strength) best_strength = strength, best = &curve;
     }
     if (!best) return offsets;
@@ -191,7 +190,7 @@ void FindRunnerUp(const CameraCurve& curve, const std::vector<int>& candidates, 
 void CountDisagreements(const CameraCurve& curve, int own, CameraSync* sync) {
   sync->num_pairs = static_cast<int>(curve.terms.size());
   for (const CameraCurve::Term& term : curve.terms) {
-    if (Strength(*term.curve) < kClearPair) continue;
+    if (term.curve->Strength() < kClearPair) continue;
     const int relative = term.is_a ? term.other - own : own - term.other;
     sync->num_pairs_disagree += std::abs(term.curve->Best() - relative) > kSameFrames;
   }
@@ -249,21 +248,35 @@ CameraSync JudgeCamera(int camera_idx, const std::vector<PairCurve>& curves, con
   return sync;
 }
 
-void AddFine(const FineSync& fine, SyncResult* result) {
+/// Ratios near 1 are drifts: cameras of 59.94 and 60 Hz.
+void SetRate(double rate, double drift, double sigma_drift, CameraSync* sync) {
+  constexpr double kNearOne = 0.01;
+  sync->nominal_rate = std::abs(rate - 1) < kNearOne ? 1 : rate;
+  const double excess = sync->nominal_rate / (rate * (1 + drift)) - 1;
+  sync->rate_ppm = std::abs(excess) < 1e-12 ? 0 : 1e6 * excess;
+  sync->sigma_rate_ppm = 1e6 * sigma_drift;
+}
+
+/// `rates`: frames of each camera for a tick of the clock that `fine` counts by.
+void AddFine(const FineSync& fine, const std::vector<double>& rates, SyncResult* result) {
+  const double reference_rate = rates[static_cast<size_t>(result->reference_idx)];
   result->residual_before_px = fine.residual_before_px;
   result->residual_after_px = fine.residual_after_px;
   result->num_points = fine.num_points;
   for (size_t c = 0; c < result->cameras.size(); ++c) {
     CameraSync& sync = result->cameras[c];
     if (sync.status != SyncStatus::kOk) continue;
-    sync.offset_frames = fine.offset_frames[c];
-    sync.sigma_frames = fine.sigma_frames[c];
+    sync.offset_frames = rates[c] * (fine.offset_frames[c] - fine.drift[c] * fine.middle_frame);
+    sync.sigma_frames = rates[c] * fine.sigma_frames[c];
+    SetRate(rates[c] / reference_rate, fine.drift[c], fine.sigma_drift[c], &sync);
     if (static_cast<int>(c) == result->reference_idx) continue;
-    if (!fine.ok || !(sync.sigma_frames < kMaxSigmaFrames)) {
+    if (!fine.ok) {
+      Fail(SyncStatus::kNoMotion, "the fine solution does not settle", &sync);
+    } else if (!(fine.sigma_frames[c] < kMaxSigmaFrames)) {
       Fail(SyncStatus::kNoMotion, Format("the motion leaves %.2f frames of uncertainty", sync.sigma_frames), &sync);
-    } else if (std::abs(sync.offset_frames - sync.coarse_frames) > kSameFrames + 1) {
+    } else if (std::abs(fine.offset_frames[c] - sync.coarse_frames) > kSameFrames + 1) {
       Fail(SyncStatus::kNoMotion,
-           Format("the fine solution, %.2f frames, leaves the coarse one, %.0f", sync.offset_frames,
+           Format("the fine solution, %.2f frames, leaves the coarse one, %.0f", fine.offset_frames[c],
                   static_cast<double>(sync.coarse_frames)),
            &sync);
     }
@@ -285,20 +298,15 @@ void Conclude(SyncResult* result) {
   }
 }
 
-}  // namespace
-
-std::string_view ToString(SyncStatus status) {
-  constexpr std::string_view kNames[] = {"Ok", "TooFewDetections", "NoMotion", "Ambiguous", "Inconsistent"};
-  return kNames[static_cast<int>(status)];
-}
-
-SyncResult SynchronizeCameras(const PreparedRig& rig, const std::vector<DetectedFrame>& frames, const SyncOptions& options,
-                              const RunContext& run) {
-  MVS_CHECK(!rig.cameras.empty(), "a rig without cameras");
-  CheckOptions(rig, options);
-  ProgressStage stage(run, "sync", 3);
+/// With every camera's frames as often as `rates` say.
+SyncResult SynchronizeAt(const PreparedRig& rig, const std::vector<DetectedFrame>& given, const std::vector<double>& rates,
+                         const SyncOptions& options, const RunContext& run) {
+  std::vector<Clock> clocks;
+  for (const double rate : rates) clocks.push_back({0, rate});
+  const bool equal = std::all_of(rates.begin(), rates.end(), [](double rate) { return rate == 1; });
+  const std::vector<DetectedFrame> timed = equal ? std::vector<DetectedFrame>() : ApplyClocks(given, clocks);
+  const std::vector<DetectedFrame>& frames = equal ? given : timed;
   const std::vector<PairCurve> curves = internal::ComputePairCurves(rig, frames, options, run);
-  stage.Advance();
 
   SyncResult result;
   result.residual_before_px = result.residual_after_px = std::nan("");
@@ -313,11 +321,37 @@ SyncResult SynchronizeCameras(const PreparedRig& rig, const std::vector<Detected
         JudgeCamera(camera_idx, curves, offsets, camera_idx == result.reference_idx, options, run.seed + c, std::move(sync)));
     if (result.cameras[c].status != SyncStatus::kOk) offsets[c].reset();
   }
-  stage.Advance();
-
   const auto usable = std::count_if(offsets.begin(), offsets.end(), [](const auto& offset) { return offset.has_value(); });
-  if (usable >= 2) AddFine(internal::RefineOffsets(rig, frames, offsets, result.reference_idx, options, run), &result);
+  if (usable >= 2) AddFine(internal::RefineOffsets(rig, frames, offsets, result.reference_idx, options, run), rates, &result);
   Conclude(&result);
+  return result;
+}
+
+int64_t NumOk(const SyncResult& result) {
+  return std::count_if(result.cameras.begin(), result.cameras.end(),
+                       [](const CameraSync& camera) { return camera.status == SyncStatus::kOk; });
+}
+
+}  // namespace
+
+std::string_view ToString(SyncStatus status) {
+  constexpr std::string_view kNames[] = {"Ok", "TooFewDetections", "NoMotion", "Ambiguous", "Inconsistent"};
+  return kNames[static_cast<int>(status)];
+}
+
+SyncResult SynchronizeCameras(const PreparedRig& rig, const std::vector<DetectedFrame>& frames, const SyncOptions& options,
+                              const RunContext& run) {
+  MVS_CHECK(!rig.cameras.empty(), "a rig without cameras");
+  CheckOptions(rig, options);
+  ProgressStage stage(run, "sync", 2);
+  SyncResult result = SynchronizeAt(rig, frames, std::vector<double>(rig.cameras.size(), 1), options, run);
+  stage.Advance();
+  if (result.status != SyncStatus::kOk && options.find_rates && !frames.empty()) {
+    const std::vector<double> rates = internal::FindRates(rig, frames, options, run);
+    const bool equal = std::all_of(rates.begin(), rates.end(), [](double rate) { return rate == 1; });
+    SyncResult other = equal ? result : SynchronizeAt(rig, frames, rates, options, run);
+    if (NumOk(other) > NumOk(result)) result = std::move(other);
+  }
   stage.Advance();
   return result;
 }

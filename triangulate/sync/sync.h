@@ -27,6 +27,7 @@ struct SyncOptions {
   double min_score = 0.3;
   int min_frames = 10;
   double min_overlap = 0.3;
+  bool find_rates = true;
   std::string reference;
 };
 
@@ -36,16 +37,26 @@ void VisitFields(Visitor&& visit, SyncOptions& o) {
   visit("min-score", o.min_score, "0..1; detections with a lower score are left out");
   visit("min-frames", o.min_frames, "frames that two cameras must have in common at the right offset");
   visit("min-overlap", o.min_overlap, "0..1; the same as a part of the most they can have in common at any offset");
+  visit("find-rates", o.find_rates, "look for different frame rates where equal ones do not fit");
   visit("reference", o.reference, "camera whose clock counts; empty: the one that agrees best with the others");
 }
 
-/// Frame `f` of the reference and frame `f + offset_frames` of this camera show the same time step.
+/// Frame `f` of the reference and frame `offset_frames + rate * f` of a camera show the same time step.
+struct Clock {
+  double offset_frames = 0;
+  double rate = 1;  ///< frames of the camera for one of the reference
+};
+
+/// What the motion says of a camera's clock.
 struct CameraSync {
   std::string name;
   SyncStatus status = SyncStatus::kTooFewDetections;  ///< the offset is valid only when kOk
   double offset_frames = 0;
-  /// Standard deviation of the offset from the disagreement between blocks of the take (0 for the reference). Covers
-  /// errors of the detections and a constant shift of each image, but no other errors of the calibration.
+  double nominal_rate = 1;  ///< of kRateCandidates, 1 unless equal rates do not fit
+  /// Excess of its frame period over nominal_rate's, in parts per million; 0 unless the motion determines it.
+  double rate_ppm = 0, sigma_rate_ppm = 0;
+  /// Standard deviation of the offset in the middle of the take from the disagreement between blocks of the take (0 for the
+  /// reference). Covers errors of the detections and a constant shift of each image, but no other errors of the calibration.
   double sigma_frames = 0;
   int coarse_frames = 0;        ///< best whole offset
   double contrast = 0;          ///< cost of the typical offset over the best: median cost / best cost - 1
@@ -55,6 +66,8 @@ struct CameraSync {
   int num_pairs = 0;            ///< cameras with enough common data
   int num_pairs_disagree = 0;   ///< of these, those whose own best offset differs by more than 2 frames
   std::string message;          ///< one line, when not kOk
+
+  Clock clock() const { return {offset_frames, nominal_rate / (1 + 1e-6 * rate_ppm)}; }
 };
 
 struct SyncResult {
@@ -79,15 +92,22 @@ struct SyncResult {
 /// reprojection residuals, with the points eliminated at each step. Tracks of the joints are sampled in time by a local
 /// quadratic fit, whose noise does not depend on the fraction of a frame (linear interpolation prefers half frames).
 ///
+/// Clocks are the simplest that explain the motion. Where some camera has no offset at equal rates, ratios of usual frame rates
+/// are tried between it and the others. A drift is kept when it is 5 of its standard deviations and moves the ends of the take
+/// by 0.1 frames and more.
+///
 /// `frames`: by each camera's own frame numbers, ascending. Throws UsageError for options out of range or an unknown
 /// reference.
 SyncResult SynchronizeCameras(const PreparedRig& rig, const std::vector<DetectedFrame>& frames, const SyncOptions& options,
                               const RunContext& run = {});
 
-/// The take with the reference's frame numbers: detections of camera c at frame f + offset_frames[c]. Whole offsets (to
-/// 1e-6) renumber. Others interpolate the joints of a person between the frames before and after, by a cubic through four
+/// The take with the reference's frame numbers: detections of camera c at frame offset + rate * f of its own. Whole frames
+/// (to 1e-6) are taken as they are. Between two frames the joints of a person are interpolated, by a cubic through four
 /// where they exist, else linearly; of the scores, the lower one is taken. Gaps remain: a joint or person missing on
-/// either side is missing, and only consecutive frames are interpolated. NaN offsets leave the camera out.
+/// either side is missing, and only consecutive frames are interpolated. A NaN offset leaves the camera out.
+std::vector<DetectedFrame> ApplyClocks(const std::vector<DetectedFrame>& frames, const std::vector<Clock>& clocks);
+
+/// The same with equal rates.
 std::vector<DetectedFrame> ApplyOffsets(const std::vector<DetectedFrame>& frames, const std::vector<double>& offset_frames);
 
 }  // namespace mvstudio::triangulate

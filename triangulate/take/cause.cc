@@ -9,49 +9,22 @@
 
 #include "core/choice/heldout_choice.h"
 #include "core/format.h"
-#include "core/parallel.h"
-#include "triangulate/point/point.h"
 #include "triangulate/sync/sync.h"
+#include "triangulate/take/cause_fit.h"
 #include "triangulate/take/cause_trials.h"
 
 namespace mvstudio::triangulate {
 namespace {
 
 using internal::Assumption;
+using internal::FitFrames;
+using internal::FrameFit;
+using internal::Judge;
 
-constexpr double kLimitSigmas = 4;  // as TakeOptions::max_residual_sigmas
 constexpr double kSigmaOfDiagonal = 0.005;
 constexpr double kAlike = 1.03;
+constexpr double kWellCarried = 0.9;  // frame rates differ where less of the take fits
 constexpr double kMaxRatio = 0.7, kMinErrors = 4, kMinCarried = 0.5;
-
-/// Of one frame: detections that points could carry, those that points do, and the sum of min(residual, limit) over the former.
-struct FrameFit {
-  int offered = 0, carried = 0;
-  double cost_px = 0;
-};
-
-bool IsSeen(const Keypoint& key, double min_score) { return key.score > 0 && key.score >= min_score && key.px.allFinite(); }
-
-/// By joint, how many people of a camera's show it, largest number first. [joint][camera]
-std::vector<std::vector<int>> CountSeen(const DetectedFrame& frame, double min_score, int max_persons) {
-  std::vector<std::vector<int>> counts;
-  for (size_t c = 0; c < frame.people.size(); ++c) {
-    for (const DetectedPerson& person : frame.people[c]) {
-      if (counts.size() < person.size()) counts.resize(person.size(), std::vector<int>(frame.people.size(), 0));
-      for (size_t j = 0; j < person.size(); ++j) counts[j][c] += IsSeen(person[j], min_score);
-    }
-  }
-  for (std::vector<int>& of_joint : counts) {
-    for (int& count : of_joint) count = std::min(count, max_persons);
-    std::sort(of_joint.rbegin(), of_joint.rend());
-  }
-  return counts;
-}
-
-/// Persons of which `min_views` cameras show this joint, at most.
-int PersonsOf(const std::vector<int>& sorted_counts, int min_views) {
-  return static_cast<int>(sorted_counts.size()) < min_views ? 0 : sorted_counts[static_cast<size_t>(min_views) - 1];
-}
 
 double SigmaPx(const geometry::Rig& rig, const CauseOptions& options) {
   if (options.sigma_px > 0) return options.sigma_px;
@@ -60,87 +33,11 @@ double SigmaPx(const geometry::Rig& rig, const CauseOptions& options) {
   return kSigmaOfDiagonal * sum / static_cast<double>(rig.cameras.size());
 }
 
-/// How takes are judged: the noise allowed, and how many views make a point.
-struct Judge {
-  CauseOptions options;
-  double sigma_px = 1;
-  int min_views = 3;
-  int num_threads = 1;
-
-  double limit_px() const { return kLimitSigmas * sigma_px; }
-};
-
-/// Who is who in one frame by this rig; in a frame with one person an image there is nothing to choose.
-std::vector<std::vector<int>> Choices(const PreparedRig& rig, const DetectedFrame& frame, const Judge& judge) {
-  const bool crowd =
-      std::any_of(frame.people.begin(), frame.people.end(), [](const auto& people) { return people.size() > 1; });
-  if (!crowd) {
-    std::vector<int> choice;
-    for (const auto& people : frame.people) choice.push_back(people.empty() ? -1 : 0);
-    return {choice};
-  }
-  AssociationOptions options;
-  options.min_score = judge.options.min_score;
-  options.max_persons = judge.options.max_persons;
-  options.sigma_px = judge.sigma_px;
-  std::vector<std::vector<int>> choices;
-  for (const Cluster& cluster : AssociateFrame(rig, frame, options)) {
-    if (static_cast<int>(choices.size()) < judge.options.max_persons) choices.push_back(cluster.choice);
-  }
-  return choices;
-}
-
-void FitJoint(const PreparedRig& rig, const DetectedFrame& frame, const std::vector<int>& choice, size_t joint_idx,
-              const Judge& judge, FrameFit* fit) {
-  std::vector<Observation> seen;
-  for (size_t c = 0; c < choice.size(); ++c) {
-    if (choice[c] < 0) continue;
-    const DetectedPerson& person = frame.people[c][static_cast<size_t>(choice[c])];
-    if (joint_idx >= person.size() || !IsSeen(person[joint_idx], judge.options.min_score)) continue;
-    seen.push_back({static_cast<int>(c), person[joint_idx].px, judge.sigma_px, 1});
-  }
-  PointOptions options;
-  options.min_views = judge.min_views;
-  options.max_hypotheses = 60;
-  const Point point = TriangulatePoint(rig, seen, options);
-  if (point.status != Status::kOk || static_cast<int>(point.used.size()) < judge.min_views) return;
-  for (const int i : point.used) {
-    const Observation& view = seen[static_cast<size_t>(i)];
-    const PreparedCamera& camera = rig.cameras[static_cast<size_t>(view.camera_idx)];
-    const auto at = camera.projector.Project(camera.ToCam(point.x_in_world - rig.origin_in_world));
-    if (at.status != Status::kOk) continue;
-    ++fit->carried;
-    fit->cost_px += std::min((view.px - at.px).norm(), judge.limit_px());
-  }
-}
-
-FrameFit FitFrame(const PreparedRig& rig, const DetectedFrame& frame, const Judge& judge) {
-  FrameFit fit;
-  const auto counts = CountSeen(frame, judge.options.min_score, judge.options.max_persons);
-  for (const std::vector<int>& of_joint : counts) {
-    const int persons = PersonsOf(of_joint, judge.min_views);
-    for (const int count : of_joint) fit.offered += std::min(count, persons);
-  }
-  for (const std::vector<int>& choice : Choices(rig, frame, judge)) {
-    for (size_t j = 0; j < counts.size(); ++j) FitJoint(rig, frame, choice, j, judge, &fit);
-  }
-  fit.carried = std::min(fit.carried, fit.offered);
-  fit.cost_px += judge.limit_px() * (fit.offered - fit.carried);
-  return fit;
-}
-
-std::vector<FrameFit> FitFrames(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const Judge& judge) {
-  const PreparedRig prepared = Prepare(rig);
-  std::vector<FrameFit> fits(frames.size());
-  ParallelFor(static_cast<int64_t>(frames.size()), judge.num_threads,
-              [&](int64_t f) { fits[static_cast<size_t>(f)] = FitFrame(prepared, frames[static_cast<size_t>(f)], judge); });
-  return fits;
-}
-
 FrameFit Sum(const std::vector<FrameFit>& fits) {
   FrameFit sum;
   for (const FrameFit& fit : fits) {
     sum.offered += fit.offered, sum.carried += fit.carried, sum.cost_px += fit.cost_px;
+    sum.upright += fit.upright, sum.mirrored += fit.mirrored;
   }
   return sum;
 }
@@ -151,6 +48,7 @@ void SetFigures(const std::vector<FrameFit>& fits, CauseTrial* trial) {
   trial->num_detections = sum.offered;
   trial->carried = sum.carried / offered;
   trial->residual_px = sum.cost_px / offered;
+  trial->mirrors_people = sum.mirrored > 4 * sum.upright;
 }
 
 /// By how many standard errors the mean residual of a frame falls, with frames that are the same in both or others.
@@ -230,7 +128,8 @@ std::map<Cause, size_t> BestOfEach(const std::vector<Assumption>& list, const Ju
   std::map<Cause, size_t> best;
   std::vector<double> cost;
   for (const Assumption& assumption : list) {
-    cost.push_back(Sum(FitFrames(assumption.rig, assumption.frames, judge)).cost_px);
+    const FrameFit sum = Sum(FitFrames(assumption.rig, assumption.frames, judge));
+    cost.push_back(sum.cost_px / std::max(sum.offered, 1));
     const auto [at, is_new] = best.emplace(assumption.cause, cost.size() - 1);
     if (!is_new && cost.back() < cost[at->second]) at->second = cost.size() - 1;
     stage.Advance();
@@ -243,23 +142,27 @@ void Try(const Assumption& assumption, const std::vector<FrameFit>& given, const
   const std::vector<FrameFit> tried = FitFrames(assumption.rig, assumption.frames, judge);
   CauseTrial& trial = report->trials.emplace_back(CauseTrial{assumption.cause, assumption.text, assumption.remedy});
   SetFigures(tried, &trial);
-  const bool same_frames = assumption.cause != Cause::kTimeOffset;
+  const bool same_frames = assumption.cause != Cause::kTimeOffset && assumption.cause != Cause::kRates;
   trial.clear = trial.carried >= kMinCarried && trial.residual_px <= kMaxRatio * report->as_given.residual_px &&
                 GainInErrors(given, tried, same_frames) >= kMinErrors;
 }
 
-/// Other offsets have other frames in common; the sample is drawn anew.
-void TryOffsets(const Take& take, const std::vector<FrameFit>& given, const Judge& judge, const RunContext& run,
-                CauseReport* report) {
-  const std::vector<double> offsets = internal::OffsetsAskedFor(take.rig, take.frames, judge.options, run);
-  if (offsets.empty()) return;
-  std::vector<DetectedFrame> frames = Draw(ApplyOffsets(take.frames, offsets), judge).judge;
-  if (frames.size() < 2) return;
-  Try({Cause::kTimeOffset, internal::OffsetText(take.rig, offsets),
-       "run `mvstudio sync` and give its result with option 'sync'", take.rig, std::move(frames)},
-      given, judge, report);
-  for (const double offset : offsets)
-    report->trials.back().offset_frames = std::max(report->trials.back().offset_frames, std::abs(offset));
+/// Other clocks have other frames in common; the sample is drawn anew.
+void TryClocks(const Take& take, const std::vector<FrameFit>& given, const Judge& judge, bool find_rates, const RunContext& run,
+               CauseReport* report) {
+  const std::vector<Clock> clocks = internal::ClocksAskedFor(take.rig, take.frames, judge.options, find_rates, run);
+  if (clocks.empty()) return;
+  Assumption other = internal::WithClocks(take.rig, clocks);
+  other.frames = Draw(ApplyClocks(take.frames, clocks), judge).judge;
+  if (other.frames.size() < 2) return;
+  Try(other, given, judge, report);
+  for (const Clock& clock : clocks)
+    report->trials.back().offset_frames = std::max(report->trials.back().offset_frames, std::abs(clock.offset_frames));
+}
+
+/// Whether `a` is to be believed before `b`, which fits alike: people are no mirror images, and the cause is simpler.
+bool IsSimpler(const CauseTrial& a, const CauseTrial& b) {
+  return a.mirrors_people != b.mirrors_people ? b.mirrors_people : a.cause < b.cause;
 }
 
 /// Of clear trials as good as the best, to kAlike, the one of the simplest cause comes first.
@@ -268,7 +171,7 @@ void PreferSimpler(std::vector<CauseTrial>* trials) {
   auto chosen = trials->begin();
   for (auto trial = trials->begin(); trial != trials->end(); ++trial) {
     const bool alike = trial->clear && trial->residual_px <= kAlike * trials->front().residual_px;
-    if (alike && trial->cause < chosen->cause) chosen = trial;
+    if (alike && IsSimpler(*trial, *chosen)) chosen = trial;
   }
   if (chosen != trials->begin()) std::rotate(trials->begin(), chosen, chosen + 1);
 }
@@ -279,7 +182,7 @@ std::string Message(const CauseTrial& given, const std::vector<CauseTrial>& tria
              100 * trials[0].carried, 100 * given.carried, trials[0].residual_px, given.residual_px);
   std::string message = trials[0].assumption + figures;
   for (size_t i = 1; i < trials.size(); ++i) {
-    if (!trials[i].clear || trials[i].residual_px > kAlike * trials[0].residual_px) continue;
+    if (!trials[i].clear || trials[i].residual_px > kAlike * trials[0].residual_px || trials[i].mirrors_people) continue;
     message += "; much the same " + trials[i].assumption + Format(" (%.2f px)", trials[i].residual_px);
   }
   return message;
@@ -314,9 +217,16 @@ std::optional<Setup> SetUp(const geometry::Rig& rig, const std::vector<DetectedF
   return setup;
 }
 
+/// A take without one of its cameras fits better than with all of them even when that camera is turned only, so what
+/// explains every camera comes first.
 void Rank(CauseReport* report) {
-  std::stable_sort(report->trials.begin(), report->trials.end(),
-                   [](const CauseTrial& a, const CauseTrial& b) { return a.residual_px < b.residual_px; });
+  const auto explains_all = [](const CauseTrial& trial) { return trial.cause != Cause::kMoved; };
+  const bool any = std::any_of(report->trials.begin(), report->trials.end(),
+                               [&](const CauseTrial& trial) { return trial.clear && explains_all(trial); });
+  std::stable_sort(report->trials.begin(), report->trials.end(), [&](const CauseTrial& a, const CauseTrial& b) {
+    if (any && explains_all(a) != explains_all(b)) return explains_all(a);
+    return a.residual_px < b.residual_px;
+  });
   PreferSimpler(&report->trials);
   if (!report->trials.empty() && report->trials[0].clear) report->message = Message(report->as_given, report->trials);
 }
@@ -324,14 +234,16 @@ void Rank(CauseReport* report) {
 }  // namespace
 
 std::string_view ToString(Cause cause) {
-  constexpr std::string_view kNames[] = {"as-given",    "distortion", "term-order", "image-size",
-                                         "time-offset", "exchanged",  "mirrored"};
+  constexpr std::string_view kNames[] = {"as-given",       "normalized", "y-from-below", "turned",   "poses-inverted",
+                                         "poses-mirrored", "rates",      "time-offset",  "mirrored", "image-size",
+                                         "distortion",     "term-order", "exchanged",    "moved"};
   return kNames[static_cast<int>(cause)];
 }
 
 int NumCarriable(const DetectedFrame& frame, double min_score, int max_persons, int min_views) {
   int count = 0;
-  for (const std::vector<int>& of_joint : CountSeen(frame, min_score, max_persons)) count += PersonsOf(of_joint, min_views);
+  for (const std::vector<int>& of_joint : internal::CountSeen(frame, min_score, max_persons))
+    count += internal::PersonsOf(of_joint, min_views);
   return count;
 }
 
@@ -348,13 +260,14 @@ CauseTrial FitAsGiven(const geometry::Rig& rig, const std::vector<DetectedFrame>
 
 CauseReport RankCauses(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
                        const CauseOptions& options, const RunContext& run) {
-  const std::optional<Setup> setup = SetUp(rig, frames, options, run);
+  std::optional<Setup> setup = SetUp(rig, frames, options, run);
   if (!setup) return Nothing();
+  setup->judge.sides = body.sides;
   CauseReport report = setup->report;
   const auto choosing = internal::Assumptions(setup->take.rig, setup->sample.choose, body.mirror);
   const auto judging = internal::Assumptions(setup->take.rig, setup->sample.judge, body.mirror);  // the same list, other frames
   for (const auto& [cause, i] : BestOfEach(choosing, setup->judge, run)) Try(judging[i], setup->given, setup->judge, &report);
-  TryOffsets(setup->take, setup->given, setup->judge, run, &report);
+  TryClocks(setup->take, setup->given, setup->judge, true, run, &report);
   Rank(&report);
   return report;
 }
@@ -364,7 +277,7 @@ CauseReport CheckTiming(const geometry::Rig& rig, const std::vector<DetectedFram
   const std::optional<Setup> setup = SetUp(rig, frames, options, run);
   if (!setup) return Nothing();
   CauseReport report = setup->report;
-  TryOffsets(setup->take, setup->given, setup->judge, run, &report);
+  TryClocks(setup->take, setup->given, setup->judge, report.as_given.carried < kWellCarried, run, &report);
   Rank(&report);
   return report;
 }

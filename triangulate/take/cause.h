@@ -11,17 +11,26 @@
 /// Finds out why almost nothing of a take fits its calibration: tries each assumption about the error on a sample.
 namespace mvstudio::triangulate {
 
+/// In the order in which they are believed where several explain a take alike: what users do often, and what is mended by a
+/// word, comes first.
 enum class Cause {
-  kNone,        ///< "as given"
-  kDistortion,  ///< "distortion": the file states one that the images do not have
-  kTermOrder,   ///< "term-order": the distortion's terms are in another order (geometry::OtherTermOrders)
-  kImageSize,   ///< "image-size": the images are scaled or cropped against the calibrated size, for example 1080 for 1088
-  kTimeOffset,  ///< "time-offset": frame numbers of the cameras do not start at the same time
-  kExchanged,   ///< "exchanged": two cameras have each other's name
-  kMirrored,    ///< "mirrored": a camera's images are mirrored or upside down
+  kNone,           ///< "as-given"
+  kNormalized,     ///< "normalized": coordinates are 0 to 1
+  kFlippedY,       ///< "y-from-below": y counts from the lower edge
+  kTurned,         ///< "turned": the images are turned by 90, 180 or 270 degrees
+  kInverted,       ///< "poses-inverted": the calibration's poses go the other way
+  kMirroredPoses,  ///< "poses-mirrored": the calibration is left-handed
+  kRates,          ///< "rates": the cameras' frame rates differ
+  kTimeOffset,     ///< "time-offset": frame numbers of the cameras do not start at the same time, or clocks drift
+  kMirrored,       ///< "mirrored": images are mirrored left to right
+  kImageSize,      ///< "image-size": the images are scaled or cropped against the calibrated size, for example 1080 for 1088
+  kDistortion,     ///< "distortion": the file states one that the images do not have
+  kTermOrder,      ///< "term-order": the distortion's terms are in another order (geometry::OtherTermOrders)
+  kExchanged,      ///< "exchanged": two cameras have each other's name
+  kMoved,          ///< "moved": the others agree without one camera; only where nothing else is clear
 };
 
-/// "as-given", "distortion", …
+/// "as-given", "normalized", …
 std::string_view ToString(Cause cause);
 
 struct CauseOptions {
@@ -48,7 +57,8 @@ struct CauseTrial {
   /// The residual falls by at least 30 % against the take as given and by 4 standard errors (one sample per frame), and at
   /// least half of the detections fit.
   bool clear = false;
-  double offset_frames = 0;  ///< of kTimeOffset: the largest of a camera, without its sign
+  bool mirrors_people = false;  ///< most people of the sample are mirror images of people under it
+  double offset_frames = 0;     ///< of kTimeOffset and kRates: the largest of a camera, without its sign
 };
 
 struct CauseReport {
@@ -70,7 +80,7 @@ CauseReport RankCauses(const geometry::Rig& rig, const std::vector<DetectedFrame
                        const CauseOptions& options, const RunContext& run = {});
 
 /// Whether the cameras' frame numbers start at the same time, as RankCauses tries it: no trial, or the one of
-/// Cause::kTimeOffset. Little work beside triangulating the take.
+/// Cause::kTimeOffset or kRates. Little work beside triangulating the take.
 CauseReport CheckTiming(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const CauseOptions& options,
                         const RunContext& run = {});
 

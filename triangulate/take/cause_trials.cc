@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <functional>
 #include <optional>
 #include <set>
 #include <utility>
 
 #include "core/format.h"
+#include "core/join.h"
 #include "geometry/rig/plausible.h"
 #include "triangulate/sync/sync.h"
 
@@ -41,9 +41,7 @@ void AddDistortion(const Rig& rig, const std::vector<DetectedFrame>& frames, std
   const auto changed = WithLens(rig, pinhole, -1);
   if (!changed) return;
   list->push_back({Cause::kDistortion, "without distortion",
-                   "if the images are undistorted already, give the calibration of the undistorted ones (triangulate: "
-                   "option 'ignore-distortion')",
-                   *changed, frames});
+                   "option 'ignore-distortion', or the calibration of the undistorted images", *changed, frames});
 }
 
 void AddTermOrders(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
@@ -71,6 +69,7 @@ void AddTermOrders(const Rig& rig, const std::vector<DetectedFrame>& frames, std
 struct Resize {
   std::string text;
   ChangeLens change;
+  double scale = 0;  ///< of both sides; 0: another change
 };
 
 /// One side is `from` px in the calibration and `to` in the pictures: scaled along it, or cropped before it or on both sides.
@@ -101,17 +100,42 @@ std::vector<Resize> Resizes() {
   for (const bool is_height : {true, false}) {
     AddSide(1088, 1080, is_height, &list), AddSide(1080, 1088, is_height, &list);
   }
-  const std::pair<double, const char*> scales[] = {
-      {0.5, "half"},           {2, "twice"},         {2.0 / 3, "two thirds of"}, {1.5, "1.5 times"},
-      {1.0 / 3, "a third of"}, {0.25, "a fourth of"}};
+  const std::pair<double, const char*> scales[] = {{0.5, "half"},
+                                                   {2, "twice"},
+                                                   {2.0 / 3, "two thirds of"},
+                                                   {1.5, "1.5 times"},
+                                                   {1.0 / 3, "a third of"},
+                                                   {3, "three times"},
+                                                   {0.25, "a fourth of"},
+                                                   {4, "four times"},
+                                                   {0.75, "three fourths of"},
+                                                   {4.0 / 3, "4/3 times"}};
   for (const auto& [scale, words] : scales) {
-    list.push_back({std::string(words) + " the calibrated size", [scale = scale](Camera* camera) {
+    list.push_back({std::string(words) + " the calibrated size",
+                    [scale = scale](Camera* camera) {
                       camera->params.head<2>() *= scale;
                       camera->params.segment<2>(2) = (camera->params.segment<2>(2).array() + 0.5) * scale - 0.5;
                       return true;
-                    }});
+                    },
+                    scale});
   }
   return list;
+}
+
+/// option 'image-size' for one camera, or all with -1.
+std::string SizeRemedy(const Rig& rig, double scale, int only) {
+  const auto size = [&](const Camera& camera) {
+    return std::to_string(std::lround(scale * camera.width_px)) + "x" + std::to_string(std::lround(scale * camera.height_px));
+  };
+  if (only >= 0) {
+    const Camera& camera = rig.cameras[static_cast<size_t>(only)].camera;
+    return "option 'image-size' " + camera.name + "=" + size(camera);
+  }
+  const std::string first = size(rig.cameras.front().camera);
+  const bool alike =
+      std::all_of(rig.cameras.begin(), rig.cameras.end(), [&](const auto& camera) { return size(camera.camera) == first; });
+  if (alike) return "option 'image-size' " + first;
+  return Join(rig.cameras, " ", [&](const auto& c) { return "option 'image-size' " + c.camera.name + "=" + size(c.camera); });
 }
 
 void AddImageSizes(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
@@ -121,9 +145,11 @@ void AddImageSizes(const Rig& rig, const std::vector<DetectedFrame>& frames, std
       const auto changed = WithLens(rig, resize.change, only);
       if (!changed) continue;
       const std::string whose = only < 0 ? "the images" : "the images of " + rig.cameras[static_cast<size_t>(only)].camera.name;
-      list->push_back({Cause::kImageSize, "with " + whose + " " + resize.text,
-                       "detect in images of the calibrated size, or bring the calibration to theirs with mvstudio calib resize",
-                       *changed, frames});
+      const std::string remedy =
+          resize.scale > 0
+              ? SizeRemedy(rig, resize.scale, only)
+              : "detect in images of the calibrated size, or bring the calibration to theirs with mvstudio calib resize";
+      list->push_back({Cause::kImageSize, "with " + whose + " " + resize.text, remedy, *changed, frames});
     }
   }
 }
@@ -132,51 +158,160 @@ void AddExchanges(const Rig& rig, const std::vector<DetectedFrame>& frames, std:
   for (size_t a = 0; a < rig.cameras.size(); ++a) {
     for (size_t b = a + 1; b < rig.cameras.size(); ++b) {
       const std::string &first = rig.cameras[a].camera.name, &second = rig.cameras[b].camera.name;
-      Assumption& other = list->emplace_back(
-          Assumption{Cause::kExchanged, "with the detections of " + first + " and " + second + " exchanged",
-                     "give each camera its own footage: " + first + " and " + second + " bear each other's name", rig, frames});
+      Assumption& other =
+          list->emplace_back(Assumption{Cause::kExchanged, "with the detections of " + first + " and " + second + " exchanged",
+                                        "option 'swap-cameras' " + first + "," + second, rig, frames});
       for (DetectedFrame& frame : other.frames) std::swap(frame.people[a], frame.people[b]);
     }
   }
 }
 
-void FlipPerson(const Camera& camera, bool across, bool down, const MirrorGroups& mirror, DetectedPerson* person) {
-  for (Keypoint& key : *person) {
-    if (across) key.px.x() = camera.width_px - 1 - key.px.x();
-    if (down) key.px.y() = camera.height_px - 1 - key.px.y();
-  }
-  for (const auto& group : mirror) {
-    for (const auto& [left, right] : group) {
-      std::swap((*person)[static_cast<size_t>(left)], (*person)[static_cast<size_t>(right)]);
+/// A change of the detections of one camera, or of all with -1.
+using ChangePixel = std::function<void(const Camera&, DetectedPerson*)>;
+
+struct Detected {
+  Cause cause;
+  std::string text;    ///< "mirrored": said of the images
+  std::string option;  ///< that mends all cameras; of one, its name follows `join`
+  std::string join;
+  ChangePixel change;
+};
+
+void AddDetected(const Rig& rig, const std::vector<DetectedFrame>& frames, const Detected& detected, int only,
+                 std::vector<Assumption>* list) {
+  const std::string name = only < 0 ? "" : rig.cameras[static_cast<size_t>(only)].camera.name;
+  std::string remedy = detected.option;
+  for (size_t at = remedy.find('@'); at != std::string::npos; at = remedy.find('@'))
+    remedy.replace(at, 1, only < 0 ? "" : detected.join + name + (detected.join == " " ? "" : "="));
+  Assumption& other = list->emplace_back(Assumption{
+      detected.cause, "with " + detected.text + (only < 0 ? " of all cameras" : " of " + name), remedy, rig, frames});
+  for (DetectedFrame& frame : other.frames) {
+    for (size_t c = 0; c < frame.people.size(); ++c) {
+      if (only >= 0 && static_cast<size_t>(only) != c) continue;
+      for (DetectedPerson& person : frame.people[c]) detected.change(rig.cameras[c].camera, &person);
     }
   }
 }
 
-/// A picture that is mirrored shows the left hand as a right one; a detector calls it so, markers keep their names.
-void AddFlips(const Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror,
-              std::vector<Assumption>* list) {
-  struct Flip {
-    const char* text;
-    bool across, down, sides;
+template <class Change>
+ChangePixel EachKey(Change change) {
+  return [change](const Camera& camera, DetectedPerson* person) {
+    for (Keypoint& key : *person) change(camera, &key.px);
   };
-  const Flip flips[] = {{"mirrored", true, false, false},
-                        {"mirrored", true, false, true},
-                        {"mirrored upside down", false, true, false},
-                        {"turned by 180 degrees", true, true, false}};
-  for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    for (const Flip& flip : flips) {
-      if (flip.sides && mirror.empty()) continue;
-      const Camera& camera = rig.cameras[c].camera;
-      Assumption& other = list->emplace_back(
-          Assumption{Cause::kMirrored, "with the images of " + camera.name + " " + flip.text,
-                     "the images of " + camera.name + " are flipped against the calibration's: flip them back and detect again",
-                     rig, frames});
-      for (DetectedFrame& frame : other.frames) {
-        for (DetectedPerson& person : frame.people[c]) {
-          FlipPerson(camera, flip.across, flip.down, flip.sides ? mirror : MirrorGroups(), &person);
-        }
+}
+
+/// Whether all that a camera sees lies near pixel 0, so that it can be parts of the image.
+bool IsNormalized(const std::vector<DetectedFrame>& frames, size_t camera) {
+  bool any = false;
+  for (const DetectedFrame& frame : frames) {
+    for (const DetectedPerson& person : frame.people[camera]) {
+      for (const Keypoint& key : person) {
+        if (!(key.score > 0) || !key.px.allFinite()) continue;
+        if (key.px.minCoeff() < -0.5 || key.px.maxCoeff() > 1.5) return false;
+        any = true;
       }
     }
+  }
+  return any;
+}
+
+void AddNormalized(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
+  std::vector<std::string> names;
+  Assumption other{Cause::kNormalized, "", "", rig, frames};
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    if (!IsNormalized(frames, c)) continue;
+    const Camera& camera = rig.cameras[c].camera;
+    names.push_back(camera.name);
+    for (DetectedFrame& frame : other.frames) {
+      for (DetectedPerson& person : frame.people[c]) {
+        for (Keypoint& key : person) key.px = key.px.cwiseProduct(Eigen::Vector2d(camera.width_px, camera.height_px));
+      }
+    }
+  }
+  if (names.empty()) return;
+  const bool all = names.size() == rig.cameras.size();
+  other.text = "with the coordinates of " + (all ? std::string("all cameras") : Join(names, ", ")) +
+               ", which lie within 0 to 1, as parts of the image's size";
+  other.remedy = "option 'normalized'" + (all ? "" : " " + Join(names, ","));
+  list->push_back(std::move(other));
+}
+
+/// The changes of detections that may concern all cameras or one.
+std::vector<Detected> DetectedChanges(const MirrorGroups& mirror) {
+  using Px = Eigen::Vector2d;
+  const auto mirrored = [](const Camera& camera, Px* px) { px->x() = camera.width_px - 1 - px->x(); };
+  std::vector<Detected> list;
+  list.push_back({Cause::kFlippedY, "y counted from the lower edge", "option 'flip-y'@", " ",
+                  EachKey([](const Camera& camera, Px* px) { px->y() = camera.height_px - px->y(); })});
+  // Turned back: the images are turned clockwise.
+  list.push_back({Cause::kTurned, "the images turned by 90 degrees", "option 'rotate' @90", "",
+                  EachKey([](const Camera& camera, Px* px) { *px = Px(px->y(), camera.height_px - 1 - px->x()); })});
+  list.push_back({Cause::kTurned, "the images turned by 180 degrees", "option 'rotate' @180", "",
+                  EachKey([](const Camera& camera, Px* px) { *px = Px(camera.width_px - 1, camera.height_px - 1) - *px; })});
+  list.push_back({Cause::kTurned, "the images turned by 270 degrees", "option 'rotate' @270", "",
+                  EachKey([](const Camera& camera, Px* px) { *px = Px(camera.width_px - 1 - px->y(), px->x()); })});
+  list.push_back({Cause::kMirrored, "the images mirrored", "option 'flip-x'@", " ", EachKey(mirrored)});
+  if (mirror.empty()) return list;
+  // A picture that is mirrored shows the left hand as a right one; a detector calls it so, markers keep their names.
+  const auto with_sides = [mirror, mirrored](const Camera& camera, DetectedPerson* person) {
+    EachKey(mirrored)(camera, person);
+    for (const auto& group : mirror) {
+      for (const auto& [left, right] : group) {
+        std::swap((*person)[static_cast<size_t>(left)], (*person)[static_cast<size_t>(right)]);
+      }
+    }
+  };
+  list.push_back({Cause::kMirrored, "the images mirrored, left and right exchanged,", "option 'flip-x'@ option 'swap-sides'@",
+                  " ", with_sides});
+  return list;
+}
+
+void AddDetectedChanges(const Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror,
+                        std::vector<Assumption>* list) {
+  AddNormalized(rig, frames, list);
+  for (const Detected& detected : DetectedChanges(mirror)) {
+    for (int only = -1; only < static_cast<int>(rig.cameras.size()); ++only) AddDetected(rig, frames, detected, only, list);
+  }
+}
+
+/// The rig, without covariances, with other poses.
+template <class Change>
+Rig WithPoses(const Rig& rig, const Change& change) {
+  Rig changed;
+  for (const auto& camera : rig.cameras)
+    changed.cameras.push_back({camera.camera, change(camera.cam_from_world), std::nullopt, std::nullopt});
+  return changed;
+}
+
+void AddPoses(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
+  using geometry::Rigid3;
+  const auto turned = [](Rigid3 pose) {  // OpenGL's axes: y up, looking along -z
+    const Rigid3 half_turn{Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero()};
+    return half_turn * pose;
+  };
+  const auto mirrored = [](const Rigid3& pose) {  // y turned over in world and camera
+    const Eigen::Vector3d flip(1, -1, 1);
+    const Eigen::Matrix3d rotation = flip.asDiagonal() * pose.rotation.toRotationMatrix() * flip.asDiagonal();
+    return Rigid3{Eigen::Quaterniond(rotation), flip.cwiseProduct(pose.translation)};
+  };
+  const auto inverted = [](const Rigid3& pose) { return Inverse(pose); };
+  list->push_back(
+      {Cause::kInverted, "with the calibration's poses inverted", "option 'invert'", WithPoses(rig, inverted), frames});
+  list->push_back({Cause::kInverted, "with the calibration's poses inverted", "option 'invert'",
+                   WithPoses(rig, [&](const Rigid3& pose) { return turned(Inverse(pose)); }), frames});
+  list->push_back(
+      {Cause::kMirroredPoses, "with the calibration's poses mirrored", "option 'mirror'", WithPoses(rig, mirrored), frames});
+}
+
+/// Each camera in turn left out, where the others can still contradict each other.
+void AddLeftOut(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
+  if (rig.cameras.size() < 4) return;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const std::string& name = rig.cameras[c].camera.name;
+    Assumption& other =
+        list->emplace_back(Assumption{Cause::kMoved, "without " + name + ", which has moved or has another calibration",
+                                      "option 'without-camera' " + name + ", or calibrate it again", rig, frames});
+    for (DetectedFrame& frame : other.frames) frame.people[c].clear();
   }
 }
 
@@ -184,46 +319,69 @@ void AddFlips(const Rig& rig, const std::vector<DetectedFrame>& frames, const Mi
 
 std::vector<Assumption> Assumptions(const Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror) {
   std::vector<Assumption> list;
+  AddDetectedChanges(rig, frames, mirror, &list);
+  AddPoses(rig, frames, &list);
+  AddImageSizes(rig, frames, &list);
   AddDistortion(rig, frames, &list);
   AddTermOrders(rig, frames, &list);
-  AddImageSizes(rig, frames, &list);
   AddExchanges(rig, frames, &list);
-  AddFlips(rig, frames, mirror, &list);
+  AddLeftOut(rig, frames, &list);
   return list;
 }
 
-std::vector<double> OffsetsAskedFor(const Rig& rig, const std::vector<DetectedFrame>& frames, const CauseOptions& options,
-                                    const RunContext& run) {
+std::vector<Clock> ClocksAskedFor(const Rig& rig, const std::vector<DetectedFrame>& frames, const CauseOptions& options,
+                                  bool find_rates, const RunContext& run) {
   constexpr size_t kMaxFrames = 600;
-  const size_t count = std::min(frames.size(), kMaxFrames);
-  const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - count) / 2);
-  SyncOptions sync;
-  sync.min_score = options.min_score;
-  sync.max_offset_frames = options.max_offset_frames;
-  RunContext silent = run;
-  silent.progress = nullptr;
-  const SyncResult found = SynchronizeCameras(
-      Prepare(rig), std::vector<DetectedFrame>(begin, begin + static_cast<std::ptrdiff_t>(count)), sync, silent);
-  std::vector<double> offsets;
+  const size_t count = std::min(frames.size(), kMaxFrames), left = frames.size() - count;
+  const auto found_in = [&](size_t first, bool rates) {
+    SyncOptions sync;
+    sync.min_score = options.min_score, sync.max_offset_frames = options.max_offset_frames, sync.find_rates = rates;
+    RunContext silent = run;
+    silent.progress = nullptr;
+    const auto begin = frames.begin() + static_cast<std::ptrdiff_t>(first);
+    return SynchronizeCameras(Prepare(rig), std::vector<DetectedFrame>(begin, begin + static_cast<std::ptrdiff_t>(count)), sync,
+                              silent);
+  };
+  SyncResult found = found_in(left / 2, false);
+  if (found.status != SyncStatus::kOk && find_rates) found = found_in(0, true);  // clocks of other rates part with time
+  std::vector<Clock> clocks;
   bool any = false;
   for (const CameraSync& camera : found.cameras) {
     constexpr double kLeastFrames = 0.1, kLeastSigmas = 5;
     const double least = std::max(kLeastFrames, kLeastSigmas * camera.sigma_frames);
-    const bool asked = camera.status == SyncStatus::kOk && std::abs(camera.offset_frames) >= least;
-    offsets.push_back(asked ? camera.offset_frames : 0);
-    any |= asked;
+    Clock clock = camera.status == SyncStatus::kOk ? camera.clock() : Clock();
+    if (clock.rate == 1 && std::abs(clock.offset_frames) < least) clock.offset_frames = 0;
+    any |= clock.rate != 1 || clock.offset_frames != 0;
+    clocks.push_back(clock);
   }
-  return any ? offsets : std::vector<double>();
+  return any ? clocks : std::vector<Clock>();
 }
 
-std::string OffsetText(const Rig& rig, const std::vector<double>& offset_frames) {
-  std::string text;
-  for (size_t c = 0; c < offset_frames.size(); ++c) {
-    if (offset_frames[c] == 0) continue;
-    const std::string shift = Format(" %.1f frames %s", std::abs(offset_frames[c]), offset_frames[c] > 0 ? "later" : "earlier");
-    text += (text.empty() ? "with " : ", ") + rig.cameras[c].camera.name + shift;
+Assumption WithClocks(const Rig& rig, const std::vector<Clock>& clocks) {
+  constexpr double kDrift = 0.01, kStart = 0.5, kHz = 60;
+  Assumption other{Cause::kTimeOffset, "", "run `mvstudio sync` and give its result with option 'sync'", rig, {}};
+  std::string rates = Format("option 'rate' %g", kHz);
+  bool start_together = true, nominal = true;
+  for (size_t c = 0; c < clocks.size(); ++c) {
+    const Clock& clock = clocks[c];
+    const std::string& name = rig.cameras[c].camera.name;
+    start_together &= std::abs(clock.offset_frames) < kStart * std::max(1.0, clock.rate);
+    if (clock.offset_frames == 0 && clock.rate == 1) continue;
+    other.text += (other.text.empty() ? "with " : ", ") + name;
+    if (std::abs(clock.rate - 1) > kDrift) {
+      other.cause = Cause::kRates;
+      const double hz = std::round(kHz * clock.rate);
+      nominal &= std::abs(hz / kHz / clock.rate - 1) < 1e-3;
+      other.text += Format(" at %.4g frames for one of the others", clock.rate);
+      rates += " option 'rate' " + name + Format("=%g", hz);
+    } else if (clock.rate != 1) {
+      other.text += Format(" drifting by %+.0f ppm", 1e6 * (clock.rate - 1));
+    }
+    if (std::abs(clock.offset_frames) < 0.05) continue;
+    other.text += Format(" %.1f frames %s", std::abs(clock.offset_frames), clock.offset_frames > 0 ? "later" : "earlier");
   }
-  return text;
+  if (other.cause == Cause::kRates && start_together && nominal) other.remedy = rates + " (only the ratios count)";
+  return other;
 }
 
 }  // namespace mvstudio::triangulate::internal

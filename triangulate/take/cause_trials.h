@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "triangulate/sync/sync.h"
 #include "triangulate/take/cause.h"
 
 namespace mvstudio::triangulate::internal {
@@ -20,11 +21,11 @@ struct Assumption {
 std::vector<Assumption> Assumptions(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
                                     const MirrorGroups& mirror);
 
-/// Time offsets estimated from the motion of the take, by camera, frames; 0 where it is not significant
-/// (5 standard deviations, 0.1 frames); empty when none is.
-std::vector<double> OffsetsAskedFor(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
-                                    const CauseOptions& options, const RunContext& run);
-/// "with cam_2 61 frames later".
-std::string OffsetText(const geometry::Rig& rig, const std::vector<double>& offset_frames);
+/// Clocks estimated from the motion of the take, by camera; offsets and drifts are 0 where they are not significant (5 standard
+/// deviations, 0.1 frames); empty when none is.
+std::vector<Clock> ClocksAskedFor(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
+                                  const CauseOptions& options, bool find_rates, const RunContext& run);
+/// The assumption that these clocks hold; without frames.
+Assumption WithClocks(const geometry::Rig& rig, const std::vector<Clock>& clocks);
 
 }  // namespace mvstudio::triangulate::internal

@@ -59,6 +59,11 @@ void VisitFields(Visitor&& visit, TakeOptions& o) {
   visit("holdout-points", o.holdout_points, "points on which one camera after the other is left out and predicted; 0: none");
 }
 
+/// Joints that tell a person from a mirror image; -1: there is none.
+struct BodySides {
+  int nose = -1, left_shoulder = -1, right_shoulder = -1, left_hip = -1, right_hip = -1;
+};
+
 /// Known properties of the bodies in a take.
 struct TakeBody {
   // Implicit from a number of joints; left and right are then not checked.
@@ -67,6 +72,7 @@ struct TakeBody {
 
   int num_joints = 0;
   MirrorGroups mirror = {};  ///< joints that a detector exchanges when it swaps left and right
+  BodySides sides = {};
 };
 
 struct TakePoint {
