@@ -26,6 +26,7 @@ enum ExitCode {
 /// A warning or an error of a result: a stable code (`CAL-LOWCOV`), what and where, and what to do.
 struct Notice {
   std::string code, text, hint;
+  bool fails = false;  ///< of a warning: a quality gate failed for it
 };
 
 /// The result of a command. Exceptions become an `error` result with the exit code of their type.

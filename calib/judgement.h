@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 
 #include "calib/calibrate.h"
 
@@ -19,9 +20,10 @@ class Judgement {
   Verdict verdict;
 
  private:
-  void Add(const std::string& status, const Verdict::Reason& reason) {
+  void Add(const std::string& status, Verdict::Reason reason) {
     if (verdict.status != "fail") verdict.status = status;
-    verdict.reasons.push_back(reason);
+    reason.fails = status == "fail";
+    verdict.reasons.push_back(std::move(reason));
   }
 };
 

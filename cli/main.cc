@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <set>
 #include <string_view>
 
 #include "cli/program/companion.h"
@@ -33,9 +34,19 @@ void PrintErrors(const CommandResult& result) {
   for (const Notice& notice : result.errors) PrintNotice("error: " + WithHint(notice));
 }
 
+/// What made a gate fail first; what is to be done about several of them once.
+void PrintWarnings(std::vector<Notice> warnings) {
+  std::stable_partition(warnings.begin(), warnings.end(), [](const Notice& notice) { return notice.fails; });
+  std::set<std::string> told;
+  for (Notice& notice : warnings) {
+    if (!told.insert(notice.hint).second) notice.hint.clear();
+    PrintNotice((notice.fails ? "failed " : "warning ") + notice.code + ": " + WithHint(notice));
+  }
+}
+
 void PrintForPerson(const CommandResult& result) {
   if (!result.text.empty()) PrintOut(ManyLines(result.text) + (result.text.back() == '\n' ? "" : "\n"));
-  for (const Notice& notice : result.warnings) PrintNotice("warning " + notice.code + ": " + WithHint(notice));
+  PrintWarnings(result.warnings);
   std::string written;
   for (const auto& output : result.outputs) {
     const bool small = output.role == "heldout-picture" || output.role == "board-view" || output.role == "joint-view";

@@ -112,7 +112,8 @@ struct Item {
 
 void AddNotices(const Value& list, bool error, const std::string& from, std::vector<Item>* items) {
   for (const Value& notice : list.items()) {
-    items->push_back({error, notice["code"].Text(), notice["text"].Text(notice.Text()), notice["hint"].Text(), from});
+    items->push_back({error || notice["level"].Text() == "fail", notice["code"].Text(), notice["text"].Text(notice.Text()),
+                      notice["hint"].Text(), from});
   }
 }
 

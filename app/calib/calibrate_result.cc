@@ -8,6 +8,7 @@
 #include "app/input/calib_read.h"
 #include "calib/film_next.h"
 #include "core/format.h"
+#include "core/statistics.h"
 #include "core/units.h"
 
 namespace mvstudio::app {
@@ -251,24 +252,61 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
 
 ordered_json VerdictJson(const calib::Verdict& verdict) {
   ordered_json json{{"status", verdict.status}, {"reasons", ordered_json::array()}};
-  for (const auto& reason : verdict.reasons) json["reasons"].push_back(reason.text);
+  for (const auto& reason : verdict.reasons)
+    json["reasons"].push_back({{"level", reason.fails ? "fail" : "warn"}, {"code", reason.code}, {"text", reason.text}});
   return json;
+}
+
+std::string VerdictLine(const calib::Verdict& verdict) {
+  const auto& reasons = verdict.reasons;
+  const auto failing = std::find_if(reasons.begin(), reasons.end(), [](const auto& reason) { return reason.fails; });
+  const auto first = failing == reasons.end() ? reasons.begin() : failing;
+  const auto more = std::count_if(reasons.begin(), reasons.end(), [](const auto& reason) { return reason.fails; }) - 1;
+  std::string line = "verdict: " + verdict.status;
+  if (first != reasons.end()) line += ": " + first->text + " (" + first->code + ")";
+  if (more > 0) line += Format(" and %d more", static_cast<int>(more));
+  return line + "\n";
 }
 
 namespace {
 
 std::string Volume(double mm) { return Format(", %.3f mm where the boards were", mm); }
 
+double HeldOutOrOwn(const calib::CameraReport& camera) {
+  return std::isfinite(camera.holdout_rms_px) ? camera.holdout_rms_px : camera.rms_px;
+}
+
+/// Of three cameras or more: the one to look at first, with how the others do.
+std::string WorstCamera(const calib::CalibrateReport& report) {
+  if (report.cameras.size() < 3) return "";
+  const auto worst =
+      std::max_element(report.cameras.begin(), report.cameras.end(),
+                       [](const auto& a, const auto& b) { return HeldOutOrOwn(a) < HeldOutOrOwn(b); });
+  std::vector<double> errors;
+  for (const calib::CameraReport& camera : report.cameras) errors.push_back(HeldOutOrOwn(camera));
+  return Format("worst camera: %s, %.3f px beside a median of %.3f px\n", worst->name.c_str(), HeldOutOrOwn(*worst),
+                UpperMedian(std::move(errors)));
+}
+
+std::string Figure(double value, int decimals) { return std::isfinite(value) ? Format("%.*f", decimals, value) : "-"; }
+
+std::string EdgeText(const calib::CalibrateReport& report, const std::string& camera) {
+  for (const calib::CameraUncertainty& c : report.uncertainty.cameras) {
+    if (c.name == camera) return Figure(c.edge_px, c.edge_px < 100 ? 2 : 0);
+  }
+  return "-";
+}
+
 }  // namespace
 
 std::string CalibrateSummary(const calib::CalibrateReport& report) {
-  std::string text = "camera              model      focal px  +-      rms px  held-out px  boards  coverage\n";
+  std::string text = "camera              model      focal px  +-      rms px  held-out px  edge +- px  boards  coverage\n";
   for (size_t i = 0; i < report.cameras.size(); ++i) {
     const calib::CameraReport& c = report.cameras[i];
     const std::string sigma = LensSigmaKnown(report, i) ? Format("%.2f", c.focal_sigma_px) : "?";
-    text += Format("%-19s %-9s %9.2f  %-6s %7.3f  %11.3f  %6d  %6.0f %%\n", c.name.c_str(),
-                   std::string(geometry::ToString(c.model)).c_str(), c.focal_px, sigma.c_str(), c.rms_px, c.holdout_rms_px,
-                   c.num_views, 100 * c.coverage);
+    text += Format("%-19s %-9s %9.2f  %-6s %7.3f  %11s  %10s  %6d  %6.0f %%\n", c.name.c_str(),
+                   std::string(geometry::ToString(c.model)).c_str(), c.focal_px, sigma.c_str(), c.rms_px,
+                   Figure(c.holdout_rms_px, 3).c_str(), EdgeText(report, c.name).c_str(), c.num_views, 100 * c.coverage);
   }
   text += Format("rig: rms %.3f px, held-out %.3f px, %d corners in %d frames, %.1f %% rejected, world: %s\n", report.rms_px,
                  report.holdout_rms_px, report.num_corners, report.num_frames, 100 * report.rejected_fraction,
@@ -284,7 +322,7 @@ std::string CalibrateSummary(const calib::CalibrateReport& report) {
   for (const calib::CameraReport& c : report.cameras) {
     if (!c.given_up.empty()) text += c.name + ": " + c.given_up + "\n";
   }
-  return text + "verdict: " + report.verdict.status + "\n";
+  return text + WorstCamera(report) + VerdictLine(report.verdict);
 }
 
 }  // namespace mvstudio::app

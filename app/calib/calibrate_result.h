@@ -16,6 +16,10 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
 /// Summary for the terminal.
 std::string CalibrateSummary(const calib::CalibrateReport& report);
 
+/// The status and its reasons, each with its level, code and text.
 nlohmann::ordered_json VerdictJson(const calib::Verdict& verdict);
+
+/// "verdict: fail: REASON (CODE) and 2 more": the first reason that decides.
+std::string VerdictLine(const calib::Verdict& verdict);
 
 }  // namespace mvstudio::app

@@ -11,6 +11,7 @@ constexpr int kFewViews = 5;
 
 void Add(const char* status, Verdict::Reason reason, Verdict* verdict) {
   if (verdict->status != "fail") verdict->status = status;
+  reason.fails = std::string(status) == "fail";
   verdict->reasons.push_back(std::move(reason));
 }
 

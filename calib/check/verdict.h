@@ -11,6 +11,7 @@ struct Verdict {
     std::string code;  ///< stable, docs/reliability.md lists them all
     std::string text;  ///< one line: camera, figure, limit
     std::string hint;  ///< what to do
+    bool fails = false;  ///< it alone makes the verdict `fail`; else a warning
   };
   std::string status = "pass";  ///< pass, warn or fail
   std::vector<Reason> reasons;  ///< empty for pass

@@ -262,7 +262,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
     result.metrics["boards"] = app::BoardPlacesJson(corners.input.boards, report.rig_from_board);
   result.text += app::BoardPlacesText(corners.input.boards, report.rig_from_board);
   for (const auto& reason : report.verdict.reasons)
-    result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments)});
+    result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments), reason.fails});
   if (report.verdict.status == "fail") result.exit = kExitQualityGate;
   SayLeftOut(solved.left_out, corners, &result);
   SayNotFilmed(not_filmed, &result);

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "app/input/calib_read.h"
+#include "calib/check/expected_difference.h"
 #include "calib/check/rig_compare.h"
 #include "cli/calib/calib.h"
 #include "cli/program/input_flags.h"
@@ -11,6 +12,7 @@
 #include "core/format.h"
 #include "core/units.h"
 #include "geometry/rig/alignment.h"
+#include "geometry/rig/rig_covariance.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -31,17 +33,33 @@ struct Arguments {
 /// Keeps the cameras of `rig` that `other` has too; the rest are named in a warning.
 void KeepCommon(const Rig& other, const std::string& path, Rig* rig, CommandResult* result) {
   std::string missing;
-  std::vector<RigCamera> kept;
-  for (const RigCamera& camera : rig->cameras) {
-    if (other.Find(camera.camera.name) >= 0)
-      kept.push_back(camera);
+  std::vector<size_t> kept;
+  for (size_t c = 0; c < rig->cameras.size(); ++c) {
+    const std::string& name = rig->cameras[c].camera.name;
+    if (other.Find(name) >= 0)
+      kept.push_back(c);
     else
-      missing += (missing.empty() ? "" : ", ") + camera.camera.name;
+      missing += (missing.empty() ? "" : ", ") + name;
   }
   if (!missing.empty())
     result->warnings.push_back({"CAL-NOTINBOTH", path + ": left out, not in the other file: " + missing,
                                 "rename cameras with calib convert --rename"});
-  rig->cameras = kept;
+  if (kept.size() < rig->cameras.size()) *rig = geometry::SubsetOf(*rig, kept);
+}
+
+/// Beyond this, errors that both covariances state make a difference in one case of twenty at most.
+constexpr double kSignificant = 2;
+
+/// "3.1 times what both covariances let expect", or why that is not known.
+std::string TimesText(double value, double expected) {
+  if (!std::isfinite(expected)) return "";
+  if (!(expected > 0)) return value > 0 ? "  (no uncertainty is stated)" : "";
+  const double times = value / expected;
+  return Format("  %.3g expected: %.1f times%s", expected, times, times > kSignificant ? ", a change" : "");
+}
+
+ordered_json TimesJson(double value, double expected) {
+  return expected > 0 && std::isfinite(expected) ? FiniteOrNull(value / expected) : ordered_json(nullptr);
 }
 
 void AddDifference(const geometry::RigDifference& difference, const Arguments& options, CommandResult* result) {
@@ -59,7 +77,8 @@ void AddDifference(const geometry::RigDifference& difference, const Arguments& o
   for (const Row& row : rows) {
     result->metrics[std::string("max_") + row.key] = row.value;
     if (row.mean >= 0) result->metrics[std::string("mean_") + row.key] = row.mean;
-    result->text += Format("%-15s max %.6g %s", row.key, row.value, row.unit) +
+    result->text += (std::isfinite(row.value) ? Format("%-15s max %.6g %s", row.key, row.value, row.unit)
+                                              : Format("%-15s somewhere in the image one lens alone sees", row.key)) +
                     (row.mean >= 0 ? Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
     if (row.limit > 0 && row.value > row.limit) {
       result->exit = kExitQualityGate;
@@ -71,15 +90,26 @@ void AddDifference(const geometry::RigDifference& difference, const Arguments& o
 /// metrics.cameras and a table: what is left of each camera's pose after the alignment.
 void AddCameras(const Rig& rig, const Rig& reference, const geometry::Rigid3& reference_from_rig, CommandResult* result) {
   ordered_json& rows = result->metrics["cameras"] = ordered_json::array();
-  result->text += "camera         rotation deg  position mm\n";
-  for (const RigCamera& camera : reference.cameras) {
-    const RigCamera& other = rig.cameras[static_cast<size_t>(rig.Find(camera.camera.name))];
-    const geometry::Rigid3 cam_from_reference = other.cam_from_world * geometry::Inverse(reference_from_rig);
-    const double degrees = RadToDeg(cam_from_reference.rotation.angularDistance(camera.cam_from_world.rotation));
-    const double mm = 1e3 * (geometry::Inverse(cam_from_reference).translation - camera.CenterInWorld()).norm();
-    rows.push_back(
-        {{"name", camera.camera.name}, {"rotation_deg", FiniteOrNull(degrees)}, {"translation_mm", FiniteOrNull(mm)}});
-    result->text += Format("%-14s %12.4f  %11.3f\n", camera.camera.name.c_str(), degrees, mm);
+  const auto differences = calib::PoseDifferences(rig, reference, reference_from_rig);
+  const auto expected = calib::ExpectedPoseDifferences(rig, reference);
+  const bool known = !expected.empty() && std::isfinite(expected[0].rotation_rad);
+  result->text += std::string("camera         rotation deg  position mm") +
+                  (known ? "  expected deg, mm (both covariances)\n" : "  (no covariances: what to expect is not known)\n");
+  for (size_t c = 0; c < differences.size(); ++c) {
+    const std::string& name = reference.cameras[c].camera.name;
+    const double degrees = RadToDeg(differences[c].rotation_rad), mm = 1e3 * differences[c].translation_m;
+    const double expected_deg = RadToDeg(expected[c].rotation_rad), expected_mm = 1e3 * expected[c].translation_m;
+    rows.push_back({{"name", name},
+                    {"rotation_deg", FiniteOrNull(degrees)},
+                    {"translation_mm", FiniteOrNull(mm)},
+                    {"expected_rotation_deg", FiniteOrNull(expected_deg)},
+                    {"expected_translation_mm", FiniteOrNull(expected_mm)},
+                    {"rotation_times", TimesJson(degrees, expected_deg)},
+                    {"translation_times", TimesJson(mm, expected_mm)}});
+    result->text += Format("%-14s %12.4f  %11.3f", name.c_str(), degrees, mm);
+    if (known) result->text += Format("  %12.4f  %.3f", expected_deg, expected_mm);
+    const bool changed = degrees > kSignificant * expected_deg || mm > kSignificant * expected_mm;
+    result->text += known && changed ? "  a change\n" : "\n";
   }
 }
 
@@ -114,7 +144,7 @@ ordered_json AxisJson(const Eigen::RowVectorXd& axis) {
   return json;
 }
 
-ordered_json DiffJson(const calib::ProjectionDiff& diff, const std::string& name) {
+ordered_json DiffJson(const calib::ProjectionDiff& diff, const std::vector<double>& expected_px, const std::string& name) {
   ordered_json json{{"name", name}, {"status", std::string(ToString(diff.status))}};
   json["implied_rotation_deg"] = RadToDeg(diff.rotation_rad);
   json["implied_translation_mm"] = 1e3 * diff.translation_m;
@@ -123,9 +153,12 @@ ordered_json DiffJson(const calib::ProjectionDiff& diff, const std::string& name
     json["grid_v_px"] = AxisJson(diff.grid_axes_px.row(1));
   }
   json["ranges"] = ordered_json::array();
-  for (const calib::ProjectionDiffAtRange& at : diff.ranges) {
+  for (size_t r = 0; r < diff.ranges.size(); ++r) {
+    const calib::ProjectionDiffAtRange& at = diff.ranges[r];
     json["ranges"].push_back({{"range_m", FiniteOrNull(at.range_m)},
                               {"rms_px", FiniteOrNull(at.rms_px)},
+                              {"expected_rms_px", FiniteOrNull(expected_px[r])},
+                              {"times", TimesJson(at.rms_px, expected_px[r])},
                               {"max_px", FiniteOrNull(at.max_px)},
                               {"centre_px", FiniteOrNull(at.centre_px)},
                               {"num_points", at.num_points},
@@ -134,14 +167,17 @@ ordered_json DiffJson(const calib::ProjectionDiff& diff, const std::string& name
   return json;
 }
 
-std::string DiffText(const calib::ProjectionDiff& diff, const std::string& name) {
+/// A line of what the implied motion takes out, then one a range.
+std::string DiffText(const calib::ProjectionDiff& diff, const std::vector<double>& expected_px, const std::string& name) {
   if (diff.ranges.empty()) return Format("%-14s image sizes differ\n", name.c_str());
   std::string text =
-      Format("%-14s implied %.4f deg, %.3f mm;", name.c_str(), RadToDeg(diff.rotation_rad), 1e3 * diff.translation_m);
-  for (const calib::ProjectionDiffAtRange& at : diff.ranges) {
-    text += Format("  at %g m: rms %.3f max %.3f centre %.3f px", at.range_m, at.rms_px, at.max_px, at.centre_px);
+      Format("%-14s implied %.4f deg, %.3f mm\n", name.c_str(), RadToDeg(diff.rotation_rad), 1e3 * diff.translation_m);
+  for (size_t r = 0; r < diff.ranges.size(); ++r) {
+    const calib::ProjectionDiffAtRange& at = diff.ranges[r];
+    text += Format("  at %g m: rms %.3f max %.3f centre %.3f px", at.range_m, at.rms_px, at.max_px, at.centre_px) +
+            TimesText(at.rms_px, expected_px[r]) + "\n";
   }
-  return text + "\n";
+  return text;
 }
 
 void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& arguments, CommandResult* result) {
@@ -157,10 +193,11 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
   auto& list = result->metrics["projection"] = ordered_json::array();
   for (const RigCamera& camera : reference.cameras) {
     const std::string& name = camera.camera.name;
-    const geometry::Camera& other = rig.cameras[static_cast<size_t>(rig.Find(name))].camera;
-    const calib::ProjectionDiff diff = calib::CompareProjection(other, camera.camera, options);
-    list.push_back(DiffJson(diff, name));
-    result->text += DiffText(diff, name);
+    const RigCamera& other = rig.cameras[static_cast<size_t>(rig.Find(name))];
+    const calib::ProjectionDiff diff = calib::CompareProjection(other.camera, camera.camera, options);
+    const std::vector<double> expected_px = calib::ExpectedProjectionRms(other, camera, options);
+    list.push_back(DiffJson(diff, expected_px, name));
+    result->text += DiffText(diff, expected_px, name);
     if (diff.status != Status::kOk) {
       result->warnings.push_back({"CAL-NOTCOMPARED",
                                   "camera " + name + ": the two lenses cannot be compared: " +

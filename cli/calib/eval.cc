@@ -86,7 +86,7 @@ std::string Summary(const calib::RigCheck& check) {
   text += Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
                  check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
   text += Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1));
-  return text + "verdict: " + check.verdict.status + "\n";
+  return text + app::VerdictLine(check.verdict);
 }
 
 CommandResult Eval(const Arguments& arguments, CommandContext& context) {
@@ -104,7 +104,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
     result.errors.push_back({"CAL-UNSOLVED", check.message, "show the board to at least two cameras at a time"});
     return result;
   }
-  for (const auto& reason : check.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint});
+  for (const auto& reason : check.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint, reason.fails});
   if (check.verdict.status == "fail") result.exit = kExitQualityGate;
   if (!arguments.repair.empty()) {
     const OutputFiles place({arguments.repair}, result.inputs);

@@ -43,6 +43,7 @@ Json NoticesToJson(const std::vector<Notice>& notices) {
   for (const Notice& notice : notices) {
     Json item = {{"code", notice.code}, {"text", notice.text}};
     if (!notice.hint.empty()) item["hint"] = notice.hint;
+    if (notice.fails) item["level"] = "fail";
     list.push_back(item);
   }
   return list;
