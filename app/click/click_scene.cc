@@ -58,6 +58,14 @@ ordered_json FitsJson(const ClickScene& scene, const calib::PointResectionOption
   return fits;
 }
 
+ordered_json ClicksJson(const ClickScene& scene, const calib::PointResectionOptions& options) {
+  ordered_json json{{"revision", scene.revision}, {"clicks", ordered_json::array()}};
+  for (const auto& [key, px] : scene.clicks)
+    json["clicks"].push_back({{"camera", key.first}, {"point", key.second}, {"x", px.x()}, {"y", px.y()}});
+  json["fits"] = FitsJson(scene, options);
+  return json;
+}
+
 /// Names are arbitrary bytes.
 std::string Dump(const ordered_json& json) { return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace); }
 
@@ -107,7 +115,7 @@ std::vector<std::string> AddPoints(const calib::ScenePoints& points, ClickScene*
 }
 
 std::string SceneJsonText(const ClickScene& scene, const calib::PointResectionOptions& options) {
-  ordered_json json{{"cameras", ordered_json::array()}, {"points", ordered_json::array()}, {"clicks", ordered_json::array()}};
+  ordered_json json{{"cameras", ordered_json::array()}, {"points", ordered_json::array()}};
   for (const ClickCamera& camera : scene.cameras) {
     json["cameras"].push_back({{"name", camera.name},
                                {"width", camera.width_px},
@@ -118,26 +126,26 @@ std::string SceneJsonText(const ClickScene& scene, const calib::PointResectionOp
     const Eigen::Vector3d x = scene.x_in_world.col(static_cast<Eigen::Index>(p));
     json["points"].push_back({{"name", scene.names[p]}, {"x", x.x()}, {"y", x.y()}, {"z", x.z()}});
   }
-  for (const auto& [key, px] : scene.clicks)
-    json["clicks"].push_back({{"camera", key.first}, {"point", key.second}, {"x", px.x()}, {"y", px.y()}});
-  json["fits"] = FitsJson(scene, options);
+  json.update(ClicksJson(scene, options));
   return Dump(json);
 }
 
-void SetClicks(const std::string& json_text, ClickScene* scene) {
+SentClicks ReadSentClicks(const std::string& json_text, const ClickScene& scene) {
   const ordered_json json = ordered_json::parse(json_text, nullptr, false);
   const auto list = json.is_object() ? json.find("clicks") : json.end();
   if (!json.is_object() || list == json.end() || !list->is_array())
     throw FormatError(kPlace, "", "a list 'clicks' was expected");
-  std::map<std::pair<int, int>, Eigen::Vector2d> clicks;
+  SentClicks sent;
+  const auto revision = json.find("revision");
+  if (revision != json.end() && revision->is_number_integer()) sent.revision = revision->get<int64_t>();
   for (const ordered_json& click : *list) {
     if (!click.is_object()) throw FormatError(kPlace, "clicks", "must hold objects");
-    const int camera = IndexOf(click, "camera", scene->cameras.size()), point = IndexOf(click, "point", scene->names.size());
-    const ClickCamera& of = scene->cameras[static_cast<size_t>(camera)];
+    const int camera = IndexOf(click, "camera", scene.cameras.size()), point = IndexOf(click, "point", scene.names.size());
+    const ClickCamera& of = scene.cameras[static_cast<size_t>(camera)];
     const Eigen::Vector2d px(PlaceOf(click, "x", of.width_px), PlaceOf(click, "y", of.height_px));
-    if (!clicks.insert({{camera, point}, px}).second) throw FormatError(kPlace, "point", "is clicked twice in one camera");
+    if (!sent.clicks.insert({{camera, point}, px}).second) throw FormatError(kPlace, "point", "is clicked twice in one camera");
   }
-  scene->clicks = std::move(clicks);
+  return sent;
 }
 
 ClickFit FitClicks(const ClickScene& scene, int camera_idx, const calib::PointResectionOptions& options) {
@@ -170,8 +178,8 @@ ClickFit FitClicks(const ClickScene& scene, int camera_idx, const calib::PointRe
   return fit;
 }
 
-std::string FitsJsonText(const ClickScene& scene, const calib::PointResectionOptions& options) {
-  return Dump({{"fits", FitsJson(scene, options)}});
+std::string ClicksJsonText(const ClickScene& scene, const calib::PointResectionOptions& options) {
+  return Dump(ClicksJson(scene, options));
 }
 
 std::string ClicksCsv(const ClickScene& scene) {

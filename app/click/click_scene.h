@@ -23,12 +23,15 @@ struct ClickCamera {
   std::optional<geometry::Camera> lens;  ///< where it is known; residuals need it
 };
 
+/// (camera, point) -> px; (0, 0) is the centre of the top-left pixel.
+using ClickMap = std::map<std::pair<int, int>, Eigen::Vector2d>;
+
 struct ClickScene {
   std::vector<ClickCamera> cameras;
   std::vector<std::string> names;  ///< of the points
   Eigen::Matrix3Xd x_in_world;     ///< (3, N) metres
-  /// (camera, point) -> px; (0, 0) is the centre of the top-left pixel.
-  std::map<std::pair<int, int>, Eigen::Vector2d> clicks;
+  ClickMap clicks;
+  int64_t revision = 0;  ///< counts what was saved: clicks that were made on an older one must not replace these
 };
 
 /// Adds a camera with its image (RGB or grey). Throws UsageError for a name that is there already, and for a lens of another
@@ -38,13 +41,17 @@ void AddCamera(const std::string& name, const Image& image, const std::optional<
 /// Points, and the clicks that an earlier table has of cameras that the scene has; those of other cameras are returned.
 std::vector<std::string> AddPoints(const calib::ScenePoints& points, ClickScene* scene);
 
-/// {"cameras": [{name, width, height, has_lens}], "points": [{name, x, y, z}], "clicks": […], "fits": […]}: docs/cli.md's
-/// page reads it.
+/// {"cameras": [{name, width, height, has_lens}], "points": [{name, x, y, z}]} and what ClicksJsonText holds: the page reads
+/// it.
 std::string SceneJsonText(const ClickScene& scene, const calib::PointResectionOptions& options);
 
-/// Replaces all clicks by those of {"clicks": [{"camera": i, "point": j, "x": px, "y": px}]}. Throws FormatError, and changes
-/// nothing, for anything else: unknown indices, a pair twice, a place outside the image.
-void SetClicks(const std::string& json_text, ClickScene* scene);
+/// What a page sends: {"revision": n, "clicks": [{"camera": i, "point": j, "x": px, "y": px}]}.
+struct SentClicks {
+  int64_t revision = -1;  ///< of the scene on which they were made; -1: not stated
+  ClickMap clicks;        ///< all that the page has
+};
+/// Throws FormatError for anything else: unknown indices, a pair twice, a place outside the image.
+SentClicks ReadSentClicks(const std::string& json_text, const ClickScene& scene);
 
 /// How well the clicks of one camera agree (calib::ResectFromPoints).
 struct ClickFit {
@@ -57,7 +64,8 @@ struct ClickFit {
   std::map<int, Eigen::Vector2d> predicted_px;  ///< by point: where the placed camera sees it, inside the image
 };
 ClickFit FitClicks(const ClickScene& scene, int camera_idx, const calib::PointResectionOptions& options);
-std::string FitsJsonText(const ClickScene& scene, const calib::PointResectionOptions& options);
+/// {"revision": n, "clicks": […], "fits": […]}: what is saved, and how well it agrees.
+std::string ClicksJsonText(const ClickScene& scene, const calib::PointResectionOptions& options);
 
 /// The table camera,point,x_px,y_px, as `calib::ReadScenePoints` reads it; a comment says that mvstudio wrote it.
 std::string ClicksCsv(const ClickScene& scene);

@@ -8,6 +8,7 @@ constexpr char kScript[] = R"js('use strict';
   const el = function (id) { return document.getElementById(id); };
   const canvas = el('image'), draw2d = canvas.getContext('2d');
   let scene = null, fits = [], images = [], views = [], clicks = {}, camera = 0, point = 0, drag = null, sending = false, again = false;
+  let known = {}, revision = 0, merged = false;  // what is saved, as this page saw it last
 
   const key = function (c, p) { return c + ':' + p; };
   const clickOf = function (p) { return clicks[key(camera, p)]; };
@@ -108,18 +109,38 @@ constexpr char kScript[] = R"js('use strict';
     draw();
   }
 
+  // Takes over what is saved; what was changed here since `base` stays.
+  function take(saved, base) {
+    const own = clicks, same = function (a, b) { return a === b || (a && b && a[0] === b[0] && a[1] === b[1]); };
+    known = {};
+    for (const click of saved.clicks) known[key(click.camera, click.point)] = [click.x, click.y];
+    clicks = Object.assign({}, known);
+    for (const name of Object.keys(Object.assign({}, base, own))) {
+      if (same(own[name], base[name])) continue;
+      if (own[name]) clicks[name] = own[name]; else delete clicks[name];
+    }
+    revision = saved.revision;
+    fits = saved.fits;
+  }
+  function countOf(n) { return n === 1 ? '1 click is' : n + ' clicks are'; }
+
   async function send() {
     if (sending) { again = true; return; }
     sending = true;
-    const body = {clicks: Object.keys(clicks).map(function (name) {
+    const sent = Object.assign({}, clicks);
+    const body = {revision: revision, clicks: Object.keys(sent).map(function (name) {
       const at = name.split(':').map(Number);
-      return {camera: at[0], point: at[1], x: clicks[name][0], y: clicks[name][1]};
+      return {camera: at[0], point: at[1], x: sent[name][0], y: sent[name][1]};
     })};
     try {
       const answer = await fetch('clicks.json', {method: 'POST', body: JSON.stringify(body), headers: {'Content-Type': 'application/json'}});
-      if (!answer.ok) throw new Error(await answer.text());
-      fits = (await answer.json()).fits;
-      text(el('saved'), body.clicks.length + ' clicks are saved.');
+      if (answer.status === 409) merged = again = true;
+      else if (!answer.ok) throw new Error(await answer.text());
+      take(await answer.json(), answer.ok ? sent : known);
+      if (answer.ok) {
+        text(el('saved'), countOf(body.clicks.length) + ' saved.' + (merged ? ' Another page saved meanwhile: its clicks are here now.' : ''));
+        merged = false;
+      }
     } catch (error) {
       text(el('saved'), 'Not saved: ' + error.message);
     }
@@ -207,8 +228,7 @@ constexpr char kScript[] = R"js('use strict';
 
   (async function () {
     scene = await (await fetch('scene.json')).json();
-    fits = scene.fits;
-    for (const click of scene.clicks) clicks[key(click.camera, click.point)] = [click.x, click.y];
+    take(scene, {});
     images = scene.cameras.map(function (info, c) {
       const image = new Image();
       image.addEventListener('load', draw);

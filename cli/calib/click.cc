@@ -107,9 +107,22 @@ class ClickPage {
       return {};
     }
     if (request.path != "clicks.json") return {404, "text/plain; charset=utf-8", "not here\n"};
-    app::SetClicks(request.body, scene_);
-    WriteFileAtomic(arguments_.out, app::ClicksCsv(*scene_));
-    return {200, "application/json", app::FitsJsonText(*scene_, arguments_.resection)};
+    app::SentClicks sent = app::ReadSentClicks(request.body, *scene_);
+    const bool newest = sent.revision == scene_->revision;  // else another page has saved: what that one saved is the answer
+    if (newest) Save(std::move(sent.clicks));
+    return {newest ? 200 : 409, "application/json", app::ClicksJsonText(*scene_, arguments_.resection)};
+  }
+
+  /// The scene holds what the table holds.
+  void Save(app::ClickMap clicks) {
+    std::swap(scene_->clicks, clicks);
+    try {
+      WriteFileAtomic(arguments_.out, app::ClicksCsv(*scene_));
+    } catch (...) {
+      std::swap(scene_->clicks, clicks);
+      throw;
+    }
+    ++scene_->revision;
   }
 
   const ClickArguments& arguments_;
@@ -141,6 +154,12 @@ void Describe(const app::ClickScene& scene, const ClickArguments& arguments, Com
   }
 }
 
+std::string WhatIsSaved(const app::ClickScene& scene, const CommandResult& result, const std::string& out) {
+  const size_t count = scene.clicks.size();
+  if (result.outputs.empty()) return "no click was made, so " + out + " was not written";
+  return std::to_string(count) + (count == 1 ? " click is in " : " clicks are in ") + out;
+}
+
 CommandResult RunClick(ClickArguments arguments, CommandContext& context) {
   CommandResult result;
   FillFromSession(&arguments, &result);
@@ -157,8 +176,7 @@ CommandResult RunClick(ClickArguments arguments, CommandContext& context) {
   server.Run([&] { return page.is_finished() || interrupted(); });
   if (fs::exists(arguments.out)) result.outputs.push_back({arguments.out, "clicks"});
   Describe(scene, arguments, &result);
-  if (interrupted())
-    throw CancelledError("interrupted; " + std::to_string(scene.clicks.size()) + " clicks are in " + arguments.out);
+  if (interrupted()) throw CancelledError("interrupted; " + WhatIsSaved(scene, result, arguments.out));
   return result;
 }
 

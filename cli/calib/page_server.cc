@@ -1,10 +1,14 @@
 #include "cli/calib/page_server.h"
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <chrono>
+#include <list>
+#include <memory>
 #include <optional>
 #include <random>
 
@@ -23,6 +27,9 @@ using Response = http::response<http::string_body>;
 
 constexpr size_t kMostBytes = size_t{1} << 20;  // of a request
 constexpr std::chrono::seconds kPatience(20);   // with a connection that says nothing
+constexpr size_t kMostConnections = 256;
+constexpr size_t kSpare = 8;                        // connections closed where there are too many, or no descriptors left
+constexpr std::chrono::milliseconds kRecovery(50);  // before the next one is accepted then
 
 constexpr char kPolicy[] =
     "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; base-uri 'none'; "
@@ -49,10 +56,13 @@ struct Site {
     };
     const std::string target(request.target().data(), request.target().size()), base = "/" + token + "/";
     const std::string origin = header(http::field::origin);
+    if (request.count(http::field::host) != 1) return Refused(400, "one host was expected");
     if (header(http::field::host) != host || target.rfind(base, 0) != 0) return Refused(404, "not here");
-    if (!origin.empty() && origin != "http://" + host) return Refused(403, "not for other sites");
-    if (request.method() != http::verb::get && request.method() != http::verb::post) return Refused(405, "GET or POST");
-    const std::string method = request.method() == http::verb::get ? "GET" : "POST";
+    if (request.count(http::field::origin) > 1 || (!origin.empty() && origin != "http://" + host))
+      return Refused(403, "not for other sites");
+    const bool gets = request.method() == http::verb::get || request.method() == http::verb::head;
+    if (!gets && request.method() != http::verb::post) return Refused(405, "GET or POST");
+    const std::string method = gets ? "GET" : "POST";
     try {
       return answer({method, target.substr(base.size()), request.body()});
     } catch (const FormatError& error) {
@@ -76,6 +86,7 @@ struct Site {
     response.body() = found.body;
     response.keep_alive(request.keep_alive());
     response.prepare_payload();
+    if (request.method() == http::verb::head) response.body().clear();  // its length stays in the header
     return response;
   }
 };
@@ -92,6 +103,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     http::async_read(stream_, buffer_, *parser_,
                      [self = shared_from_this()](beast::error_code error, size_t) { self->Answer(error); });
   }
+  void Close() { stream_.close(); }
 
  private:
   void Answer(beast::error_code error) {
@@ -116,14 +128,39 @@ class Connection : public std::enable_shared_from_this<Connection> {
 struct PageServer::Impl {
   asio::io_context io;
   tcp::acceptor acceptor{io};
+  asio::steady_timer recovery{io};
+  std::list<std::weak_ptr<Connection>> connections;  ///< the oldest first
+  size_t most = kMostConnections;
   Site site;
   std::string url;
 
   void Accept() {
     acceptor.async_accept([this](beast::error_code error, tcp::socket socket) {
       if (error == asio::error::operation_aborted) return;
-      if (!error) std::make_shared<Connection>(std::move(socket), site)->Read();
+      if (error) return Recover();
+      const auto connection = std::make_shared<Connection>(std::move(socket), site);
+      connections.remove_if([](const auto& other) { return other.expired(); });
+      connections.push_back(connection);
+      connection->Read();
+      if (connections.size() > most) CloseOldest();
       Accept();
+    });
+  }
+  /// Whoever holds connections open without end, and without the token, shuts nobody out.
+  void CloseOldest() {
+    for (size_t i = 0; i < kSpare && !connections.empty(); ++i) {
+      if (const auto oldest = connections.front().lock()) oldest->Close();
+      connections.pop_front();
+    }
+  }
+  /// No descriptor is left for another connection.
+  void Recover() {
+    connections.remove_if([](const auto& other) { return other.expired(); });
+    CloseOldest();
+    most = std::max(kSpare, connections.size());  // the page's table needs descriptors, too
+    recovery.expires_after(kRecovery);
+    recovery.async_wait([this](beast::error_code error) {
+      if (!error) Accept();
     });
   }
 };

@@ -30,15 +30,22 @@ class ClickPageInBrowser : public ::testing::Test {
     if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "needs chromium";
   }
 
-  /// What `user` writes into document.title's element: JSON.
-  nlohmann::json Run(const ClickScene& scene, const std::string& user) {
+  /// What `user` writes into document.title's element: JSON. The script that stands for the server keeps what is sent, and
+  /// answers the first save as if another page had saved `theirs` meanwhile, where there is such a scene.
+  nlohmann::json Run(const ClickScene& scene, const std::string& user, const ClickScene* theirs = nullptr) {
     const std::string server =
-        "<script>window.sent = [];\nwindow.fetch = async function (name, how) {\n"
-        "  if (name === 'scene.json') return {ok: true, json: async () => (" +
-        SceneJsonText(scene, {}) +
-        ")};\n  window.sent.push([name, how && how.body ? JSON.parse(how.body) : null]);\n"
-        "  return {ok: true, json: async () => (" +
-        FitsJsonText(scene, {}) + ")};\n};</script>\n<script>" + ClickPageScript() + "</script>\n<script>" + user + "</script>";
+        "<script>window.sent = [];\nconst theirs = " + (theirs ? ClicksJsonText(*theirs, {}) : "null") +
+        ", first = " + SceneJsonText(scene, {}) +
+        ";\nlet revision = theirs ? theirs.revision : first.revision;\n"
+        "window.fetch = async function (name, how) {\n"
+        "  if (name === 'scene.json') return {ok: true, status: 200, json: async () => first};\n"
+        "  const body = how && how.body ? JSON.parse(how.body) : null;\n"
+        "  window.sent.push([name, body]);\n"
+        "  if (body && body.revision !== revision) return {ok: false, status: 409, json: async () => theirs};\n"
+        "  if (body) ++revision;\n"
+        "  return {ok: true, status: 200, json: async () => ({revision, clicks: body ? body.clicks : [], fits: first.fits})};\n"
+        "};</script>\n<script>" +
+        ClickPageScript() + "</script>\n<script>" + user + "</script>";
     std::string html = Replaced(ClickPageHtml(), "<script src=\"click.js\"></script>", server);
     html =
         Replaced(html, "<link rel=\"stylesheet\" href=\"click.css\">", std::string("<style>") + ClickPageStyle() + "</style>");
@@ -122,6 +129,36 @@ TEST_F(ClickPageInBrowser, ClicksAtAnyZoomAreThePixelsThatWereMeant) {
   EXPECT_THAT(result["saved"].get<std::string>(), HasSubstr("may be closed"));
   EXPECT_EQ(result["points"], 12);
   EXPECT_EQ(result["ready"], "yes");
+}
+
+TEST_F(ClickPageInBrowser, WhatAnotherPageSavedMeanwhileStays) {
+  const ClickScene scene = testing::WallScene();
+  ClickScene theirs = testing::WallScene();
+  theirs.revision = 3;
+  for (int p = 0; p < 3; ++p) theirs.clicks[{0, p}] = TruePx(p);
+  const auto result = Run(scene, std::string(kUser) + R"js(
+(async function () {
+  await pause(500);
+  press(at(100, 50));  // point 1, which the other page has, too: the later click counts
+  await pause(300);
+  const merged = last(), first = document.getElementById('saved').textContent;
+  key('p');
+  key('Delete');
+  await pause(300);
+  leave({merged: merged, first: first, shorter: last(), revisions: window.sent.map(function (s) { return s[1].revision; }),
+         saved: document.getElementById('saved').textContent});
+})();
+)js",
+                          &theirs);
+  ASSERT_EQ(result["merged"].size(), 3u) << result;
+  for (const auto& click : result["merged"]) {
+    const int point = click["point"];
+    EXPECT_NEAR(click["x"].get<double>(), point == 0 ? 100 : TruePx(point).x(), 0.51) << point;
+  }
+  EXPECT_THAT(result["first"].get<std::string>(), HasSubstr("Another page saved meanwhile"));
+  EXPECT_EQ(result["shorter"].size(), 2u);
+  EXPECT_EQ(result["revisions"], nlohmann::json({0, 3, 4}));
+  EXPECT_EQ(result["saved"], "2 clicks are saved.");
 }
 
 TEST_F(ClickPageInBrowser, ShowsResidualsAndTheCamerasInTurn) {

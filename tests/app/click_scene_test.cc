@@ -62,15 +62,17 @@ TEST(ClickScene, SaysWhatIsMissing) {
   EXPECT_NE(line.status, Status::kOk) << "all on one line";
   EXPECT_FALSE(line.message.empty());
   EXPECT_TRUE(std::isnan(line.rms_px));
-  EXPECT_TRUE(nlohmann::json::parse(FitsJsonText(scene, {}))["fits"][0]["rms_px"].is_null());
+  EXPECT_TRUE(nlohmann::json::parse(ClicksJsonText(scene, {}))["fits"][0]["rms_px"].is_null());
 }
 
 TEST(ClickScene, OnlyWhatThePageMaySendIsTaken) {
-  ClickScene scene = WallScene();
-  SetClicks(Clicks(ClickJson(0, 3, 10.25, 20.5) + "," + ClickJson(1, 3, 319.5, -0.5)), &scene);
-  ASSERT_EQ(scene.clicks.size(), 2u);
-  EXPECT_EQ(scene.clicks.at({0, 3}), Eigen::Vector2d(10.25, 20.5));
-  const auto before = scene.clicks;
+  const ClickScene scene = WallScene();
+  const std::string two = ClickJson(0, 3, 10.25, 20.5) + "," + ClickJson(1, 3, 319.5, -0.5);
+  const SentClicks sent = ReadSentClicks("{\"revision\": 7, \"clicks\": [" + two + "]}", scene);
+  ASSERT_EQ(sent.clicks.size(), 2u);
+  EXPECT_EQ(sent.clicks.at({0, 3}), Eigen::Vector2d(10.25, 20.5));
+  EXPECT_EQ(sent.revision, 7);
+  EXPECT_EQ(ReadSentClicks(Clicks(two), scene).revision, -1) << "not that of any scene";
   const std::string ok = ClickJson(0, 3, 1, 1);
   for (const std::string& bad :
        {std::string(""), std::string("[]"), std::string("{\"clicks\": {}}"), std::string("{\"clicks\": [1]}"),
@@ -79,8 +81,7 @@ TEST(ClickScene, OnlyWhatThePageMaySendIsTaken) {
         Clicks("{\"camera\": 0, \"point\": 1.5, \"x\": 1, \"y\": 1}"),
         Clicks("{\"camera\": 0, \"point\": 1, \"x\": null, \"y\": 1}"),
         Clicks("{\"camera\": 0, \"point\": 1, \"x\": 1e999, \"y\": 1}")}) {
-    EXPECT_THROW(SetClicks(bad, &scene), FormatError) << bad;
-    EXPECT_EQ(scene.clicks, before);
+    EXPECT_THROW(ReadSentClicks(bad, scene), FormatError) << bad;
   }
 }
 

@@ -1,6 +1,7 @@
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 
 #include <filesystem>
@@ -17,22 +18,39 @@ namespace {
 
 namespace fs = std::filesystem;
 using app::testing::TruePx;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-/// The whole answer of the server at 127.0.0.1:`port`; empty when nobody listens.
-std::string Ask(int port, const std::string& request) {
+/// A connection to 127.0.0.1:`port` that has sent `request`; -1 when nobody listens.
+int Connected(int port, const std::string& request) {
   const int fd = socket(AF_INET, SOCK_STREAM, 0);
   sockaddr_in place{};
   place.sin_family = AF_INET, place.sin_port = htons(static_cast<uint16_t>(port)),
   place.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  std::string answer;
   if (connect(fd, reinterpret_cast<sockaddr*>(&place), sizeof place) == 0 &&
-      send(fd, request.data(), request.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(request.size())) {
-    char bytes[4096];
-    for (ssize_t got; (got = recv(fd, bytes, sizeof bytes, 0)) > 0;) answer.append(bytes, static_cast<size_t>(got));
-  }
+      send(fd, request.data(), request.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(request.size()))
+    return fd;
   close(fd);
+  return -1;
+}
+
+/// The whole answer; empty when nobody listens.
+std::string Ask(int port, const std::string& request) {
+  const int fd = Connected(port, request);
+  std::string answer;
+  char bytes[4096];
+  for (ssize_t got; fd >= 0 && (got = recv(fd, bytes, sizeof bytes, 0)) > 0;) answer.append(bytes, static_cast<size_t>(got));
+  if (fd >= 0) close(fd);
   return answer;
+}
+
+/// Processor time so far.
+double CpuSeconds(const Running& run) {
+  const std::string stat = Slurp("/proc/" + run.Pid() + "/stat");
+  std::istringstream in(stat.substr(stat.rfind(')') + 2));
+  std::vector<std::string> words;
+  for (std::string word; in >> word;) words.push_back(word);
+  return (std::stod(words.at(11)) + std::stod(words.at(12))) / static_cast<double>(sysconf(_SC_CLK_TCK));
 }
 
 class CalibClick : public ::testing::Test {
@@ -82,10 +100,11 @@ class CalibClick : public ::testing::Test {
                           "Content-Length: " + std::to_string(body.size()) + "\r\nConnection: close\r\n\r\n" + body);
   }
   std::string Host() const { return "127.0.0.1:" + std::to_string(port_); }
-  std::string Clicks(int count) const {
+  /// The first points, as a page sends them that saw this revision.
+  std::string Clicks(int count, int revision) const {
     nlohmann::json clicks = nlohmann::json::array();
     for (int p = 0; p < count; ++p) clicks.push_back({{"camera", 0}, {"point", p}, {"x", TruePx(p).x()}, {"y", TruePx(p).y()}});
-    return nlohmann::json{{"clicks", clicks}}.dump();
+    return nlohmann::json{{"revision", revision}, {"clicks", clicks}}.dump();
   }
 
   TempDir folder_;
@@ -102,8 +121,8 @@ TEST_F(CalibClick, FromThePageToACalibration) {
   EXPECT_THAT(Get(base_ + "click.js"), HasSubstr("text/javascript"));
   EXPECT_THAT(Get(base_ + "image/0.jpg"), HasSubstr("image/jpeg"));
   EXPECT_THAT(Get(base_ + "scene.json"), HasSubstr("\"has_lens\":true"));
-  EXPECT_THAT(Post(base_ + "clicks.json", Clicks(3)), HasSubstr("3 of the 4 clicks"));
-  const std::string fits = Post(base_ + "clicks.json", Clicks(8), "http://" + Host());
+  EXPECT_THAT(Post(base_ + "clicks.json", Clicks(3, 0)), HasSubstr("3 of the 4 clicks"));
+  const std::string fits = Post(base_ + "clicks.json", Clicks(8, 1), "http://" + Host());
   EXPECT_THAT(fits, HasSubstr("\"status\":\"Ok\""));
   EXPECT_THAT(Slurp(folder_ / "clicks.csv"), HasSubstr("a,p8,")) << "saved as they come";
   EXPECT_THAT(Post(base_ + "finish", ""), HasSubstr("200 OK"));
@@ -130,7 +149,7 @@ TEST_F(CalibClick, StrangersGetNothing) {
         base_ + "image/1.jpg", base_ + "image/0.jpg/../../../etc/passwd", base_ + "%2e%2e/etc/passwd", base_ + "/etc/passwd"})
     EXPECT_THAT(Get(path), HasSubstr("404 Not Found")) << path;
   EXPECT_THAT(Get(base_, "evil.example"), HasSubstr("404 Not Found")) << "a name that was bound to this address";
-  EXPECT_THAT(Post(base_ + "clicks.json", Clicks(8), "http://evil.example"), HasSubstr("403 Forbidden"));
+  EXPECT_THAT(Post(base_ + "clicks.json", Clicks(8, 0), "http://evil.example"), HasSubstr("403 Forbidden"));
   EXPECT_THAT(Post(base_ + "finish", "", "null"), HasSubstr("403 Forbidden"));
   EXPECT_THAT(Ask(port_, "DELETE " + base_ + " HTTP/1.1\r\nHost: " + Host() + "\r\nConnection: close\r\n\r\n"),
               HasSubstr("405"));
@@ -151,13 +170,64 @@ TEST_F(CalibClick, StrangersGetNothing) {
   run.Send(SIGINT);
   ASSERT_TRUE(run.Await(kBound));
   EXPECT_EQ(run.Result().exit, 130);
+  EXPECT_THAT(run.Result().err, HasSubstr("no click was made"));
+}
+
+TEST_F(CalibClick, APageThatIsBehindReplacesNothing) {
+  Running run(Words(), folder_);
+  ASSERT_TRUE(ReadUrl()) << Slurp(folder_ / "stderr");
+  EXPECT_THAT(Get(base_ + "scene.json"), HasSubstr("\"revision\":0"));
+  EXPECT_THAT(Post(base_ + "clicks.json", Clicks(3, 0)), AllOf(HasSubstr("200 OK"), HasSubstr("\"revision\":1")));
+  const std::string saved = Slurp(folder_ / "clicks.csv");
+  for (const std::string& late : {Clicks(1, 0), Clicks(12, 2), std::string("{\"clicks\": []}")}) {
+    const std::string answer = Post(base_ + "clicks.json", late);
+    EXPECT_THAT(answer, AllOf(HasSubstr("409 Conflict"), HasSubstr("\"revision\":1"), HasSubstr("\"point\":2")));
+    EXPECT_EQ(Slurp(folder_ / "clicks.csv"), saved);
+  }
+  Put(folder_ / "clicks.csv", saved + "# by hand\n");
+  EXPECT_THAT(Post(base_ + "clicks.json", Clicks(2, 1)), HasSubstr("400 Bad Request"));
+  EXPECT_THAT(Get(base_ + "scene.json"), AllOf(HasSubstr("\"revision\":1"), HasSubstr("\"num_clicks\":3"))) << "as before";
+}
+
+TEST_F(CalibClick, AnswersAsHttpAsks) {
+  Running run(Words(), folder_);
+  ASSERT_TRUE(ReadUrl()) << Slurp(folder_ / "stderr");
+  const std::string end = "\r\nConnection: close\r\n\r\n";
+  for (const std::string& method : {std::string("HEAD "), std::string("DELETE ")}) {
+    const std::string head = Ask(port_, method + base_ + " HTTP/1.1\r\nHost: " + Host() + end);
+    EXPECT_EQ(head.find("\r\n\r\n") + 4 == head.size(), method == "HEAD ") << head;
+    EXPECT_THAT(head, HasSubstr(method == "HEAD " ? "200 OK" : "405"));
+  }
+  const std::string get = "GET " + base_ + " HTTP/1.1\r\n", host = "Host: " + Host();
+  EXPECT_THAT(Ask(port_, get + host + "\r\n" + host + end), HasSubstr("400 Bad Request"));
+  EXPECT_THAT(Ask(port_, get + host + "\r\nHost: evil.example" + end), HasSubstr("400 Bad Request"));
+  EXPECT_THAT(Ask(port_, get + "Host: evil.example\r\n" + host + end), HasSubstr("400 Bad Request"));
+}
+
+/// Without the token, from this machine: half requests until there is no descriptor left.
+TEST_F(CalibClick, HalfRequestsWithoutEndDoNotShutTheUserOut) {
+  Running run(Words(), folder_, [] {
+    const rlimit few = {64, 64};
+    setrlimit(RLIMIT_NOFILE, &few);
+  });
+  ASSERT_TRUE(ReadUrl()) << Slurp(folder_ / "stderr");
+  std::vector<int> held;
+  for (int i = 0; i < 100; ++i) held.push_back(Connected(port_, "GET / HT"));
+  const double before_s = CpuSeconds(run);
+  const auto start = std::chrono::steady_clock::now();
+  EXPECT_THAT(Get(base_), HasSubstr("200 OK"));
+  EXPECT_THAT(Post(base_ + "clicks.json", Clicks(3, 0)), HasSubstr("200 OK"));
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(10)) << "half of the patience with a connection";
+  std::this_thread::sleep_for(std::chrono::seconds(1));
+  EXPECT_LT(CpuSeconds(run) - before_s, 0.7) << "it waits, and does not ask again and again";
+  for (const int fd : held) close(fd);
 }
 
 TEST_F(CalibClick, GoesOnWithItsTableAndKeepsThatOfOthers) {
   {
     Running first(Words(), folder_);
     ASSERT_TRUE(ReadUrl()) << Slurp(folder_ / "stderr");
-    Post(base_ + "clicks.json", Clicks(5));
+    Post(base_ + "clicks.json", Clicks(5, 0));
     first.Send(SIGINT);
     ASSERT_TRUE(first.Await(kBound));
   }
@@ -181,7 +251,7 @@ TEST_F(CalibClick, InABrowser) {
   if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "needs chromium";
   Running run(Words(), folder_);
   ASSERT_TRUE(ReadUrl()) << Slurp(folder_ / "stderr");
-  Post(base_ + "clicks.json", Clicks(8));
+  Post(base_ + "clicks.json", Clicks(8, 0));
   const std::string line =
       "cd " + folder_.path() +
       " && timeout 90 chromium --headless --no-sandbox --disable-gpu --window-size=1200,800 --user-data-dir=" + folder_.path() +
