@@ -10,6 +10,7 @@
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "cli/program/redact.h"
+#include "cli/program/result.h"
 #include "core/error.h"
 
 namespace mvstudio::cli {
@@ -22,17 +23,12 @@ std::string UtcNow() {
   return text;
 }
 
-/// Every text of a page, but not the pictures inside it.
-std::string RedactedPage(const std::string& html) {
-  constexpr char kData[] = "data:";
-  std::string page;
-  for (size_t at = 0; at < html.size();) {
-    const size_t picture = std::min(html.find(kData, at), html.size());
-    const size_t end = std::min(html.find_first_of("\"')", picture), html.size());
-    page += Redacted(html.substr(at, picture - at)) + html.substr(picture, end - picture);
-    at = end;
-  }
-  return page;
+/// Texts alone: what was embedded, and the page itself, stay.
+void Redact(report::Report* page) {
+  const auto numbers = nlohmann::ordered_json::parse(page->json);
+  KnowPaths(numbers);
+  page->html = report::MapTexts(page->html, Redacted);
+  page->json = JsonText(RedactedJson(numbers));
 }
 
 CommandResult RunReport(report::ReportOptions options, const std::string& run, const std::string& out) {
@@ -41,7 +37,7 @@ CommandResult RunReport(report::ReportOptions options, const std::string& run, c
   const std::string html_path = out.empty() ? run + "/report.html" : out;
   const OutputFiles place({html_path, report::NumbersPath(html_path)}, {});
   report::Report page = report::BuildReport(run, options);
-  if (Redacting()) page.html = RedactedPage(page.html), page.json = Redacted(page.json);
+  if (Redacting()) Redact(&page);
   const std::string json_path = report::WriteReport(page, html_path);
   CommandResult result;
   result.metrics["verdict"] = std::string(report::ToString(page.verdict));
@@ -85,6 +81,7 @@ void RegisterReport(CLI::App& app, Registry& registry) {
         static_cast<int>(!run->empty()) + static_cast<int>(!study->sides.empty()) + static_cast<int>(!study->tally.empty());
     if (asked != 1) throw UsageError("report needs one of RUN, --study A B and --study-tally ANSWERS");
     study->title = options->title;
+    study->follow_links = options->follow_links;
     if (!study->sides.empty()) return app::RunStudy(*study, *out, context.run.seed);
     if (!study->tally.empty()) return app::RunStudyTally(*study);
     return RunReport(*options, *run, *out);

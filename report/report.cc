@@ -51,8 +51,8 @@ Value StagesToValue(const RunData& data) {
 }
 
 /// The scored avatars of another folder; the results keep their place by an absolute folder.
-void AddAvatars(const std::string& folder, RunData* data) {
-  RunData other = ScanRun(folder);
+void AddAvatars(const std::string& folder, bool follow_links, RunData* data) {
+  RunData other = ScanRun(folder, follow_links);
   const fs::path root = fs::weakly_canonical(folder), own = fs::weakly_canonical(data->root);
   std::set<fs::path> known;
   for (const Stage& stage : data->stages) known.insert(own / stage.file);
@@ -70,8 +70,8 @@ void AddAvatars(const std::string& folder, RunData* data) {
 Report BuildReport(const std::string& run_folder, const ReportOptions& options) {
   MVS_CHECK(options.max_heldout_pictures >= 0 && options.max_picture_mb >= 0 && options.max_pictures_total_mb >= 0,
             "limits of images must not be negative");
-  RunData data = ScanRun(run_folder);
-  for (const std::string& folder : options.with) AddAvatars(folder, &data);
+  RunData data = ScanRun(run_folder, options.follow_links);
+  for (const std::string& folder : options.with) AddAvatars(folder, options.follow_links, &data);
   SectionContext context{data, options, Value::Object(), {}, 0, {}};
   std::vector<Section> sections = {FootageSection(&context),   CalibrationSection(&context), TriangulationSection(&context),
                                    DatasetSection(&context),   AvatarSection(&context),      TruthSection(&context),

@@ -6,7 +6,9 @@
 #include <system_error>
 
 #include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
+#include "report/page/inside.h"
 
 namespace mvstudio::report {
 namespace fs = std::filesystem;
@@ -24,7 +26,7 @@ bool IsWanted(const std::string& name) {
          name == "history.csv" || name == "provenance.jsonl";
 }
 
-std::vector<fs::path> WantedFiles(const fs::path& root, std::vector<ReportNotice>* warnings) {
+std::vector<fs::path> WantedFiles(const fs::path& root, bool follow_links, std::vector<ReportNotice>* warnings) {
   std::vector<fs::path> files;
   std::error_code code;
   fs::recursive_directory_iterator it(root, fs::directory_options::skip_permission_denied, code), end;
@@ -34,7 +36,14 @@ std::vector<fs::path> WantedFiles(const fs::path& root, std::vector<ReportNotice
     std::error_code ignored;
     const bool folder = it->is_directory(ignored);
     if (folder && (name[0] == '.' || it.depth() >= kMaxDepth)) it.disable_recursion_pending();
-    if (!folder && IsWanted(name) && it->is_regular_file(ignored)) files.push_back(it->path());
+    if (!folder && IsWanted(name)) {
+      const std::string relative = it->path().lexically_relative(root).string();
+      if (!follow_links && !InsideFolder(root.string(), relative)) {
+        warnings->push_back(LeadsOut(relative));
+      } else if (it->is_regular_file(ignored)) {
+        files.push_back(it->path());
+      }
+    }
     it.increment(code);
     if (!code) continue;
     warnings->push_back(
@@ -122,7 +131,7 @@ class Reader {
       Warn("REP-SCHEMA", relative + ": schema '" + schema + "' is newer than this program",
            "update mvstudio; some numbers may be missing");
     }
-    Stage stage{relative, folder, NormalCommand(result, relative), std::move(result), Verdict::kNotRun};
+    Stage stage{root_.string(), relative, folder, NormalCommand(result, relative), std::move(result), Verdict::kNotRun};
     if (stage.command == "report") return;
     stage.verdict = StageVerdict(stage.result);
     data_->stages.push_back(std::move(stage));
@@ -167,6 +176,11 @@ void ShallowFirst(std::vector<File>* files) {
 
 }  // namespace
 
+ReportNotice LeadsOut(const std::string& what) {
+  return {"REP-OUTSIDE", what + " leads out of the run's folder, and is not read",
+          "copy what belongs to the run into its folder, or pass option 'follow-links' for a run that you trust"};
+}
+
 int PipelineOrder(const std::string& command) {
   static const char* const kOrder[] = {"synth",         "dataset import",   "session init",  "session show",  "doctor",
                                        "calib convert", "calibrate",        "calib refine",  "calib compare", "calib eval",
@@ -185,15 +199,13 @@ std::vector<const Stage*> RunData::All(const std::string& command) const {
   return found;
 }
 
-RunData ScanRun(const std::string& folder) {
+RunData ScanRun(const std::string& folder, bool follow_links) {
   RunData data;
   data.root = folder;
-  std::error_code ignored;
-  if (!fs::is_directory(folder, ignored))
-    throw IoError(folder, "no such folder; give the option 'out' folder of an earlier command");
+  RequireFolder(folder, "; give the option 'out' folder of an earlier command");
   const fs::path root(folder);
   Reader reader(root, &data);
-  for (const fs::path& path : WantedFiles(root, &data.warnings)) reader.Read(path);
+  for (const fs::path& path : WantedFiles(root, follow_links, &data.warnings)) reader.Read(path);
   std::stable_sort(data.stages.begin(), data.stages.end(),
                    [](const Stage& a, const Stage& b) { return PipelineOrder(a.command) < PipelineOrder(b.command); });
   std::stable_sort(data.provenance.begin(), data.provenance.end(),
@@ -210,22 +222,31 @@ RunData ScanRun(const std::string& folder) {
   return data;
 }
 
-std::string ResolveOutput(const RunData& data, const Stage& stage, const std::string& path) {
-  const fs::path given(path), root(data.root), own = root / stage.folder;
-  std::vector<fs::path> candidates = {own / given, root / given, given, own / given.filename()};
+std::string FileOfRun(const Stage& stage, const std::string& path, bool follow_links) {
+  std::error_code ignored;
+  const auto file = follow_links ? (fs::path(stage.root) / path).string() : InsideFolder(stage.root, path);
+  return file && fs::is_regular_file(*file, ignored) ? *file : "";
+}
+
+OutputPlace ResolveOutput(const Stage& stage, const std::string& path, bool follow_links) {
+  const fs::path given(path), own = stage.folder;
+  std::vector<fs::path> candidates = {own / given, given};  // relative to the run
+  std::error_code ignored;
+  if (given.is_relative()) candidates.push_back(fs::absolute(given, ignored));  // as the command was told
+  candidates.push_back(own / given.filename());
   // A run folder that was moved: the tail of the path still holds below it.
   fs::path tail;
   std::vector<fs::path> parts(given.begin(), given.end());
   for (size_t i = parts.size(); i-- > 1;) {
     tail = tail.empty() ? parts[i] : parts[i] / tail;
-    candidates.push_back(root / tail);
+    candidates.push_back(tail);
     candidates.push_back(own / tail);
   }
   for (const fs::path& candidate : candidates) {
-    std::error_code ignored;
-    if (fs::is_regular_file(candidate, ignored)) return candidate.string();
+    const std::string file = FileOfRun(stage, candidate.string(), follow_links);
+    if (!file.empty()) return {file, false};
   }
-  return {};
+  return {"", !follow_links && !InsideFolder(stage.root, candidates[0].string())};
 }
 
 }  // namespace mvstudio::report

@@ -125,11 +125,15 @@ void SetNotRun(Section* section, const std::string& what, const std::string& com
 std::string ReadOutput(SectionContext* context, const Stage& stage, const Value& output,
                        const std::function<bool(std::string_view)>& is_right, const std::string& what_is_wrong) {
   const std::string name = output["path"].Text();
-  const std::string path = ResolveOutput(context->data, stage, name);
+  const auto [path, outside] = ResolveOutput(stage, name, context->options.follow_links);
   const auto leave_out = [&](const std::string& why, const std::string& hint) {
     context->warnings.push_back({"REP-PICTURE", stage.file + ": image " + name + " " + why, hint});
     return std::string();
   };
+  if (outside) {
+    context->warnings.push_back(LeadsOut(stage.file + ": image " + name));
+    return {};
+  }
   if (path.empty()) return leave_out("is not there", "run `" + stage.command + "` again, or copy the whole run folder");
   const std::string limits_hint = "raise --max-picture-mb or --max-pictures-total-mb to embed it";
   try {

@@ -120,12 +120,11 @@ std::string MethodTable(const std::vector<Method>& methods) {
   return table.Html() + ParagraphHtml("Bold: the best of methods and baselines.", "muted");
 }
 
-/// "eval/KIND/NAME" of a run, as an output; null where the file is not there.
+/// "eval/KIND/NAME" of a run, as an output; null where the run does not hold it.
 Value ImageOf(const SectionContext& context, const Stage& stage, const char* kind, const std::string& name) {
-  const std::string path = (fs::path("eval") / kind / name).string();
-  const fs::path own = fs::path(context.data.root) / stage.folder / path;
-  std::error_code ignored;
-  return fs::is_regular_file(own, ignored) ? Value::Object().Set("path", own.string()) : Value();
+  const fs::path path = fs::path(stage.folder) / "eval" / kind / name;
+  const std::string file = FileOfRun(stage, path.string(), context.options.follow_links);
+  return file.empty() ? Value() : Value::Object().Set("path", fs::absolute(file).string());
 }
 
 /// File names of the images that every run kept, with their captions: the first of each camera, then the others.

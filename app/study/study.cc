@@ -6,6 +6,7 @@
 #include "app/study/avatar_scores.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "report/page/format.h"
@@ -28,7 +29,7 @@ struct Side {
 
 Side MakeSide(const std::string& text) {
   const auto [label, folder] = SplitLabel(text);
-  if (!fs::is_directory(folder)) throw IoError(folder, "no such folder");
+  RequireFolder(folder);
   Side side{label, folder, fs::is_directory(folder + "/eval/render")};
   if (side.name.empty()) side.name = fs::absolute(folder + "/x").lexically_normal().parent_path().filename().string();
   return side;
@@ -68,7 +69,8 @@ CommandResult RunStudy(const StudyArguments& arguments, const std::string& out, 
   const std::string truth = TruthOf(arguments, a, b);
   std::vector<std::string> unmatched;
   report::StudySpec spec;
-  spec.pictures = report::ThinStudy(report::ReadStudyPictures(truth, a.Renders(), b.Renders(), &unmatched), arguments.pictures);
+  const auto pictures = report::ReadStudyPictures(truth, a.Renders(), b.Renders(), &unmatched, arguments.follow_links);
+  spec.pictures = report::ThinStudy(pictures, arguments.pictures);
   spec.methods = {a.name, b.name};
   spec.title = arguments.title;
   spec.seed = seed;

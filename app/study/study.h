@@ -14,6 +14,7 @@ struct StudyArguments {
   std::string truth;               ///< folder of the true pictures; determined automatically for runs
   std::string title;
   int pictures = 40;
+  bool follow_links = false;       ///< read pictures through links that lead out of their folder
   std::vector<std::string> tally;  ///< files of answers
 };
 

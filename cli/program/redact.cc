@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
+#include <set>
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;
@@ -16,10 +17,12 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+bool IsLonger(const std::string& a, const std::string& b) { return a.size() != b.size() ? a.size() > b.size() : a < b; }
+
 struct Identity {
-  std::vector<std::string> here, homes;   // folders, without a slash at the end
-  std::vector<std::string> users, hosts;  // names
-  std::vector<std::string> known_paths;   // absolute, longest first
+  std::vector<std::string> here, homes;                              // folders, without a slash at the end
+  std::vector<std::string> users, hosts;                             // names
+  std::set<std::string, decltype(&IsLonger)> known_paths{IsLonger};  // absolute, the longest first
 };
 
 std::optional<Identity>& Own() {
@@ -49,6 +52,18 @@ std::string PathIn(const std::string& word) {
   return word.substr(word[start] == '=' ? start + 1 : start);
 }
 
+void KnowPath(const std::string& word, Identity* identity) {
+  const std::string path = PathIn(word);
+  if (path.size() > 1 && path.find('\n') == std::string::npos) identity->known_paths.insert(path);
+}
+
+void KnowPathsIn(const Json& json, Identity* identity) {
+  if (json.is_string()) KnowPath(json.get<std::string>(), identity);
+  if (json.is_structured()) {
+    for (const Json& item : json) KnowPathsIn(item, identity);
+  }
+}
+
 Identity FindIdentity(const std::vector<std::string>& argv) {
   Identity found;
   std::error_code ignored;
@@ -67,11 +82,7 @@ Identity FindIdentity(const std::vector<std::string>& argv) {
     const std::string name = host;
     AddName(name.substr(0, name.find('.')).c_str(), &found.hosts);
   }
-  for (const std::string& word : argv) {
-    if (PathIn(word).size() > 1) found.known_paths.push_back(PathIn(word));
-  }
-  std::sort(found.known_paths.begin(), found.known_paths.end(),
-            [](const std::string& a, const std::string& b) { return a.size() > b.size(); });
+  for (const std::string& word : argv) KnowPath(word, &found);
   return found;
 }
 
@@ -156,6 +167,10 @@ std::string ShortenPaths(const std::string& text) {
 }  // namespace
 
 void StartRedacting(const std::vector<std::string>& argv) { Own() = FindIdentity(argv); }
+
+void KnowPaths(const Json& json) {
+  if (Redacting()) KnowPathsIn(json, &*Own());
+}
 
 bool Redacting() { return Own().has_value(); }
 

@@ -15,6 +15,9 @@ bool Redacting();
 /// others the last name stays: …/name), and the names of the user and of the machine replaced by `user` and `host`.
 std::string Redacted(const std::string& text);
 
+/// Whole paths among the strings of `json` are then known by their full length, too.
+void KnowPaths(const nlohmann::ordered_json& json);
+
 /// The same for every string of a result or a line of provenance; names of commands and codes stay.
 nlohmann::ordered_json RedactedJson(nlohmann::ordered_json json);
 

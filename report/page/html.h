@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -9,6 +10,10 @@ namespace mvstudio::report {
 /// Escapes text for HTML and XML content and quoted attributes. Bytes that are not UTF-8 and control characters become
 /// U+FFFD.
 std::string EscapeHtml(std::string_view text);
+
+/// A page of this module with every text that people read changed by `map`; tags, styles, scripts and embedded files stay.
+using TextMap = std::function<std::string(const std::string&)>;
+std::string MapTexts(std::string_view html, const TextMap& map);
 
 /// Outcome of a stage or a check. Never shown by colour alone: each has a word and a symbol.
 enum class Verdict { kPass, kWarn, kFail, kNotRun };

@@ -5,9 +5,11 @@
 #include <map>
 
 #include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/random.h"
+#include "report/page/inside.h"
 #include "report/page/picture.h"
 #include "report/page/value.h"
 #include "report/study/study_page.h"
@@ -19,11 +21,14 @@ namespace fs = std::filesystem;
 
 constexpr size_t kSealDigits = 24;
 
-std::map<std::string, std::string> PicturesOf(const std::string& folder) {
-  if (!fs::is_directory(folder)) throw IoError(folder, "no such folder of images");
+std::map<std::string, std::string> PicturesOf(const std::string& folder, bool follow_links) {
+  RequireFolder(folder, "; give a folder of images");
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string extension = entry.path().extension().string();
+    if (!follow_links && !InsideFolder(folder, entry.path().filename().string()))
+      throw FormatError(entry.path().string(), "",
+                        "is a link that leads out of the folder, and is not read; option 'follow-links' reads through it");
     if (entry.is_regular_file() && (extension == ".png" || extension == ".jpg" || extension == ".jpeg"))
       files[entry.path().stem().string()] = entry.path().string();
   }
@@ -97,8 +102,10 @@ std::string KeyJson(const StudySpec& spec, const Study& study, const std::vector
 }  // namespace
 
 std::vector<StudyPicture> ReadStudyPictures(const std::string& truth_folder, const std::string& a_folder,
-                                            const std::string& b_folder, std::vector<std::string>* unmatched) {
-  const auto truths = PicturesOf(truth_folder), a = PicturesOf(a_folder), b = PicturesOf(b_folder);
+                                            const std::string& b_folder, std::vector<std::string>* unmatched,
+                                            bool follow_links) {
+  const auto truths = PicturesOf(truth_folder, follow_links), a = PicturesOf(a_folder, follow_links),
+             b = PicturesOf(b_folder, follow_links);
   std::vector<StudyPicture> pictures;
   for (const auto& [name, path] : truths) {
     const auto of_a = a.find(name), of_b = b.find(name);

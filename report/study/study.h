@@ -19,9 +19,10 @@ struct StudyPicture {
 
 /// Pictures with the same file name in three folders (without subfolders), sorted; names that are not in all three are
 /// listed in `unmatched`. Throws IoError for missing folders. Throws FormatError when no name is in all three, for content
-/// that is not a picture, and for PNG files of different sizes.
+/// that is not a picture, for PNG files of different sizes, and unless `follow_links` for links that lead out of a folder.
 std::vector<StudyPicture> ReadStudyPictures(const std::string& truth_folder, const std::string& a_folder,
-                                            const std::string& b_folder, std::vector<std::string>* unmatched);
+                                            const std::string& b_folder, std::vector<std::string>* unmatched,
+                                            bool follow_links = false);
 /// `count` of them, evenly spaced in the list; all when there are fewer.
 std::vector<StudyPicture> ThinStudy(const std::vector<StudyPicture>& pictures, int count);
 

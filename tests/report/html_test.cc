@@ -40,6 +40,20 @@ TEST(EscapeHtml, BrokenUtf8AndControlCharacters) {
   EXPECT_EQ(EscapeHtml("a\x1b[31mb"), "a\ufffd[31mb");
 }
 
+TEST(MapTexts, ChangesWhatPeopleReadAndNothingElse) {
+  const auto loud = [](const std::string& text) {
+    std::string changed;
+    for (const char c : text) changed += c == 'a' ? std::string("<A>") : std::string(1, c);
+    return changed;
+  };
+  EXPECT_EQ(MapTexts("<a class=\"a\" alt=\"a &gt; b\" src=\"data:a\">a &amp; b</a><script>a</script><style>a</style>a", loud),
+            "<a class=\"a\" alt=\"&lt;A&gt; &gt; b\" src=\"data:a\">&lt;A&gt; &amp; b</a><script>a</script><style>a</style>"
+            "&lt;A&gt;");
+  const Section section{"id", "A \"title\" & more", ParagraphHtml("it's <here>")};
+  const std::string page = PageHtml("title", "", {section}, "footer", "let a = 1 < 2;");
+  EXPECT_EQ(MapTexts(page, [](const std::string& text) { return text; }), page);
+}
+
 TEST(Verdict, WorseAndWords) {
   EXPECT_EQ(Worse(Verdict::kNotRun, Verdict::kPass), Verdict::kPass);
   EXPECT_EQ(Worse(Verdict::kWarn, Verdict::kPass), Verdict::kWarn);

@@ -248,6 +248,58 @@ TEST_F(ReportTest, AMovedRunStillShowsItsPicturesAndAMissingOneIsNamed) {
   EXPECT_THAT(report.html, HasSubstr("gone.png"));
 }
 
+/// A run of somebody else's that names, or links to, what lies elsewhere: the same is said whether or not something is there.
+TEST_F(ReportTest, NothingFromOutsideTheRunIsEmbeddedAndNobodyLearnsWhetherItIsThere) {
+  const std::string outside = run_ + "-outside", lure = "PRIVATE";
+  MakeFolder(outside);
+  const auto remove = std::unique_ptr<const std::string, void (*)(const std::string*)>(
+      &outside, [](const std::string* folder) { fs::remove_all(*folder); });
+  const std::string name = fs::path(outside).filename().string();
+  fs::create_directory_symlink("../" + name, run_ + "/pictures");
+  fs::create_symlink(outside + "/there.png", run_ + "/link_there.png");
+  fs::create_symlink(outside + "/gone.png", run_ + "/link_gone.png");
+  fs::create_symlink(run_ + "/sub/own.png", run_ + "/inside.png");
+  fs::create_symlink("../sub/own.png", run_ + "/out_and_in.png");  // from the run's parent: outside
+  for (const char* file : {"x.result.json", "points.csv", "provenance.jsonl"})
+    fs::create_symlink(outside + "/" + file, run_ + "/" + file);
+  SavePng("sub/own.png");
+  WriteFileAtomic(outside + "/there.png", ReadFile(run_ + "/sub/own.png") + lure);
+  WriteFileAtomic(outside + "/x.result.json", Result("metrics", {{"note", lure}}).dump());
+  WriteFileAtomic(outside + "/provenance.jsonl", "{\"command\": \"" + lure + "\"}\n");
+  WriteFileAtomic(outside + "/points.csv", "frame,person,joint,status," + lure + "\n0,0,a,Ok,1\n");
+  const auto build = [&](const std::string& path, bool follow = false) {
+    Json result = Result("avatar eval", {{"holdout", {{"n", 8}, {"ssim", 0.9}}}});
+    result["outputs"] = {{{"path", path}, {"role", "textures"}}};
+    Save("avatar_eval.result.json", result);
+    ReportOptions options;
+    options.follow_links = follow;
+    const Report report = Build(options);
+    std::string said;
+    for (const ReportNotice& warning : report.warnings) said += warning.code + ": " + warning.text + "\n";
+    return std::pair(report.html, said);
+  };
+  const size_t whole = build("sub/own.png").first.size();
+  for (const std::string& there : {outside + "/there.png", "../" + name + "/there.png", "sub/../../" + name + "/there.png",
+                                   std::string("pictures/there.png"), std::string("link_there.png")}) {
+    std::string gone = there;
+    gone.replace(gone.rfind("there"), 5, "gone");
+    const auto [html, said] = build(there);
+    const auto [other, other_said] = build(gone);
+    EXPECT_THAT(html, Not(HasSubstr("data:image"))) << there;
+    EXPECT_THAT(said, HasSubstr("REP-OUTSIDE: avatar_eval.result.json: image " + there)) << there;
+    EXPECT_THAT(html, HasSubstr("REP-OUTSIDE")) << "the page says so";
+    EXPECT_EQ(std::regex_replace(said, std::regex("there"), "gone"), other_said);
+    EXPECT_EQ(std::regex_replace(html, std::regex("there"), "gone"), std::regex_replace(other, std::regex("there"), "gone"));
+    EXPECT_THAT(html, Not(HasSubstr(lure))) << "nor results through links";
+    EXPECT_THAT(build(there, true).first, HasSubstr("data:image")) << "for a run that one trusts";
+  }
+  EXPECT_THAT(build("out_and_in.png").second, HasSubstr("REP-OUTSIDE: avatar_eval"));
+  EXPECT_THAT(build("inside.png").first, HasSubstr("data:image")) << "a link inside the run";
+  EXPECT_THAT(build(run_ + "/sub/own.png").first, HasSubstr("data:image"));
+  EXPECT_THAT(build("/elsewhere/sub/own.png").first, HasSubstr("data:image")) << "a run that was moved";
+  EXPECT_GT(whole, 0u);
+}
+
 TEST_F(ReportTest, HostileNamesAreEscapedEverywhere) {
   SaveCalibration("calibration.json", kHostile);
   SaveCalibrate(kHostile);

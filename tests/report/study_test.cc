@@ -115,6 +115,12 @@ TEST(Study, PicturesArePairedByName) {
               HasSubstr("neither PNG nor JPEG"));
   EXPECT_THAT(MessageOf<IoError>([&] { ReadStudyPictures(folder / "none", folder / "a", folder / "b", &unmatched); }),
               HasSubstr("none"));
+  WriteFileAtomic(folder / "private.png", Png("b"));
+  std::filesystem::remove(folder / "a/p1.png");
+  std::filesystem::create_symlink(folder / "private.png", folder / "a/p1.png");
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadStudyPictures(folder / "truth", folder / "a", folder / "b", &unmatched); }),
+              HasSubstr("leads out of the folder"));
+  EXPECT_EQ(ReadStudyPictures(folder / "truth", folder / "a", folder / "b", &unmatched, true).size(), 2u);
   StudySpec same = Spec(2, 1);
   same.methods = {"x", "x"};
   EXPECT_THROW(MakeStudy(same), UsageError);
