@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <string_view>
 
 #include "cli/program/companion.h"
 #include "cli/program/console.h"
@@ -23,11 +24,10 @@ void KeepFreedMemory() {
 
 std::string WithHint(const Notice& notice) { return notice.text + (notice.hint.empty() ? "" : " (" + notice.hint + ")"); }
 
+void PrintLine(std::string_view line) { (void)!write(STDERR_FILENO, line.data(), line.size()); }
+
 /// Text of the program's own, one line, past all buffers.
-void PrintNotice(const std::string& text) {
-  const std::string line = OneLine(text) + "\n";
-  (void)!write(STDERR_FILENO, line.data(), line.size());
-}
+void PrintNotice(const std::string& text) { PrintLine(OneLine(text) + "\n"); }
 
 void PrintErrors(const CommandResult& result) {
   for (const Notice& notice : result.errors) PrintNotice("error: " + WithHint(notice));
@@ -64,12 +64,12 @@ int Print(const LineOutcome& outcome, bool json) {
 }
 
 /// What a command that was ended from outside would have said itself.
-std::function<void(int)> LastWords(const std::string& command, bool json, const std::vector<std::string>& argv) {
+LastWords LastWordsOf(const std::string& command, bool json, const std::vector<std::string>& argv) {
   const auto start = std::chrono::steady_clock::now();
-  return [=](int signal) {
+  return [=](const CommandResult& result) {
     LineOutcome outcome;
     outcome.command = command;
-    outcome.result = InterruptedResult(signal);
+    outcome.result = result;
     const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     outcome.json = ResultToJson(command, outcome.result, wall_s, argv);
     Print(outcome, json);
@@ -81,7 +81,7 @@ int Main(int argc, char** argv) {
   GlobalOptions global;
   const LineOutcome outcome = RunLine(words, global, [&](const Registry::Entry& entry) {
     InstallLog(global.log_level);
-    InstallSignalHandlers(LastWords(entry.name, global.json, {argv, argv + argc}));
+    InstallSignalHandlers(LastWordsOf(entry.name, global.json, {argv, argv + argc}));
     const std::unique_ptr<ProgressSink> progress = MakeProgress(global.progress);
     CommandContext context{{progress.get(), global.threads, global.seed}, {argv, argv + argc}};
     return entry.run(context);
@@ -90,16 +90,17 @@ int Main(int argc, char** argv) {
   return Print(outcome, global.json);
 }
 
-/// Becomes the program that has the command, or says why not.
-int HandedOver(int argc, char** argv) {
-  LineOutcome outcome;
+/// What could not even begin, or not be printed: says why not.
+int Failed(int argc, char** argv) {
   try {
-    HandOver(argv);
-  } catch (...) {
+    LineOutcome outcome;
     outcome.result = ResultOfCurrentException();
+    outcome.json = ResultToJson("", outcome.result, 0, {argv, argv + argc});
+    return Print(outcome, std::find(argv, argv + argc, std::string("--json")) != argv + argc);
+  } catch (...) {
+    PrintLine("error: out of memory\n");
+    return kExitResources;
   }
-  outcome.json = ResultToJson("", outcome.result, 0, {argv, argv + argc});
-  return Print(outcome, std::find(argv, argv + argc, std::string("--json")) != argv + argc);
 }
 
 }  // namespace
@@ -107,8 +108,14 @@ int HandedOver(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using namespace mvstudio::cli;
-  if (!Runs(argv)) return HandedOver(argc, argv);
-  PrepareProcess();
-  if (Trains(argv)) KeepFreedMemory();
-  return Main(argc, argv);
+  try {
+    LimitBlasThreads(argv);
+    if (!Runs(argv)) HandOver(argv);
+    PrepareProcess();
+    ReserveBlasMemory(Trains(argv));
+    if (Trains(argv)) KeepFreedMemory();
+    return Main(argc, argv);
+  } catch (...) {
+    return Failed(argc, argv);
+  }
 }

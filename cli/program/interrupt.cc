@@ -9,9 +9,13 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
+#include <cstdlib>
+#include <exception>
+#include <new>
 #include <system_error>
 #include <thread>
 
+#include "cli/program/result.h"
 #include "core/disk/temporary.h"
 #include "core/process.h"
 
@@ -22,8 +26,10 @@ constexpr int kPatienceMs = 3200;              // of the watcher with the comman
 constexpr suseconds_t kLastStepsUs = 1700000;  // then; more is not waited for, whatever hangs
 
 std::atomic<int> received_signal{0};
+std::atomic<int> last_exit{0};
 std::atomic<bool> output_claimed{false};
-std::atomic<int> wake_fd{-1};  // write end of a pipe to the watcher; -1: there is none
+std::atomic<const LastWords*> spoken_last{nullptr};  // never freed
+std::atomic<int> wake_fd{-1};                        // write end of a pipe to the watcher; -1: there is none
 pid_t own_pid = 0;
 
 void OnSignal(int number) {
@@ -37,7 +43,7 @@ void OnSignal(int number) {
   errno = code;
 }
 
-void ExitNow(int) { _exit(128 + received_signal); }
+void ExitNow(int) { _exit(last_exit); }
 
 void Handle(int number, void (*handler)(int)) {
   struct sigaction action {};
@@ -61,36 +67,64 @@ bool AwaitSignal(int fd, int timeout_ms) {
   return ready > 0 && read(fd, &byte, 1) == 1;
 }
 
-[[noreturn]] void EndProcess(const std::function<void(int)>& last_words) {
+[[noreturn]] void EndProcess(const CommandResult& outcome) {
+  last_exit = outcome.exit;
   Handle(SIGALRM, ExitNow);
   const itimerval limit = {{0, 0}, {kLastStepsUs / 1000000, kLastStepsUs % 1000000}};
   setitimer(ITIMER_REAL, &limit, nullptr);
   if (!output_claimed.exchange(true)) {
     EndChildren();
     AbandonTemporaries();
-    last_words(received_signal);
+    (*spoken_last)(outcome);
   } else {
     std::this_thread::sleep_for(std::chrono::seconds(1));  // the command has ended and is being reported
   }
-  _exit(128 + received_signal);
+  _exit(outcome.exit);
 }
 
-void Watch(int fd, const std::function<void(int)>& last_words) {
+/// Nothing but this can be done where there is no memory.
+[[noreturn]] void EndAtOnce() {
+  constexpr char kText[] = "error: out of memory\n";
+  (void)!write(STDERR_FILENO, kText, sizeof kText - 1);
+  _exit(kExitResources);
+}
+
+[[noreturn]] void EndUncaught() {
+  try {
+    if (std::current_exception()) throw;
+  } catch (const std::bad_alloc&) {
+    if (!spoken_last) EndAtOnce();
+    try {
+      EndProcess(ResultOfCurrentException());
+    } catch (...) {
+      EndAtOnce();
+    }
+  } catch (...) {
+  }
+  __gnu_cxx::__verbose_terminate_handler();  // as without this handler: it says what was thrown
+  std::abort();
+}
+
+/// Before libraries are initialised: libtorch alone takes some hundred megabytes then.
+void CatchEarly() { std::set_terminate(EndUncaught); }
+__attribute__((section(".preinit_array"), used)) void (*const catch_early)() = CatchEarly;
+
+void Watch(int fd) {
   sigset_t all;
   sigfillset(&all);
   pthread_sigmask(SIG_BLOCK, &all, nullptr);
   AwaitSignal(fd, -1);
   AwaitSignal(fd, kPatienceMs);
-  EndProcess(last_words);
+  EndProcess(InterruptedResult(received_signal));
 }
 
 /// Without a watcher (no descriptors or no threads left) a second signal ends the process at once.
-void StartWatcher(const std::function<void(int)>& last_words) {
+void StartWatcher() {
   int ends[2];
   if (pipe2(ends, O_CLOEXEC) != 0) return;
   fcntl(ends[1], F_SETFL, O_NONBLOCK);
   try {
-    std::thread(Watch, ends[0], last_words).detach();
+    std::thread(Watch, ends[0]).detach();
     wake_fd = ends[1];
   } catch (const std::system_error&) {
     close(ends[0]);
@@ -114,9 +148,10 @@ void PrepareProcess() {
   sigprocmask(SIG_UNBLOCK, &heard, nullptr);
 }
 
-void InstallSignalHandlers(const std::function<void(int)>& last_words) {
+void InstallSignalHandlers(const LastWords& last_words) {
   own_pid = getpid();
-  StartWatcher(last_words);
+  spoken_last = new LastWords(last_words);
+  StartWatcher();
   Handle(SIGINT, OnSignal);
   Handle(SIGTERM, OnSignal);
   if (!IsIgnored(SIGHUP)) Handle(SIGHUP, OnSignal);

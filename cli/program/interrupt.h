@@ -2,16 +2,22 @@
 
 #include <functional>
 
+#include "cli/program/command.h"
+
 namespace mvstudio::cli {
+
+/// What an ended command would have said itself.
+using LastWords = std::function<void(const CommandResult&)>;
 
 /// For the first line of main(): a closed pipe is an error of the write and no end without a word, the ends of children can be
 /// awaited whatever the caller ignores, and no output file becomes stdout because that was closed.
 void PrepareProcess();
 
 /// SIGINT, SIGTERM and SIGHUP (unless ignored, as by nohup) ask the running command to stop. One that has not after about three
-/// seconds, or at once on a second signal, is ended: its children first, then its temporary files; `last_words(signal)` is then
-/// called on another thread to say so, and the process ends with 128 + signal. All within five seconds.
-void InstallSignalHandlers(const std::function<void(int)>& last_words);
+/// seconds, or at once on a second signal, is ended: its children first, then its temporary files; `last_words` is then called
+/// on another thread to say so, and the process ends with 128 + signal. All within five seconds. In the same way, with exit
+/// code 7, ends a process that runs out of memory where nobody catches it: in a thread of a library, or before main() begins.
+void InstallSignalHandlers(const LastWords& last_words);
 
 /// The signal received first, or 0.
 int ReceivedSignal();

@@ -7,7 +7,9 @@
 #include <ctime>
 #include <filesystem>
 #include <functional>
+#include <initializer_list>
 #include <new>
+#include <system_error>
 
 #include "cli/program/fingerprint.h"
 #include "cli/program/interrupt.h"
@@ -127,18 +129,25 @@ CommandResult OutOfMemoryResult() {
   return ErrorResult(kExitResources, "RESOURCES", "out of memory", "use fewer threads, smaller images or fewer frames");
 }
 
-/// libtorch and OpenCV have exceptions of their own for it.
-bool SaysOutOfMemory(const std::string& text) {
-  for (const char* words : {"can't allocate memory", "Insufficient memory", "not enough memory"}) {
-    if (text.find(words) != std::string::npos) return true;
-  }
-  return false;
+bool HoldsOneOf(const std::string& text, std::initializer_list<std::errc> codes, std::initializer_list<const char*> words) {
+  return std::any_of(words.begin(), words.end(), [&](const char* word) { return text.find(word) != std::string::npos; }) ||
+         std::any_of(codes.begin(), codes.end(),
+                     [&](std::errc code) { return text.find(std::make_error_code(code).message()) != std::string::npos; });
 }
 
-CommandResult FilesystemErrorResult(const fs::filesystem_error& e) {
-  const bool full = e.code() == std::errc::no_space_on_device;
-  return ErrorResult(full ? kExitResources : kExitBadInput, full ? "RESOURCES" : "INPUT-IO",
-                     e.path1().string() + ": " + e.code().message());
+/// libtorch and OpenCV have exceptions of their own for it; threads that cannot be started are short of it, too.
+bool SaysOutOfMemory(const std::string& text) {
+  return HoldsOneOf(text, {std::errc::not_enough_memory, std::errc::resource_unavailable_try_again},
+                    {"can't allocate memory", "Insufficient memory", "not enough memory"});
+}
+
+/// Of a path that could not be used: no fault of the path where the system is short of something.
+CommandResult PathResult(const std::string& text) {
+  const bool short_of = HoldsOneOf(text,
+                                   {std::errc::no_space_on_device, std::errc::not_enough_memory, std::errc::too_many_files_open,
+                                    std::errc::too_many_files_open_in_system},
+                                   {});
+  return ErrorResult(short_of ? kExitResources : kExitBadInput, short_of ? "RESOURCES" : "INPUT-IO", text);
 }
 
 }  // namespace
@@ -178,7 +187,7 @@ CommandResult ResultOfCurrentException() {
   } catch (const LockedError& e) {
     return ErrorResult(kExitTryAgain, "CLI-LOCKED", e.what());
   } catch (const IoError& e) {
-    return ErrorResult(kExitBadInput, "INPUT-IO", e.what());
+    return PathResult(e.what());
   } catch (const FormatError& e) {
     return ErrorResult(kExitBadInput, "INPUT-FORMAT", e.what());
   } catch (const ResourceError& e) {
@@ -188,7 +197,7 @@ CommandResult ResultOfCurrentException() {
   } catch (const MissingToolError& e) {
     return ErrorResult(kExitMissingTool, "MISSING-TOOL", e.what());
   } catch (const fs::filesystem_error& e) {  // a path that cannot even be looked at: a loop of links, a name too long, no right
-    return FilesystemErrorResult(e);
+    return PathResult(e.path1().string() + ": " + e.code().message());
   } catch (const std::exception& e) {
     if (SaysOutOfMemory(e.what())) return OutOfMemoryResult();
     return ErrorResult(kExitInternal, "INTERNAL", e.what(),

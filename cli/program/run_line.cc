@@ -118,10 +118,9 @@ void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::s
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
 }
 
-}  // namespace
-
-LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
-                    const std::function<CommandResult(const Registry::Entry&)>& run) {
+/// Fills `outcome` but for its JSON object.
+void RunParsed(const std::vector<std::string>& words, const std::vector<std::string>& argv, GlobalOptions& global,
+               const std::function<CommandResult(const Registry::Entry&)>& run, LineOutcome* outcome) {
   CLI::App app{"mvstudio: multi-view capture, from footage to scored avatars", "mvstudio"};
   app.fallthrough();
   app.require_subcommand(1);
@@ -134,34 +133,46 @@ LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global
   CheckValues(app);
   ShortenHelp(app);
 
-  std::vector<std::string> argv = {"mvstudio"};
-  argv.insert(argv.end(), words.begin(), words.end());
-  LineOutcome outcome;
-  const auto start = Clock::now();
   try {
     app.parse(WordsForParser(words));
     if (global.redact) StartRedacting(argv);
     const Registry::Entry* entry = Chosen(registry);
     MVS_CHECK(entry, "a command that runs nothing");
-    outcome.command = entry->name;
+    outcome->command = entry->name;
     const WriterScope writer(entry->name);
     const ReplaceScope replacing(MayReplaceResults(*entry));
-    outcome.result = run(*entry);
+    outcome->result = run(*entry);
   } catch (const CLI::CallForHelp&) {
-    outcome.help = app.help();
+    outcome->help = app.help();
   } catch (const CLI::CallForAllHelp&) {
-    outcome.help = app.help("", CLI::AppFormatMode::All);
+    outcome->help = app.help("", CLI::AppFormatMode::All);
   } catch (const CLI::CallForVersion& version) {
-    outcome.help = version.what() + std::string("\n");
+    outcome->help = version.what() + std::string("\n");
   } catch (const CLI::ParseError& e) {
     SeeFlags(words, argv, global);
-    outcome.result = UsageResult(ParseNotice(app, e));
+    outcome->result = UsageResult(ParseNotice(app, e));
   } catch (...) {
     const Registry::Entry* entry = Chosen(registry);
-    if (outcome.command.empty() && entry) {  // a word that an option does not know ended the parsing
-      outcome.command = entry->name;
+    if (outcome->command.empty() && entry) {  // a word that an option does not know ended the parsing
+      outcome->command = entry->name;
       SeeFlags(words, argv, global);
     }
+    outcome->result = ResultOfCurrentException();
+  }
+}
+
+}  // namespace
+
+LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
+                    const std::function<CommandResult(const Registry::Entry&)>& run) {
+  std::vector<std::string> argv = {"mvstudio"};
+  argv.insert(argv.end(), words.begin(), words.end());
+  LineOutcome outcome;
+  const auto start = Clock::now();
+  try {
+    RunParsed(words, argv, global, run, &outcome);
+  } catch (...) {  // in the commands' own parsers: out of memory
+    SeeFlags(words, argv, global);
     outcome.result = ResultOfCurrentException();
   }
   FinishOutcome(outcome, std::chrono::duration<double>(Clock::now() - start).count(), argv);

@@ -177,6 +177,59 @@ TEST_F(Output, RedactedResultsNameNeitherPlacesNorPeople) {
   EXPECT_THAT(failed.out, HasSubstr("~/user's rig/none.json"));
 }
 
+/// A chain, its report among it: no file names the place, the machine or the user.
+TEST_F(Output, NoFileOfARedactedChainNamesPlacesOrPeople) {
+  const std::string home = "HOME=" + work_.path() + " USER=annabel LOGNAME=annabel ", page = work_ / "client/page.html";
+  fs::create_directories(work_ / "client");
+  ASSERT_EQ(RunCli(Triangulate({"--redact", "--to", "trc,c3d,bvh", "--frame-rate", "25"}), home).exit, 0);
+  ASSERT_EQ(
+      RunCli({"calib", "convert", Calibration(), "--to", "panoptic", "--out", work_ / "conv/rig.json", "--redact"}, home).exit,
+      0);
+  ASSERT_EQ(RunCli({"markers", work_ / "pose3d", "--frame-rate", "25", "--to", "trc", "--out", work_ / "markers of annabel",
+                    "--redact"},
+                   home)
+                .exit,
+            0);
+  std::vector<std::string> open = Triangulate();  // not redacted: the report does it
+  open[6] = work_ / "a b/pose3d";
+  ASSERT_EQ(RunCli(open, home).exit, 0);
+  const CliRun report = RunCli({"report", work_.path(), "--redact", "--out", page}, home);
+  ASSERT_EQ(report.exit, 0) << report.err;
+  EXPECT_THAT(Slurp(page), HasSubstr("…/calibration.json</code>")) << "Inputs and outputs with their digests";
+  EXPECT_THAT(Slurp(page), HasSubstr("</details>")) << "tags are no paths";
+  EXPECT_EQ(json::parse(Slurp(work_ / "client/page.json"))["schema"], "mvstudio.report/1");
+  int looked_at = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(work_.path())) {
+    const std::string path = entry.path().string();
+    if (!entry.is_regular_file() || path.find("/a b/") != std::string::npos) continue;
+    const std::string text = Slurp(path);
+    EXPECT_THAT(text, Not(HasSubstr(work_.path()))) << path;
+    EXPECT_THAT(text, Not(HasSubstr(Studio()))) << path;
+    EXPECT_THAT(text, Not(HasSubstr("annabel"))) << path;
+    EXPECT_TRUE(HostName().size() < 4 || text.find(HostName()) == std::string::npos) << path;
+    ++looked_at;
+  }
+  EXPECT_GT(looked_at, 8);
+}
+
+/// Steps of the address space over which the loader, OpenBLAS's threads, the registration and the work run out of it.
+TEST_F(Output, LittleAddressSpaceEndsWithAnExitCode) {
+  if (kSanitized) GTEST_SKIP() << "sanitizers reserve terabytes";
+  const bool two_programs = fs::exists(CliPath() + "-avatar");
+  for (const int kilobytes : {450'000, 500'000, 650'000, 800'000, 1'000'000, 1'300'000}) {
+    const std::string limit = "ulimit -c 0; ulimit -v " + std::to_string(kilobytes) + "; timeout -s KILL 20 ";
+    std::vector<std::pair<std::string, CliRun>> runs = {{"version", RunCli({"version"}, limit)},
+                                                        {"triangulate", RunCli(Triangulate({"--overwrite"}), limit)}};
+    if (two_programs) runs.emplace_back("avatar", RunCli({"avatar", "render", work_ / "none", "--out", work_ / "o"}, limit));
+    if (two_programs) runs.emplace_back("companion", RunProgram(CliPath() + "-avatar", {"version", "--json"}, limit));
+    for (const auto& [name, run] : runs) {
+      const bool loader = name == "companion" && run.exit == 127;  // the system's loader, before any of our code
+      EXPECT_TRUE(run.exit == 0 || run.exit == 7 || loader || (name == "avatar" && run.exit == 3))
+          << name << " with " << kilobytes << " kB: exit " << run.exit << ": " << run.err;
+    }
+  }
+}
+
 TEST_F(Output, WithoutTheFlagNothingIsRedacted) {
   const CliRun run = RunCli(Triangulate({"--json"}));
   ASSERT_EQ(run.exit, 0) << run.err;
