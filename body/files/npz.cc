@@ -4,8 +4,10 @@
 #include <archive_entry.h>
 
 #include <memory>
+#include <optional>
 
 #include "core/disk/files.h"
+#include "core/disk/unpack.h"
 #include "core/error.h"
 
 namespace mvstudio::body {
@@ -33,7 +35,10 @@ ZipReader OpenZip(const std::string& bytes, const std::string& path) {
   return reader;
 }
 
-std::string ReadMember(archive* reader, const std::string& path, const std::string& name, size_t max_bytes) {
+/// `told` bytes by the archive's directory, or unknown; what is not that long is damaged. The header is looked at before the
+/// rest is unpacked.
+std::string ReadMember(archive* reader, const std::string& path, const std::string& name, std::optional<uint64_t> told,
+                       size_t max_bytes) {
   std::string content;
   const void* piece = nullptr;
   size_t size = 0;
@@ -42,7 +47,10 @@ std::string ReadMember(archive* reader, const std::string& path, const std::stri
   while ((status = archive_read_data_block(reader, &piece, &size, &offset)) == ARCHIVE_OK) {
     if (offset < 0 || static_cast<size_t>(offset) != content.size()) throw FormatError(path, name, "has holes");
     if (size > max_bytes - content.size()) throw FormatError(path, name, "is too large");
+    const bool first = content.empty();
     content.append(static_cast<const char*>(piece), size);
+    if (first && told && NpyFileBytes(content).value_or(0) > *told)
+      throw FormatError(path, name, "promises more than the " + std::to_string(*told) + " bytes that it has");
   }
   if (status != ARCHIVE_EOF) Refuse(path, name, reader, "is damaged");
   return content;
@@ -75,7 +83,13 @@ std::map<std::string, std::string> ParseNpzMembers(const std::string& bytes, con
     const std::string name = ArrayName(entry, path);
     if (members.size() >= kMaxMembers) throw FormatError(path, name, "is one array too many");
     if (members.count(name)) throw FormatError(path, name, "is there twice");
-    std::string content = ReadMember(reader.get(), path, name, max_bytes - total);
+    const bool knows = archive_entry_size_is_set(entry) && archive_entry_size(entry) >= 0;
+    const auto told = knows ? std::optional<uint64_t>(archive_entry_size(entry)) : std::nullopt;
+    if (told && OutOfProportion(total + *told, bytes.size()))
+      throw FormatError(path, name,
+                        "unpacks to " + std::to_string(*told) + " bytes, out of all proportion to the file's " +
+                            std::to_string(bytes.size()) + "; refused");
+    std::string content = ReadMember(reader.get(), path, name, told, max_bytes - total);
     total += content.size();
     members.emplace(name, std::move(content));
   }

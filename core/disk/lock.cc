@@ -111,6 +111,12 @@ bool FileLock::TryOnce() {
   return true;
 }
 
+void RequireNoWriter(const std::string& path) {
+  const internal::Descriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
+  if (file.fd < 0 || flock(file.fd, LOCK_SH | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;  // the reader says what is wrong
+  throw LockedError(path + ": is open for writing in another program; close it there, and try again");
+}
+
 FileLock::FileLock(FileLock&& other) noexcept
     : path_(std::move(other.path_)), shown_(std::move(other.shown_)), owner_(std::move(other.owner_)), fd_(other.fd_) {
   other.fd_ = -1;

@@ -12,6 +12,10 @@ class LockedError : public Error {
   using Error::Error;
 };
 
+/// Throws LockedError where another program has the file open for writing and says so by `flock`, as HDF5 does: what it holds
+/// may be half written.
+void RequireNoWriter(const std::string& path);
+
 /// Exclusive right to write into an output folder, or to one file: one process at a time (`flock` on a hidden file beside
 /// it, which names the holder). The same process may lock it again. The locked folder holds the manifest of everything
 /// written below it. Throws LockedError when another process holds it.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 
 #include "core/disk/files.h"
@@ -192,6 +193,22 @@ std::vector<std::string> ParseNpyTexts(const std::string& bytes, const std::stri
   std::vector<std::string> texts;
   for (size_t i = 0; i < count; ++i) texts.push_back(TextAt(bytes, found.end + 4 * length * i, length, path));
   return texts;
+}
+
+std::optional<uint64_t> NpyFileBytes(const std::string& head) {
+  constexpr double kMost = 1e18;
+  try {
+    const HeaderText found = FindHeader(head, "");
+    const std::string descr = AfterKey(found.text, "descr", "");
+    unsigned width = 0;
+    char type = 0, order = 0;
+    if (std::sscanf(descr.c_str(), "'%c%c%8u'", &order, &type, &width) != 3 || type == 'O') return std::nullopt;
+    double bytes = width * (type == 'U' ? 4.0 : 1.0);
+    for (const int64_t size : ParseShape(AfterKey(found.text, "shape", ""), "")) bytes *= static_cast<double>(size);
+    return found.end + static_cast<uint64_t>(std::min(bytes, kMost));
+  } catch (const FormatError&) {
+    return std::nullopt;
+  }
 }
 
 NpyArray ReadNpy(const std::string& path) { return ParseNpy(ReadFile(path), path); }

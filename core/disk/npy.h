@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,10 @@ struct NpyArray {
 /// FormatError for other types (objects are never unpickled), damaged headers, and sizes that exceed the file.
 NpyArray ReadNpy(const std::string& path);
 NpyArray ParseNpy(const std::string& bytes, const std::string& path);
+
+/// Bytes that a .npy file has by its header, which `head` must hold whole; nothing where that does not say so: objects,
+/// records, what is no .npy file.
+std::optional<uint64_t> NpyFileBytes(const std::string& head);
 
 /// A 1-D array of text, dtype `<U…`, as UTF-8. Throws FormatError for other types and shapes, and for what is no character.
 std::vector<std::string> ParseNpyTexts(const std::string& bytes, const std::string& path);

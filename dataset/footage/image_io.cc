@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
+#include "core/disk/unpack.h"
 #include "core/error.h"
 
 namespace mvstudio::dataset {
@@ -188,6 +189,12 @@ Image ReadImage(const std::string& path, bool grey) {
   if (bytes.empty()) throw FormatError(path, "", "the file is empty");
   const ImageHeader header = Header(bytes, path);
   if (header.is_png) {
+    const int64_t pixels = header.width * header.height * header.channels;
+    if (OutOfProportion(static_cast<uint64_t>(pixels * std::max(1, header.bits / 8)), bytes.size()))
+      throw FormatError(path, "header",
+                        "declares " + std::to_string(header.width) + "x" + std::to_string(header.height) + " pixels of " +
+                            std::to_string(header.bits) + " bits, out of all proportion to the file's " +
+                            std::to_string(bytes.size()) + " bytes: an image of one colour; refused");
     CheckPng(bytes, path);
   } else {
     CheckJpeg(bytes, path);
@@ -214,8 +221,7 @@ std::string EncodeImage(const Image& image, const std::string& path, int jpeg_qu
     throw UsageError(path + ": images are written as .png or .jpg");
   }
   if (has_alpha && extension != ".png") throw UsageError(path + ": images with alpha are written as .png");
-  const cv::Mat view(image.height, image.width, CV_8UC(image.channels),
-                     const_cast<uint8_t*>(image.pixels.data()));
+  const cv::Mat view(image.height, image.width, CV_8UC(image.channels), const_cast<uint8_t*>(image.pixels.data()));
   cv::Mat swapped;
   if (image.channels >= 3) cv::cvtColor(view, swapped, has_alpha ? cv::COLOR_RGBA2BGRA : cv::COLOR_RGB2BGR);
   const cv::Mat& bgr = image.channels >= 3 ? swapped : view;

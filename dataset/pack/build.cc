@@ -78,6 +78,7 @@ std::string WhyUnfinished(const PackPlan& plan, const std::string& out, int numb
   if (found->plan_sha256 != plan.sha256) return "was made with other options";
   std::error_code code;
   if (fs::file_size(path, code) != found->bytes || code) return "is missing or of another size than its done-marker says";
+  RequireNoWriter(path);
   if (Sha256File(path) != found->sha256) return "is damaged: its SHA-256 is not that of its done-marker";
   if (InputsSha256(plan, number, run) != found->inputs_sha256) return "was made from images that have changed";
   return "";
@@ -265,7 +266,7 @@ PackBuildReport BuildPack(const std::string& dataset_root, const std::string& ou
 
 PackBuildReport MergePack(const std::string& out, const RunContext& run) {
   const auto start = Clock::now();
-  if (!fs::is_directory(out)) throw IoError(out, "no such folder");
+  RequireFolder(out);
   const std::vector<DoneMarker> shards = AllDone(out);
   RequireDigests(out, shards, run);
   WriteIndex(out, shards);

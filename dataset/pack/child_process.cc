@@ -15,6 +15,7 @@
 #include <fstream>
 #include <new>
 
+#include "core/disk/lock.h"
 #include "core/error.h"
 #include "dataset/pack/hdf5_handle.h"
 
@@ -42,6 +43,8 @@ std::string Work(const std::function<std::string()>& work) {
     return Answer('R', error.what());
   } catch (const UsageError& error) {
     return Answer('U', error.what());
+  } catch (const LockedError& error) {
+    return Answer('L', error.what());
   } catch (const std::bad_alloc&) {
     return "M";
   } catch (const std::exception& error) {
@@ -65,6 +68,8 @@ std::string Work(const std::function<std::string()>& work) {
       throw ResourceError(parts[0]);
     case 'U':
       throw UsageError(parts[0]);
+    case 'L':
+      throw LockedError(parts[0]);
     case 'M':
       throw FormatError(path, "", "takes more memory than its size allows; refused");
     default:

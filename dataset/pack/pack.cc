@@ -11,6 +11,7 @@
 #include <set>
 
 #include "core/check.h"
+#include "core/disk/lock.h"
 #include "core/error.h"
 #include "dataset/pack/pack_data.h"
 #include "geometry/rig/rig_io.h"
@@ -149,6 +150,7 @@ ChildLimits LimitsOf(const PackOpenOptions& options, uint64_t file_bytes, bool w
 }
 
 ReadShardResult ReadShardCarefully(const std::string& path, const PackOpenOptions& options) {
+  RequireNoWriter(path);
   if (options.check_in_child) {
     RunInChild(path, LimitsOf(options, 0, false), [&] {
       ReadShard(path, ShardPart::kTables);

@@ -4,6 +4,7 @@
 #include <set>
 
 #include "core/disk/files.h"
+#include "core/disk/lock.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
@@ -110,6 +111,7 @@ class Verifier {
   }
 
   void Shard(const std::string& file, const DoneMarker* done) {
+    RequireNoWriter(file);
     std::error_code code;
     const uint64_t bytes = fs::file_size(file, code);
     if (code) return Error("PCK-SHARD", file, "cannot be read: " + code.message());

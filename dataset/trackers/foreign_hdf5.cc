@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <limits>
 
+#include "core/disk/lock.h"
+#include "core/disk/unpack.h"
 #include "core/error.h"
 
 namespace mvstudio::dataset::internal {
@@ -28,6 +30,7 @@ std::string Trimmed(const char* text, size_t bytes) {
 }  // namespace
 
 ForeignHdf5::ForeignHdf5(const std::string& path) : path_(path), lock_(LockHdf5()) {
+  RequireNoWriter(path);
   std::error_code code;
   file_bytes_ = std::filesystem::file_size(path, code);
   if (code) throw IoError(path, "cannot read: " + code.message());
@@ -141,6 +144,11 @@ uint64_t ForeignHdf5::Elements(const std::string& name, hid_t dataset, uint64_t 
   }
   if (count > kMaxBytes / std::max(bytes, stored) || count * stored / kMaxRatio > file_bytes_) {
     Fail(name, "claims " + std::to_string(count) + " entries in a file of " + std::to_string(file_bytes_) + " bytes; refused");
+  }
+  if (OutOfProportion(count * std::max(bytes, stored), file_bytes_)) {
+    Fail(name, "unpacks to " + std::to_string(count * std::max(bytes, stored)) +
+                   " bytes, out of all proportion to the file's " + std::to_string(file_bytes_) +
+                   ": almost all of it is empty; export fewer tracks or frames");
   }
   return count;
 }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "core/label.h"
 #include "dataset/trackers/tracker_readers.h"
@@ -75,16 +76,14 @@ struct Scores {
   }
 };
 
-Scores ReadScores(const ForeignHdf5& file, std::vector<Axis> order, std::vector<uint64_t> dims) {
-  Scores scores;
-  if (!file.Has("/point_scores")) return scores;
+/// Before anything is unpacked: the layout of the scores, empty without scores.
+std::optional<Layout> LayoutOfScores(const ForeignHdf5& file, std::vector<Axis> order, std::vector<uint64_t> dims) {
+  if (!file.Has("/point_scores")) return std::nullopt;
   const auto xy = std::find(order.begin(), order.end(), kXy);
   dims.erase(dims.begin() + (xy - order.begin()));
   order.erase(xy);
   if (file.Dims("/point_scores") != dims) file.Fail("/point_scores", "has other dimensions than /tracks");
-  scores.values = file.Numbers("/point_scores");
-  scores.layout = Layout(order, dims);
-  return scores;
+  return Layout(order, dims);
 }
 
 /// edge_names: pairs of nodes, one after the other.
@@ -116,8 +115,10 @@ TrackedPoints ReadSleapHdf5(const ForeignHdf5& file, const std::string& camera) 
   const std::vector<Axis> order = OrderOf(file, dims, points.joints.size());
   const Layout layout(order, dims);
   points.individuals = TrackNames(file, layout.size[kTrack]);
+  const std::optional<Layout> layout_of_scores = LayoutOfScores(file, order, dims);
   const std::vector<double> xy = file.Numbers("/tracks");
-  const Scores scores = ReadScores(file, order, dims);
+  Scores scores;
+  if (layout_of_scores) scores = {file.Numbers("/point_scores"), *layout_of_scores};
   if (xy.empty()) file.Fail("/tracks", "holds no point");
   for (size_t f = 0; f < layout.size[kFrame]; ++f) {
     std::vector<Person2d>& people = points.track.frames[static_cast<int>(f)];

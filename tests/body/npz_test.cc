@@ -109,6 +109,19 @@ TEST(Npz, RefusesMembersThatAreNoArrays) {
   EXPECT_THROW(ParseNpz(Deflated({{"x.npy", "hello"}}), "a.npz"), FormatError);
 }
 
+TEST(Npz, HeadersAreLookedAtBeforeTheRestIsUnpacked) {
+  std::string large = NpyOfDoubles({1, 4}, Ramp(4));
+  const size_t at = large.find("(1, 4)");
+  ASSERT_NE(at, std::string::npos) << large.substr(0, 80);
+  large.replace(at, 6, "(9, 4)");
+  EXPECT_THAT(MessageOf<FormatError>([&] {
+                ParseNpzMembers(Deflated({{"x.npy", large}}), "a.npz");
+              }),
+              HasSubstr("x: promises more than the "));
+  const std::string zeros = Deflated({{"x.npy", std::string(300 << 20, '\0')}});
+  EXPECT_THAT(MessageOf<FormatError>([&] { ParseNpzMembers(zeros, "a.npz"); }), HasSubstr("out of all proportion"));
+}
+
 TEST(Npz, RefusesWhatGrowsTooLarge) {
   const std::string zip = Deflated({{"x.npy", std::string(1 << 24, '\0')}});
   EXPECT_LT(zip.size(), 100000u);

@@ -1,8 +1,14 @@
 #include "dataset/footage/image_io.h"
 
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
 #include "core/error.h"
 #include "dataset/footage/frames.h"
 #include "tests/dataset/dataset_test_util.h"
+#include "tests/support/message_of.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -54,6 +60,15 @@ TEST(ImageIo, DamagedPngIsAFormatError) {
     WriteFileAtomic(folder / "bad.png", bad);
     EXPECT_THROW(ReadImage(folder / "bad.png"), FormatError) << "byte " << at;
   }
+}
+
+/// A header of 11,000 x 11,000 pixels of 16 bits in front of nothing.
+TEST(ImageIo, APngOutOfAllProportionIsNotDecoded) {
+  const mvstudio::testing::TempDir folder;
+  const std::string png("\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\x2a\xf8\0\0\x2a\xf8\x10\x02\0\0\0\0\0\0\0", 33);
+  std::ofstream(folder / "a.png", std::ios::binary) << png << std::string(1000, 'x');
+  EXPECT_THAT(mvstudio::testing::MessageOf<FormatError>([&] { ReadImage(folder / "a.png"); }),
+              ::testing::HasSubstr("all proportion"));
 }
 
 TEST(ImageIo, ErrorsNameTheFile) {

@@ -1,10 +1,14 @@
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <hdf5.h>
+#include <sys/file.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <fstream>
 
 #include "core/disk/files.h"
+#include "core/disk/lock.h"
 #include "core/error.h"
 #include "dataset/pack/hdf5_writer.h"
 #include "tests/support/message_of.h"
@@ -90,6 +94,34 @@ TEST(Sleap, WhatDoesNotFitIsNamed) {
   EXPECT_THAT(message({1, 2, 2, 2}, {1, 2, 1}, {"a", "b"}), HasSubstr("/point_scores"));
   EXPECT_THAT(message({1, 2, 2, 2}, {1, 2, 2}, {"a", "a"}), HasSubstr("`a` twice"));
   EXPECT_THAT(message({1, 2, 2, 2}, {1, 2, 2}, {"a", "b\n"}), HasSubstr("control character"));
+}
+
+TEST(Sleap, AFileThatAnotherProgramWritesIsInUse) {
+  const TempDir folder;
+  const std::string path = Write(folder, {1, 2, 2, 2}, {1, 2, 2}, {"a", "b"});
+  const int other = open(path.c_str(), O_RDWR);
+  flock(other, LOCK_EX);
+  EXPECT_THROW(ReadTrackerFile(path, "c"), LockedError);
+  close(other);
+  EXPECT_EQ(ReadTrackerFile(path, "c").track.frames.size(), 2u);
+}
+
+/// Gzipped zeros: 300 MB in some hundred kilobytes.
+TEST(Sleap, WhatIsOutOfAllProportionIsNotUnpacked) {
+  const TempDir folder;
+  const std::string path = Write(folder, {1, 2, 2, 2}, {1, 2, 2}, {"a", "b"});
+  const hid_t file = H5Fopen(path.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  const hsize_t dims[] = {1, 2, 2, 10'000'000}, chunk[] = {1, 2, 2, 1'000'000};
+  const hid_t space = H5Screate_simple(4, dims, nullptr), packed = H5Pcreate(H5P_DATASET_CREATE);
+  H5Pset_chunk(packed, 4, chunk), H5Pset_deflate(packed, 9);
+  H5Ldelete(file, "tracks", H5P_DEFAULT);
+  const hid_t set = H5Dcreate2(file, "tracks", H5T_NATIVE_DOUBLE, space, H5P_DEFAULT, packed, H5P_DEFAULT);
+  const std::vector<double> zeros(40'000'000, 0.0);
+  H5Dwrite(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, zeros.data());
+  H5Dclose(set), H5Pclose(packed), H5Sclose(space);
+  H5Ldelete(file, "point_scores", H5P_DEFAULT);
+  H5Fclose(file);
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadTrackerFile(path, "c"); }), HasSubstr("out of all proportion"));
 }
 
 TEST(Sleap, TablesOfTextNameWhatIsWrong) {
