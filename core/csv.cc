@@ -1,6 +1,7 @@
 #include "core/csv.h"
 
 #include <algorithm>
+#include <charconv>
 
 #include "core/error.h"
 
@@ -89,6 +90,30 @@ void CsvReader::RequireCells(size_t count) const {
 }
 
 void CsvReader::Fail(const std::string& what) const { throw FormatError(path_, Where(), what); }
+
+int64_t ReadFrameNumber(std::string_view text, int64_t most, std::string* why) {
+  int64_t number = -1;
+  const char* end = text.data() + text.size();
+  const auto [at, error] = std::from_chars(text.data(), end, number);
+  const bool zeros = at != end && *at == '.' && std::all_of(at + 1, end, [](char c) { return c == '0'; });
+  const bool whole = at != text.data() && (at == end || zeros) && error != std::errc::invalid_argument;
+  if (whole && error == std::errc() && number >= 0 && number <= most) return number;
+  *why = "is `" + std::string(text) + "`, ";
+  if (!whole) {
+    *why += "not a whole number" + DecimalCommaHint(text);
+  } else if (text[0] == '-') {
+    *why += "and frames are counted from 0";
+  } else {
+    *why += "which is too large: frame numbers end at " + std::to_string(most) +
+            "; number the frames from 0, and put time stamps into a table of their own";
+  }
+  return -1;
+}
+
+std::string WhyNoNumber(std::string_view text) {
+  const bool digits = !text.empty() && text.find_first_not_of("0123456789", text[0] == '-' ? 1 : 0) == std::string_view::npos;
+  return digits && text.size() > 1 ? "which is too large" : "not a number" + DecimalCommaHint(text);
+}
 
 std::string CsvCell(std::string_view text) {
   const bool bare = text.find_first_of(",\"") == std::string_view::npos && WithoutBlanks(text).size() == text.size() &&

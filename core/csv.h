@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <deque>
 #include <string>
 #include <string_view>
@@ -44,6 +45,13 @@ class CsvReader {
   std::vector<std::string_view> cells_;
   std::deque<std::string> unquoted_;  ///< cells of this line with doubled quotes
 };
+
+/// A frame number of a table: a whole number from 0 to `most`; also "12.0", as tables of floating-point numbers have it. -1
+/// for anything else, and `why` says what is wrong with it: "is `-1`, …".
+int64_t ReadFrameNumber(std::string_view text, int64_t most, std::string* why);
+
+/// What is wrong with a cell that holds no number that can be read: "not a number", with a hint, or that it is too large.
+std::string WhyNoNumber(std::string_view text);
 
 /// A text as a cell, in quotes where needed. Line breaks cannot be written.
 std::string CsvCell(std::string_view text);

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/text/shortest_text.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/views/undistort.h"
 
 namespace mvstudio::exports {
@@ -257,8 +258,8 @@ Take PrepareTake(const dataset::PanopticDataset& dataset, const FormatInfo& form
                  ExportReport* report) {
   if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("option 'jpeg-quality' must be 0 to 100");
   RequireMasksFit(format, options);
-  if (!(options.frame_rate_hz >= 0) || !std::isfinite(options.frame_rate_hz))
-    throw UsageError("option 'frame-rate' must be positive");
+  if (options.frame_rate_hz != 0 && !dataset::IsFrameRate(options.frame_rate_hz))
+    throw UsageError(std::string("option 'frame-rate' ") + dataset::kFrameRates);
   Take take;
   take.sequence = SafeNames({dataset.sequence})[0];
   take.root = dataset.root;

@@ -6,6 +6,7 @@
 #include <map>
 #include <mutex>
 
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
@@ -16,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::map<std::string, std::string> Pictures(const std::string& folder) {
-  if (!fs::is_directory(folder)) throw IoError(folder, "no such folder");
+  RequireFolder(folder);
   std::map<std::string, std::string> pictures;
   for (const auto& entry : fs::directory_iterator(folder)) {
     std::string extension = entry.path().extension().string();

@@ -72,6 +72,21 @@ void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, c
   camera->damage = source->Damage();
 }
 
+/// Frames that will be looked at, as the footage itself says; 0 where one of the cameras does not.
+int64_t NumFrames(const DetectJob& job) {
+  int64_t total = 0;
+  for (const dataset::CameraFootage& footage : job.footage) {
+    try {
+      int64_t frames = dataset::DescribeFootage(footage.path).num_frames;
+      if (frames <= 0) return 0;
+      if (job.max_frames > 0) frames = std::min(frames, int64_t{job.max_frames} * job.every);
+      total += frames;
+    } catch (const Error&) {  // its camera says why
+    }
+  }
+  return total;
+}
+
 }  // namespace
 
 PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, detect::PoseQuality quality,
@@ -106,7 +121,7 @@ std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& ba
   const int threads = ResolveThreads(run.num_threads);
   const auto count = static_cast<int>(job.footage.size());
   std::vector<CameraPoses> cameras(job.footage.size());
-  ProgressStage stage(run, "keypoints by " + backend.name, 0);
+  ProgressStage stage(run, "keypoints by " + backend.name, NumFrames(job));
   std::mutex mutex;
   ParallelFor(count, threads, [&](int64_t c) {
     detect::SetGraphThreads(std::max(1, threads / std::max(1, count)));

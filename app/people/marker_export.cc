@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "dataset/footage/frame_rate.h"
 #include "markers/bvh.h"
 #include "markers/marker_files.h"
 #include "markers/opensim.h"
@@ -158,9 +159,9 @@ void CheckMarkerOptions(const MarkerOptions& options) {
   if (formats.empty()) throw UsageError("option 'to': name at least one of " + Join(KnownFormats(), ", "));
   if (options.opensim && !has(formats, "trc")) throw UsageError("option 'opensim' needs trc among the formats of option 'to'");
   if (options.fill_frames < 0) throw UsageError("option 'fill' must not be negative");
-  if (!(options.rate_hz > 0) || !(options.rate_hz < 1e6)) {
-    throw UsageError("option 'frame-rate': marker files state the frames a second; give those of the footage");
-  }
+  if (!dataset::IsFrameRate(options.rate_hz))
+    throw UsageError(std::string("option 'frame-rate' ") + dataset::kFrameRates +
+                     ": marker files state it; give that of the footage");
   markers::ParseFilter(options.filter);
 }
 

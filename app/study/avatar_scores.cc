@@ -5,6 +5,7 @@
 #include <tuple>
 
 #include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
 
@@ -87,8 +88,7 @@ ScoredRun ReadScoredRun(const std::string& text) {
   ScoredRun run;
   std::tie(run.label, run.folder) = SplitLabel(text);
   while (run.folder.size() > 1 && run.folder.back() == '/') run.folder.pop_back();
-  if (!std::filesystem::is_directory(run.folder))
-    throw IoError(run.folder, "no such folder; give the option 'out' folders of `mvstudio avatar train`");
+  RequireFolder(run.folder, "; give the option 'out' folders of `mvstudio avatar train`");
   const std::string path = run.folder + "/avatar_eval.result.json";
   const Value eval = ReadJson(path, "score the run with `mvstudio avatar eval`");
   run.metrics = eval["metrics"], run.timing = eval["timing"];

@@ -49,9 +49,9 @@ void CheckFrameOrder(const CsvTable& table, const Columns& columns) {
   if (columns.sync < 0 || columns.frame < 0) return;
   std::map<int64_t, std::map<int64_t, std::pair<int64_t, size_t>>> frames;  // camera -> instant -> frame, row
   for (size_t row = 0; row < table.num_rows(); ++row) {
-    const int64_t frame = table.Integer(row, columns.frame);
+    const int64_t frame = table.Frame(row, columns.frame);
     const auto [entry, is_new] =
-        frames[table.Integer(row, columns.camera)].insert({table.Integer(row, columns.sync), {frame, row}});
+        frames[table.Integer(row, columns.camera)].insert({table.Frame(row, columns.sync), {frame, row}});
     if (!is_new && entry->second.first != frame) {
       throw FormatError(table.path(), table.Where(row, columns.frame),
                         "frame " + std::to_string(frame) + " at a time step that already has frame " +

@@ -135,7 +135,7 @@ CornerFile ReadCornerCsv(const std::string& path, const CornerFileOptions& optio
     const int64_t id = table.Integer(row, corner);
     if (id < 0 || id >= file.boards[static_cast<size_t>(board_idx)].num_corners())
       throw FormatError(path, table.Where(row, corner), "corner " + std::to_string(id) + " is not on the board");
-    builder.Add(builder.Camera(table.Text(row, camera)), table.Integer(row, frame), static_cast<int>(board_idx),
+    builder.Add(builder.Camera(table.Text(row, camera)), table.Frame(row, frame), static_cast<int>(board_idx),
                 static_cast<int>(id), {table.Number(row, x), table.Number(row, y)}, sigma >= 0 ? table.Number(row, sigma) : 1,
                 table.Where(row));
   }

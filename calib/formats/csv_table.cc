@@ -1,7 +1,9 @@
 #include "calib/formats/csv_table.h"
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <string_view>
 
 #include "calib/formats/format_text.h"
@@ -11,6 +13,8 @@
 
 namespace mvstudio::calib {
 namespace {
+
+constexpr int64_t kMostWhole = int64_t{1} << 53;
 
 std::string Trimmed(std::string_view text) {
   const size_t first = text.find_first_not_of(" \t\r\n");
@@ -61,11 +65,24 @@ double CsvTable::Number(size_t row, int column) const {
 }
 
 int64_t CsvTable::Integer(size_t row, int column) const {
+  const std::string& text = Text(row, column);
+  int64_t whole = 0;
+  const char* end = text.data() + text.size();
+  const auto [at, error] = std::from_chars(text.data(), end, whole);  // exactly, where a double is not
+  if (error == std::errc() && at == end && std::abs(whole) <= kMostWhole) return whole;
   const double number = Number(row, column);
-  if (number != std::floor(number) || std::abs(number) > 0x1p53) {
-    throw FormatError(path_, Where(row, column), "'" + internal::Printable(Text(row, column)) + "' is not a whole number");
-  }
+  if (std::abs(number) > static_cast<double>(kMostWhole))
+    throw FormatError(path_, Where(row, column), "'" + internal::Printable(text) + "' is larger than 2^53");
+  if (number != std::floor(number))
+    throw FormatError(path_, Where(row, column), "'" + internal::Printable(text) + "' is not a whole number");
   return static_cast<int64_t>(number);
+}
+
+int64_t CsvTable::Frame(size_t row, int column) const {
+  std::string why;
+  const int64_t frame = ReadFrameNumber(Text(row, column), kMostWhole, &why);
+  if (frame < 0) throw FormatError(path_, Where(row, column), why);
+  return frame;
 }
 
 std::string CsvTable::Where(size_t row, int column) const {

@@ -35,6 +35,8 @@ class CsvTable {
   double Number(size_t row, int column) const;
   /// A whole number within +-2^53; throws FormatError otherwise.
   int64_t Integer(size_t row, int column) const;
+  /// A frame number (core/csv.h), 0 to 2^53: of images that are named by their time stamps, too.
+  int64_t Frame(size_t row, int column) const;
   /// "line 12, x_px".
   std::string Where(size_t row, int column) const;
   std::string Where(size_t row) const { return "line " + std::to_string(rows_[row].line); }

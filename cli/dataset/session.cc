@@ -11,6 +11,7 @@
 #include "core/disk/manifest.h"
 #include "core/disk/new_folders.h"
 #include "core/disk/output.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/session/session_scan.h"
@@ -115,7 +116,7 @@ void RequireRoomForLink(const InitArguments& arguments) {
 }
 
 void TakeScan(const InitArguments& arguments, Session* session, CommandResult* result) {
-  if (!arguments.scan.empty() && !fs::is_directory(arguments.scan)) throw IoError(arguments.scan, "no such folder (--scan)");
+  if (!arguments.scan.empty()) RequireFolder(arguments.scan, " (--scan)");
   if (!arguments.scan.empty()) RequireRoomForLink(arguments);
   const std::string raw = arguments.scan.empty() ? (fs::path(arguments.folder) / "raw").string() : arguments.scan;
   const dataset::ScannedSession scanned = dataset::ScanRaw(raw, arguments.layout);

@@ -18,6 +18,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/parallel.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/footage/frames.h"
 #include "dataset/session/timeline_source.h"
 #include "dataset/time/motion_sync.h"
@@ -324,7 +325,8 @@ CommandResult RunMotion(const Arguments& arguments, const app::FoundTake& found,
 }
 
 CommandResult Run(Arguments arguments, CommandContext& context) {
-  if (!(arguments.fps >= 0) || !std::isfinite(arguments.fps)) throw UsageError("--fps must be positive");
+  if (arguments.fps != 0 && !dataset::IsFrameRate(arguments.fps))
+    throw UsageError(std::string("--fps ") + dataset::kFrameRates);
   CommandResult result;
   if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.session, &arguments.pose, &result);
   const auto found = arguments.project.empty() ? FillFromSession(&arguments, &result) : std::nullopt;

@@ -185,6 +185,14 @@ bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const GiveF
 
 std::string PointsPath(const Arguments& arguments) { return (std::filesystem::path(arguments.out) / "points.csv").string(); }
 
+/// One error ends a command: what else is wrong is a warning.
+void KeepOneError(CommandResult* result) {
+  std::vector<Notice>& errors = result->errors;
+  if (errors.size() < 2) return;
+  result->warnings.insert(result->warnings.end(), errors.begin(), errors.end() - 1);
+  errors.erase(errors.begin(), errors.end() - 1);
+}
+
 /// What is said of a take however it was read.
 void Conclude(const Arguments& arguments, const app::PoseInput& input, const triangulate::TakeResult& take,
               const app::PointStatistics& statistics, const GiveFrames& sample, const RunContext& run, CommandResult* result) {
@@ -193,10 +201,11 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
   statistics.WarnOfAbsence(input, result);
   statistics.WarnOfPersons(arguments.options.max_persons, result);
   if (statistics.num_ok() > 0) AddComparisons(arguments.comparison, arguments.out, result);
-  app::CheckConsistency(take, input.rig, result);
+  if (statistics.num_ok() > 0) app::CheckConsistency(take, input.rig, result);
   app::CheckLimbs(take, input, result);
   app::CheckUp(take, input, result);
   app::CheckLoss(statistics, result);
+  KeepOneError(result);
   if (statistics.num_ok() == 0) {
     result->exit = kExitIllPosed;
     result->errors.push_back(
@@ -337,8 +346,8 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   StartGroup(sub, "Points");
   AddOption(
       sub, "--chunk-frames", arguments->chunk_frames,
-      "for takes longer than memory: frames processed at a time; noise and method come from frames spread over the take; 0: "
-      "all at once")
+      "for takes longer than memory: frames of --pose2d processed at a time (a table is held whole); noise and method come from "
+      "frames spread over the take; 0: all at once")
       ->capture_default_str();
   StartGroup(sub, "Marker files");
   AddOptions(sub, arguments->markers);

@@ -64,9 +64,9 @@ class ConsoleProgress : public ProgressSink {
     const std::string eta = Left(rate);
     const std::string speed =
         Format(rate > 0 && rate < 0.5 ? "%.1f s each" : "%.1f/s", rate > 0 && rate < 0.5 ? 1 / rate : rate);
-    std::fprintf(stderr, bar_ ? "\r\033[K%s %lld/%lld  %s%s  %s" : "%s %lld/%lld  %s%s  %s\n", stage_.c_str(),
-                 static_cast<long long>(done_), static_cast<long long>(total_), speed.c_str(), eta.c_str(),
-                 OneLine(note).c_str());
+    const std::string of = total_ < std::max<int64_t>(done_, 1) ? "" : "/" + std::to_string(total_);  // else it is not known
+    std::fprintf(stderr, bar_ ? "\r\033[K%s %lld%s  %s%s  %s" : "%s %lld%s  %s%s  %s\n", stage_.c_str(),
+                 static_cast<long long>(done_), of.c_str(), speed.c_str(), eta.c_str(), OneLine(note).c_str());
     std::fflush(stderr);
     shown_ = true;
   }

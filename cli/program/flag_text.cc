@@ -2,6 +2,8 @@
 
 #include <regex>
 
+#include "core/text/short_numbers.h"
+
 namespace mvstudio::cli {
 namespace {
 
@@ -17,9 +19,9 @@ void NameFlagsIn(nlohmann::ordered_json* value) {
 
 std::string WithFlags(const std::string& text) {
   constexpr char kWord[] = "option '";
-  if (text.find(kWord) == std::string::npos) return text;
+  if (text.find(kWord) == std::string::npos) return ShortNumbers(text);
   static const std::regex option("\\boption '([a-z0-9][a-z0-9-]*)'");
-  return std::regex_replace(text, option, "--$1");
+  return ShortNumbers(std::regex_replace(text, option, "--$1"));
 }
 
 void NameFlags(CommandResult* result) {

@@ -150,6 +150,11 @@ std::vector<std::string> FilesMatching(const std::string& pattern) {
 
 bool IsPattern(const std::string& path) { return HasWildcards(path) && !Exists(path); }
 
+void RequireFolder(const std::string& path, const std::string& hint) {
+  if (IsFolder(path)) return;
+  throw IoError(path, (Exists(path) ? "is a file, a folder was expected" : "no such folder") + hint);
+}
+
 void RequireRegularFile(const std::string& path) {
   std::error_code error;
   const fs::file_type type = fs::status(path, error).type();

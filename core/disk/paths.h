@@ -25,6 +25,9 @@ std::vector<std::string> FilesMatching(const std::string& pattern);
 /// True when the text contains `*` or `?` and nothing exists under this literal name.
 bool IsPattern(const std::string& path);
 
+/// Throws IoError unless `path` is a folder, or a link to one. `hint`: what to do, "; give …".
+void RequireFolder(const std::string& path, const std::string& hint = {});
+
 /// Throws IoError unless `path` is an ordinary file, or a link to one: opening a named pipe may wait forever, and a device
 /// never ends.
 void RequireRegularFile(const std::string& path);

@@ -17,6 +17,7 @@
 #include "core/parallel.h"
 #include "core/statistics.h"
 #include "dataset/build/build_camera.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
@@ -48,7 +49,7 @@ void CheckOptions(const BuildInputs& inputs, const BuildOptions& options) {
   const std::string why = WhyNotAName(options.sequence);
   if (!why.empty()) throw UsageError("option 'sequence' must be a plain name: it " + why);
   if (options.jpeg_quality < 0 || options.jpeg_quality > 100) throw UsageError("option 'jpeg-quality' must be in 0..100");
-  if (!(options.frame_rate_hz > 0)) throw UsageError("option 'frame-rate' must be positive");
+  if (!IsFrameRate(options.frame_rate_hz)) throw UsageError(std::string("option 'frame-rate' ") + kFrameRates);
   if (inputs.footage.empty())
     throw UsageError("no footage was given: add option 'video' CAMERA=FILE or option 'images' CAMERA=PATTERN");
   std::set<std::string> cameras;

@@ -7,6 +7,7 @@
 
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/libav_util.h"
 
@@ -86,6 +87,29 @@ int FindStreamInfo(AVFormatContext* format, int64_t max_pixels) {
   return code;
 }
 
+bool AllSame(const std::vector<int64_t>& times) {
+  return times.size() > 1 && std::adjacent_find(times.begin(), times.end(), std::not_equal_to<>()) == times.end();
+}
+
+constexpr char kOneTime[] =
+    "frames all have one time stamp, so that none has its time; write the video again at its frame rate";
+
+/// Clocks of MP4 and QuickTime that cannot be: libav reads a time scale of 0 as 1.
+void CheckClock(const std::string& path, AVFormatContext* format, AVStream* stream) {
+  constexpr double kLongestFrameS = 60;
+  if (av_match_name("mov", format->iformat->name) <= 0) return;
+  std::vector<int64_t> times;
+  for (int i = 0; i < avformat_index_get_entries_count(stream); ++i)
+    times.push_back(avformat_index_get_entry(stream, i)->timestamp);
+  if (AllSame(times)) throw FormatError(path, "", "its " + std::to_string(times.size()) + " " + kOneTime);
+  const AVRational base = stream->time_base, rate = stream->avg_frame_rate;
+  const double frame_s = rate.num > 0 ? rate.den / static_cast<double>(rate.num) : 0;
+  if (base.num == base.den && frame_s > kLongestFrameS)
+    throw FormatError(path, "mdhd",
+                      "its time scale is 0 or damaged: a frame would last " + Format("%.6g", frame_s) +
+                          " s; write the video again at its frame rate");
+}
+
 }  // namespace
 
 VideoFile::VideoFile(const std::string& path, int64_t max_pixels) : path_(path) {
@@ -135,6 +159,7 @@ void VideoFile::Open(int64_t max_pixels) {
   if (stream_->codecpar->width <= 0 || stream_->codecpar->height <= 0) {
     throw FormatError(path_, "", "the video has no image size; cut short?");
   }
+  CheckClock(path_, format_, stream_);
   packet_ = av_packet_alloc();
   if (!packet_) throw ResourceError(path_ + ": out of memory");
 }
@@ -254,6 +279,8 @@ VideoTimes ReadVideoTimes(const std::string& path) {
   times.time_code_s = file.time_code_s();
   for (const int64_t pts : scan.pts) times.time_s.push_back(file.Seconds(pts));
   const auto count = static_cast<int64_t>(times.time_s.size());
+  if (internal::AllSame(scan.pts) && scan.pts[0] != AV_NOPTS_VALUE)
+    throw FormatError(path, "", "its " + std::to_string(count) + " " + internal::kOneTime);
   if (times.cut_short.empty() && count < times.promised) {
     times.cut_short = "it ends after " + std::to_string(count) + " of " + std::to_string(times.promised) + " frames";
   }

@@ -7,6 +7,7 @@
 
 #include "core/disk/files.h"
 #include "core/disk/output.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/parallel.h"
@@ -214,7 +215,7 @@ void CheckOptions(const std::string& root, const PanopticImportOptions& options)
   if (options.quality < 1 || options.quality > 100) throw UsageError("option 'quality' must be 1 to 100");
   if (!options.take.empty() && Slug(options.take) != options.take)
     throw UsageError("option 'take' " + internal::Quoted(options.take) + " cannot name a folder; use letters, digits, _ and -");
-  if (!fs::is_directory(root)) throw IoError(root, "no such folder");
+  RequireFolder(root, "; of an archive give what it holds, unpacked");
 }
 
 void RefuseLinks(const PanopticSequence& sequence, const PanopticImportOptions& options) {

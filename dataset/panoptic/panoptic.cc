@@ -62,7 +62,7 @@ std::string PanopticDataset::MaskPath(const std::string& camera, int frame) cons
 }
 
 std::string FindPanopticCalibration(const std::string& root) {
-  if (!fs::is_directory(root)) throw IoError(root, "no such folder");
+  RequireFolder(root, "; a dataset is a folder in Panoptic's layout, or a pack, which begins like HDF5");
   const std::vector<std::string> found = FilesNamed(root, "calibration_", ".json");
   if (found.empty()) throw IoError(root, "holds no calibration_<sequence>.json: not a dataset in Panoptic layout");
   if (found.size() > 1) {

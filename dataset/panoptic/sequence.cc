@@ -196,7 +196,7 @@ std::string ToString(PanopticKind kind) {
 }
 
 PanopticSequence ScanPanopticSequence(const std::string& root, bool follow_links) {
-  if (!fs::is_directory(root)) throw IoError(root, "no such folder");
+  RequireFolder(root, "; of an archive give what it holds, unpacked");
   return Scanner(root, follow_links).Run();
 }
 

@@ -2,6 +2,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <set>
 #include <string_view>
 #include <tuple>
@@ -104,7 +105,7 @@ class Reader {
     T value{};
     const auto [end, error] = std::from_chars(field.data(), field.data() + field.size(), value);
     if (error != std::errc() || end != field.data() + field.size() || !std::isfinite(static_cast<double>(value))) {
-      Fail(std::string("`") + kNames[c] + "` is `" + std::string(field) + "`, not a number" + DecimalCommaHint(field));
+      Fail(std::string("`") + kNames[c] + "` is `" + std::string(field) + "`, " + WhyNoNumber(field));
     }
     return value;
   }
@@ -113,6 +114,13 @@ class Reader {
     const int value = columns_[c] < 0 ? 0 : Number<int>(fields, c);
     if (value < 0) Fail(std::string("`") + kNames[c] + "` is negative");
     return value;
+  }
+
+  int Frame(const std::vector<std::string_view>& fields) const {
+    std::string why;
+    const int64_t frame = ReadFrameNumber(Field(fields, kFrame), std::numeric_limits<int>::max(), &why);
+    if (frame < 0) Fail("`frame` " + why);
+    return static_cast<int>(frame);
   }
 
   int JointIndex(std::string_view name) {
@@ -127,7 +135,7 @@ class Reader {
     csv->RequireCells(num_fields_);
     Row row;
     row.line = line_;
-    row.frame = Index(fields, kFrame), row.person = Index(fields, kPerson);
+    row.frame = Frame(fields), row.person = Index(fields, kPerson);
     if (!Field(fields, kX).empty() && !Field(fields, kY).empty()) {
       row.key.x_px = Number<double>(fields, kX), row.key.y_px = Number<double>(fields, kY);
       row.key.score = columns_[kScore] < 0 ? 1 : Number<double>(fields, kScore);

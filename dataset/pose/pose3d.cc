@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string_view>
@@ -101,10 +102,16 @@ class Table {
     T value{};
     const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
     if (error != std::errc() || end != cell.data() + cell.size()) {
-      Fail("column " + std::to_string(column + 1) + " holds `" + std::string(cell) + "`, not a number" +
-           DecimalCommaHint(cell));
+      Fail("column " + std::to_string(column + 1) + " holds `" + std::string(cell) + "`, " + WhyNoNumber(cell));
     }
     return value;
+  }
+
+  int Frame() const {
+    std::string why;
+    const int64_t frame = ReadFrameNumber((*cells_)[0], std::numeric_limits<int>::max(), &why);
+    if (frame < 0) Fail("the frame " + why);
+    return static_cast<int>(frame);
   }
 
   double NumberOr0(size_t column) const { return (*cells_)[column].empty() ? 0.0 : Number<double>(column); }
@@ -119,7 +126,7 @@ class Table {
 
 JointRow ReadPointsRow(const Table& csv) {
   JointRow row;
-  row.frame = csv.Number<int>(0);
+  row.frame = csv.Frame();
   row.person = csv.Number<int>(1);
   row.joint = csv.Text(2);
   const std::optional<Status> status = StatusFromString(csv.Text(3));
@@ -141,7 +148,7 @@ std::map<RowKey, Eigen::Matrix3d> ReadCovariances(const std::string& path) {
   std::map<RowKey, Eigen::Matrix3d> covariances;
   Table csv(path, kCovarianceHeader);
   while (csv.Next()) {
-    Eigen::Matrix3d& c = covariances[{csv.Number<int>(0), csv.Number<int>(1), csv.Text(2)}];
+    Eigen::Matrix3d& c = covariances[{csv.Frame(), csv.Number<int>(1), csv.Text(2)}];
     size_t column = 3;
     for (int i = 0; i < 3; ++i) {
       for (int j = i; j < 3; ++j) c(i, j) = c(j, i) = csv.Number<double>(column++);

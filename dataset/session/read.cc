@@ -10,6 +10,7 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/toml_depth.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
 #include "dataset/session/session.h"
 #include "dataset/session/session_scan.h"
@@ -96,7 +97,7 @@ void CheckName(const TableView& view, const std::string& key, const std::string&
 
 std::optional<double> Rate(TableView& view) {
   const auto rate = view.Number("fps_hz");
-  if (rate && !(*rate > 0 && *rate <= 1e6)) view.Fail("fps_hz", "must be frames a second, more than 0");
+  if (rate && !IsFrameRate(*rate)) view.Fail("fps_hz", kFrameRates);
   return rate;
 }
 

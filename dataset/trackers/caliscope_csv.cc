@@ -43,13 +43,11 @@ struct Row {
   Keypoint2d key;
 };
 
-template <class T>
-T Number(const CsvReader& csv, std::string_view cell, Column column) {
-  T value{};
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error == std::errc() && end == cell.data() + cell.size() && value >= 0 && value < T(1e9)) return value;
-  csv.Fail("`" + std::string(kNames[column].front()) + "` is `" + std::string(cell) + "`, not a number of 0 or more" +
-           DecimalCommaHint(cell));
+int Number(const CsvReader& csv, std::string_view cell, Column column) {
+  std::string why;
+  const int64_t value = ReadFrameNumber(cell, 999'999'999, &why);
+  if (value < 0) csv.Fail("`" + std::string(kNames[column].front()) + "` " + why);
+  return static_cast<int>(value);
 }
 
 double Coordinate(const CsvReader& csv, std::string_view cell) {
@@ -66,7 +64,7 @@ Row ReadRow(CsvReader* csv, const Columns& columns) {
   Row row;
   const auto cell = [&](int c) { return cells[static_cast<size_t>(columns.place[c])]; };
   for (const Column c : {kSync, kCamera, kObject, kPoint}) {
-    if (columns.place[c] >= 0) row.values[c] = Number<int>(*csv, cell(c), c);
+    if (columns.place[c] >= 0) row.values[c] = Number(*csv, cell(c), c);
   }
   row.key = internal::ToKeypoint(Coordinate(*csv, cell(kX)), Coordinate(*csv, cell(kY)), 1);
   return row;

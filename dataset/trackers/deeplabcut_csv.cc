@@ -1,6 +1,7 @@
 #include <charconv>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <string_view>
 
 #include "core/csv.h"
@@ -54,12 +55,12 @@ std::vector<TrackerColumn> Columns(const Header& header) {
 
 /// A number, or the number in the name of a labelled image.
 int FrameOf(const CsvReader& csv, std::string_view cell) {
-  int frame = -1;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), frame);
-  if (error == std::errc() && end == cell.data() + cell.size() && frame >= 0) return frame;
+  std::string why;
+  const int64_t frame = ReadFrameNumber(cell, std::numeric_limits<int>::max(), &why);
+  if (frame >= 0) return static_cast<int>(frame);
   const std::string name = std::filesystem::path(cell).filename().string();
   const auto number = name.find('.') == std::string::npos ? std::nullopt : FrameNumber(name);
-  if (!number) csv.Fail("`" + std::string(cell) + "` is no frame number and no image's name with one");
+  if (!number) csv.Fail("the frame " + why + ", and no image's name with a number either");
   return *number;
 }
 

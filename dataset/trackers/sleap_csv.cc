@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <string_view>
 
@@ -75,11 +76,11 @@ double Number(const CsvReader& csv, const std::vector<std::string_view>& cells, 
 using Rows = std::map<int, std::vector<std::pair<size_t, Person2d>>>;
 
 void AddRow(CsvReader* csv, const Columns& columns, std::vector<std::string>* individuals, Rows* rows) {
-  constexpr double kMaxFrame = 1e9;
   const std::vector<std::string_view>& cells = csv->Cells();
   csv->RequireCells(columns.width);
-  const double frame = Number(*csv, cells, columns.frame);
-  if (!(frame >= 0 && frame < kMaxFrame && frame == std::floor(frame))) csv->Fail("`frame_idx` is not a frame number");
+  std::string why;
+  const int64_t frame = ReadFrameNumber(cells[static_cast<size_t>(columns.frame)], std::numeric_limits<int>::max(), &why);
+  if (frame < 0) csv->Fail("`frame_idx` " + why);
   Person2d person;
   for (const Node& node : columns.nodes) {
     person.keypoints.push_back(

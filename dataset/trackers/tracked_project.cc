@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/some_of.h"
 #include "dataset/trackers/project_readers.h"
@@ -32,8 +33,8 @@ std::vector<std::string> ListFolder(const std::string& folder, bool folders) {
 }  // namespace internal
 
 TrackedProject ReadTrackedProject(const std::string& folder) {
+  RequireFolder(folder, "; give the folder of an anipose or caliscope project");
   std::error_code error;
-  if (!fs::is_directory(folder, error)) throw IoError(folder, "no such folder of an anipose or caliscope project");
   const std::string array = internal::FindCameraArray(folder);
   TrackedProject project;
   if (!array.empty() || fs::is_directory(fs::path(folder) / "recordings", error)) {

@@ -337,6 +337,8 @@ TEST(CornerCsv, SaysWhatIsWrong) {
   EXPECT_SAYS(read(header + "a,1,0,6,1,1\n"), "corner 6 is not on the board");
   EXPECT_SAYS(read(header + "a,1,0,0,1,inf\n"), "line 3, y_px");
   EXPECT_SAYS(read(header + "a,1.5,0,0,1,1\n"), "not a whole number");
+  EXPECT_SAYS(read(header + "a,-1,0,0,1,1\n"), "counted from 0");
+  EXPECT_SAYS(read(header + "a,9007199254740993,0,0,1,1\n"), "too large");
   EXPECT_SAYS(read("# board 1 chessboard:3x2:25mm\ncamera,frame,corner,x_px,y_px\n"), "numbered from 0");
   EXPECT_SAYS(read("# board 0 chessboard:3x:25mm\ncamera,frame,corner,x_px,y_px\n"), "line 1");
   EXPECT_SAYS(read("# camera 640 left\n" + header), "line 1");

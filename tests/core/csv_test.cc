@@ -112,6 +112,25 @@ TEST(CsvReader, AnyBytesGiveRowsOrOneError) {
   }
 }
 
+TEST(ReadFrameNumber, WholeExactAndSaysWhyNot) {
+  std::string why;
+  constexpr int64_t kMost = int64_t{1} << 53;
+  EXPECT_EQ(ReadFrameNumber("0", 9, &why), 0);
+  EXPECT_EQ(ReadFrameNumber("12.000", kMost, &why), 12);
+  EXPECT_EQ(ReadFrameNumber("9007199254740991", kMost, &why), kMost - 1) << "not by a floating-point number";
+  EXPECT_EQ(why, "");
+  for (const char* large : {"10", "9007199254740993", "99999999999999999999999"}) {
+    EXPECT_EQ(ReadFrameNumber(large, large[0] == '1' ? 9 : kMost, &why), -1);
+    EXPECT_THAT(why, HasSubstr("too large")) << large;
+  }
+  EXPECT_EQ(ReadFrameNumber("-1", 9, &why), -1);
+  EXPECT_THAT(why, HasSubstr("counted from 0"));
+  for (const char* other : {"", "1.5", "x", "1e3", "1,0", "nan", "."}) {
+    EXPECT_EQ(ReadFrameNumber(other, 9, &why), -1);
+    EXPECT_THAT(why, HasSubstr("not a whole number")) << other;
+  }
+}
+
 TEST(DecimalCommaHint, OnlyForNumbersWithOneComma) {
   EXPECT_THAT(DecimalCommaHint("1,5"), HasSubstr("decimal point"));
   EXPECT_THAT(DecimalCommaHint("-1,5e3"), HasSubstr("decimal point"));

@@ -76,6 +76,13 @@ TEST_F(Pose2dCsv, DecimalCommasAndSemicolonsAreNamed) {
   EXPECT_THAT(Message(std::string(kHeader) + "a,1,0,m,1,5,2,5,1\n"), HasSubstr("line 2: 9 columns, the header has 7; decimal"));
 }
 
+TEST_F(Pose2dCsv, FrameNumbersThatAreTooLargeAreCalledSo) {
+  EXPECT_THAT(Message(std::string(kHeader) + "a,2147483648,0,m,1,2,1\n"), HasSubstr("`2147483648`, which is too large"));
+  EXPECT_THAT(Message(std::string(kHeader) + "a,-1,0,m,1,2,1\n"), HasSubstr("counted from 0"));
+  EXPECT_THAT(Message(std::string(kHeader) + "a,1,2147483648,m,1,2,1\n"), HasSubstr("`2147483648`, which is too large"));
+  EXPECT_EQ(ReadText(std::string(kHeader) + "a,2147483647,0,m,1,2,1\n").tracks.at(0).frames.begin()->first, 2147483647);
+}
+
 TEST_F(Pose2dCsv, GivenSkeletonOrdersTheJoints) {
   const body::Skeleton& skeleton = body::SkeletonByName("coco17");
   const Pose2dSet set = ReadText(std::string(kHeader) + "a,0,0,RAnkle,1,2,1\n", &skeleton);

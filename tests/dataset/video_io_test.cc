@@ -1,10 +1,12 @@
 #include "dataset/footage/video_io.h"
 
+#include <gmock/gmock.h>
 #include <sys/stat.h>
 
 #include <filesystem>
 #include <fstream>
 
+#include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "dataset/footage/frames.h"
@@ -270,6 +272,29 @@ TEST(VideoTimes, EditListHidesWhatComesBeforeTheStart) {
       EXPECT_NEAR(decoded.times_s[i], i / 30.0, 1e-9);
       EXPECT_NEAR(times.time_s[i], i / 30.0, 1e-9);
     }
+  }
+}
+
+/// Bytes of the movie's header set to 0: `at` from the box's name on.
+std::string WithZeros(std::string bytes, const std::string& box, size_t at) {
+  const size_t found = bytes.find(box);
+  EXPECT_NE(found, std::string::npos);
+  return bytes.replace(found + at, 4, 4, '\0');
+}
+
+TEST(VideoTimes, AClockThatCannotBeIsRefused) {
+  const TempDir folder;
+  WriteClip(folder / "a.mp4", Regular(12));
+  const std::string bytes = ReadFile(folder / "a.mp4");
+  std::ofstream(folder / "scale.mp4", std::ios::binary) << WithZeros(bytes, "mdhd", 16);
+  std::string stamps = bytes;
+  const size_t table = stamps.find("stts");
+  for (int i = 0; i < stamps[table + 11]; ++i) stamps.replace(table + 16 + 8 * static_cast<size_t>(i), 4, 4, '\0');
+  std::ofstream(folder / "stamps.mp4", std::ios::binary) << stamps;
+  for (const auto& [name, said] : {std::pair("scale", "time scale is 0"), std::pair("stamps", "12 frames all have one time")}) {
+    const std::string path = folder / (std::string(name) + ".mp4");
+    EXPECT_THAT(mvstudio::testing::MessageOf<FormatError>([&] { VideoReader reader(path); }), ::testing::HasSubstr(said));
+    EXPECT_THAT(mvstudio::testing::MessageOf<FormatError>([&] { ReadVideoTimes(path); }), ::testing::HasSubstr(said));
   }
 }
 

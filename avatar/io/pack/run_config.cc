@@ -6,6 +6,7 @@
 
 #include "avatar/maps/bone_lists.h"
 #include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/json_view.h"
 
@@ -141,8 +142,7 @@ bool HoldsGaussians(const std::string& folder) { return std::filesystem::exists(
 
 RunConfig OpenRun(const std::string& folder, const std::string& dataset) {
   namespace fs = std::filesystem;
-  if (!fs::is_directory(folder))
-    throw IoError(folder, "no such folder; give the option 'out' folder of `mvstudio avatar train`");
+  RequireFolder(folder, "; give the option 'out' folder of `mvstudio avatar train`");
   const std::string config_path = folder + "/" + kRunConfigFile, checkpoint = folder + "/" + kCheckpointFile;
   if (!fs::exists(config_path)) throw IoError(config_path, "is missing: not the folder of a training run");
   if (!fs::exists(checkpoint) && !HoldsGaussians(folder))

@@ -7,6 +7,7 @@
 
 #include "avatar/io/render/bvh_pose.h"
 #include "body/body_template.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/views/crop.h"
@@ -41,7 +42,7 @@ Coco19Pose AdultAtRest() {
 }
 
 std::map<int, std::string> ScenesOf(const std::string& root, const std::vector<int>& frames) {
-  if (!std::filesystem::is_directory(root)) throw IoError(root, "no such folder; give a dataset in Panoptic's layout");
+  RequireFolder(root, "; give a dataset in Panoptic's layout");
   const std::map<int, std::string> all = dataset::ListBody3dScenes(root);
   if (all.empty()) throw IoError(root + "/hdPose3d_stage1_coco19", "holds no body3DScene_%08d.json");
   if (frames.empty()) return all;
