@@ -204,7 +204,7 @@ std::string ToString(PanopticKind kind) {
 }
 
 PanopticSequence ScanPanopticSequence(const std::string& root, bool follow_links) {
-  RequireFolder(root, "; of an archive give what it holds, unpacked");
+  RequireFolder(root, "; a pack (.h5) begins like HDF5, and of an archive give what it holds, unpacked");
   return Scanner(root, follow_links).Run();
 }
 
