@@ -150,13 +150,14 @@ TEST_F(DataSafety, OutputsAreWhereTheSystemFindsThem) {
   const std::string truth = "latest/../s/truth/calibration.json";
   const std::string here = "cd " + folder_.path() + " && ";
   const auto before = StateOf(folder_.path());
-  for (const Words& words : {Words{"dataset", "export", "other/ds", "--to", "npz", "--out", "latest/../ds"},
-                             Words{"dataset", "pack", "latest/../ds", "--out", "other/ds"},
-                             Words{"dataset", "import", "panoptic", "other/ds", "--out", "latest/../ds"},
-                             Words{"calib", "convert", truth, "--out", "other/s/truth/calibration.json"},
-                             Words{"markers", "other/s/truth/pose3d", "--to", "trc", "--out", "latest/../s/truth/pose3d"},
-                             Words{"pose2d", "--session", "other/s", "--backend", "openpose:other/s/pose2d/take1", "--out",
-                                   "latest/../s/pose2d/take1"}}) {
+  for (const Words& words :
+       {Words{"dataset", "export", "other/ds", "--to", "npz", "--out", "latest/../ds"},
+        Words{"dataset", "pack", "latest/../ds", "--out", "other/ds"},
+        Words{"dataset", "import", "panoptic", "other/ds", "--out", "latest/../ds"},
+        Words{"calib", "convert", truth, "--out", "other/s/truth/calibration.json"},
+        Words{"markers", "other/s/truth/pose3d", "--to", "trc", "--frame-rate", "25", "--out", "latest/../s/truth/pose3d"},
+        Words{"pose2d", "--session", "other/s", "--backend", "openpose:other/s/pose2d/take1", "--out",
+              "latest/../s/pose2d/take1"}}) {
     const bool pack = words[1] == "pack";
     const CliRun run = RunCli(pack ? words : words + Words{"--overwrite"}, here);
     EXPECT_EQ(run.exit, 2) << words[0] << " " << words[1] << run.out << run.err;

@@ -312,7 +312,7 @@ shared_folder("tradeoff avatar", "tradeoff avatar {in}/dataset --out out --width
               needs=["dataset"], grows=True, weight=20, nightly=True, most=6, measured=_MEASURED)
 CASES["tradeoff avatar"].argv.append("--downs 2 --encoder-blocks 1 --decoder-blocks 1 --no-fit-shape --validate-pictures 0")
 shared_folder("report", "report out", foreign={**BESIDE, **INSIDE, "out/calib": "{in}/calib", "out/pose3d": "{in}/pose3d"},
-              needs=["calib", "pose3d"], old=["report out --title before"], steps=True)
+              needs=["calib", "pose3d"], old=["report out --title before"], steps=True, without=["names"])  # the page names the run as it was given
 case("report --study", "report --study {in}/scored {in}/scored2 --study-pictures 2 --out out/study.html", needs=["scored"],
      foreign={**BESIDE, **INSIDE}, old=["report --study {in}/scored {in}/scored2 --study-pictures 1 --out out/study.html"], steps=True)
 case("demo --quick", "demo --quick --out out --overwrite --seed 2", old=["demo --quick --out out"], grows=True, weight=100, nightly=True, most=1,
