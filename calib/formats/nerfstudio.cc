@@ -87,45 +87,45 @@ geometry::Rigid3 TurnAxes(const geometry::Rigid3& world_from_cam) {
 }
 
 /// Names of files, times, and how other programs show or train on the scene.
-constexpr std::initializer_list<const char*> kHarmless = {"maskpath",
-                                                          "depthfilepath",
-                                                          "depthpath",
-                                                          "colmapimid",
-                                                          "plyfilepath",
-                                                          "aabbscale",
-                                                          "aabb",
-                                                          "scale",
-                                                          "offset",
-                                                          "sharpness",
-                                                          "cameraanglex",
-                                                          "cameraangley",
-                                                          "timestamp",
-                                                          "time",
-                                                          "trainfilenames",
-                                                          "valfilenames",
-                                                          "testfilenames",
-                                                          "fromna",
-                                                          "enabledepthloading",
-                                                          "integerdepthscale",
-                                                          "nextralearnabledims",
-                                                          "whitetransparent",
-                                                          "blacktransparent",
-                                                          "orientationoverride",
-                                                          "rotation",
-                                                          "renderaabb",
-                                                          "up",
-                                                          "centroid",
-                                                          "k3",
-                                                          "k4",
-                                                          "k5",
-                                                          "k6",
-                                                          "p1",
-                                                          "p2",
-                                                          "frameindex",
-                                                          "frameid",
-                                                          "cameraid",
-                                                          "cam",
-                                                          "fps"};
+constexpr std::initializer_list<const char*> kHarmlessInNerfstudio = {"maskpath",
+                                                                      "depthfilepath",
+                                                                      "depthpath",
+                                                                      "colmapimid",
+                                                                      "plyfilepath",
+                                                                      "aabbscale",
+                                                                      "aabb",
+                                                                      "scale",
+                                                                      "offset",
+                                                                      "sharpness",
+                                                                      "cameraanglex",
+                                                                      "cameraangley",
+                                                                      "timestamp",
+                                                                      "time",
+                                                                      "trainfilenames",
+                                                                      "valfilenames",
+                                                                      "testfilenames",
+                                                                      "fromna",
+                                                                      "enabledepthloading",
+                                                                      "integerdepthscale",
+                                                                      "nextralearnabledims",
+                                                                      "whitetransparent",
+                                                                      "blacktransparent",
+                                                                      "orientationoverride",
+                                                                      "rotation",
+                                                                      "renderaabb",
+                                                                      "up",
+                                                                      "centroid",
+                                                                      "k3",
+                                                                      "k4",
+                                                                      "k5",
+                                                                      "k6",
+                                                                      "p1",
+                                                                      "p2",
+                                                                      "frameindex",
+                                                                      "frameid",
+                                                                      "cameraid",
+                                                                      "cam",
+                                                                      "fps"};
 
 /// The file's poses are those of the program before times `applied_scale`, and turned by `applied_transform`: the scale is
 /// undone, so that the unit is that program's; the world stays as the file has it.
@@ -174,7 +174,7 @@ ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options) 
   imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   UndoScale(root, &imported);
   geometry::UnusedKeys unused(file, options.metres_per_unit);
-  internal::AddUnused(root, kHarmless, &unused);
+  internal::AddUnused(root, kHarmlessInNerfstudio, &unused);
   internal::AddUnusedNote(unused, &imported);
   return imported;
 }

@@ -27,7 +27,7 @@ double Number(const toml::node& node, const Place& place) {
 }
 
 /// Settings and figures of Pose2Sim, caliscope and aniposelib beside the lens and the pose.
-const std::set<std::string> kHarmless = {"error", "port", "camid", "rotationcount", "exposure", "gridcount", "verified"};
+const std::set<std::string> kHarmlessInToml = {"error", "port", "camid", "rotationcount", "exposure", "gridcount", "verified"};
 
 std::string TextOf(const toml::node& node) {
   if (const auto truth = node.as_boolean()) return **truth ? "true" : "false";
@@ -89,7 +89,7 @@ struct CameraTable {
   void AddUnused(geometry::UnusedKeys* unused) const {
     for (const auto& [key, node] : *table) {
       const std::string id(key.str());
-      if (used.count(id) == 0 && kHarmless.count(geometry::PlainKey(id)) == 0)
+      if (used.count(id) == 0 && kHarmlessInToml.count(geometry::PlainKey(id)) == 0)
         unused->Add(At(id).where, internal::Printable(id), TextOf(node));
     }
   }

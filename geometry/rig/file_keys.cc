@@ -13,54 +13,54 @@ namespace mvstudio::geometry {
 namespace {
 
 template <size_t N>
-using Words = std::array<std::string_view, N>;
+using WordList = std::array<std::string_view, N>;
 
 template <size_t N>
-bool Has(const Words<N>& words, std::string_view word) {
+bool Has(const WordList<N>& words, std::string_view word) {
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
-constexpr Words<15> kLensKeys = {"cameramodel",  "distortionmodel", "lensmodel",      "lenstype",  "cameratype",
-                                 "fisheyemodel", "isfisheye",       "fisheye",        "lens",      "distortiontype",
-                                 "usefisheye",   "projectionmodel", "projectiontype", "modeltype", "isequirectangular"};
+constexpr WordList<15> kLensKeys = {"cameramodel",  "distortionmodel", "lensmodel",      "lenstype",  "cameratype",
+                                    "fisheyemodel", "isfisheye",       "fisheye",        "lens",      "distortiontype",
+                                    "usefisheye",   "projectionmodel", "projectiontype", "modeltype", "isequirectangular"};
 /// Projections whose distortion's word decides.
-constexpr Words<7> kPinholes = {"pinhole", "perspective", "simplepinhole", "none", "standard", "normal", "false"};
-constexpr Words<16> kPerspectives = {"opencv",
-                                     "simpleradial",
-                                     "radial",
-                                     "fullopencv",
-                                     "plumbbob",
-                                     "radtan",
-                                     "brown",
-                                     "radialtangential",
-                                     "brownconrady",
-                                     "rational",
-                                     "rationalpolynomial",
-                                     "brown4",
-                                     "brown5",
-                                     "brown3",
-                                     "modifiedbrownconrady",
-                                     "opencvpinhole"};
-constexpr Words<13> kFisheyes = {
+constexpr WordList<7> kPinholes = {"pinhole", "perspective", "simplepinhole", "none", "standard", "normal", "false"};
+constexpr WordList<16> kPerspectives = {"opencv",
+                                        "simpleradial",
+                                        "radial",
+                                        "fullopencv",
+                                        "plumbbob",
+                                        "radtan",
+                                        "brown",
+                                        "radialtangential",
+                                        "brownconrady",
+                                        "rational",
+                                        "rationalpolynomial",
+                                        "brown4",
+                                        "brown5",
+                                        "brown3",
+                                        "modifiedbrownconrady",
+                                        "opencvpinhole"};
+constexpr WordList<13> kFisheyes = {
     "fisheye", "equidistant", "equi", "opencvfisheye", "kannalabrandt", "kannalabrandt4",     "kb4",
     "kb",      "fisheye4",    "true", "kannala4",      "radialfisheye", "simpleradialfisheye"};
 
-constexpr Words<4> kSkewKeys = {"skew", "alphac", "shear", "k01"};
-constexpr Words<5> kUnitKeys = {"unit", "units", "lengthunit", "lengthunits", "distanceunit"};
-constexpr Words<2> kBinningKeys = {"binningx", "binningy"};
-constexpr Words<10> kAxesKeys = {"handedness",  "coordinatesystem",
-                                 "lefthanded",  "cameraconvention",
-                                 "convention",  "coordinateframe",
-                                 "coordinates", "axes",
-                                 "flipx",       "flipy"};
-constexpr Words<8> kOurAxes = {"opencv", "rdf", "right", "righthanded", "false", "rhs", "rh", "cv"};
-constexpr Words<6> kDirectionKeys = {"posetype",       "transformtype", "extrinsictype",
-                                     "extrinsicstype", "iscamtoworld",  "camtoworld"};
-constexpr Words<7> kOurDirections = {"worldtocamera",   "worldtocam", "w2c",      "camfromworld",
-                                     "camerafromworld", "false",      "extrinsic"};
+constexpr WordList<4> kSkewKeys = {"skew", "alphac", "shear", "k01"};
+constexpr WordList<5> kUnitKeys = {"unit", "units", "lengthunit", "lengthunits", "distanceunit"};
+constexpr WordList<2> kBinningKeys = {"binningx", "binningy"};
+constexpr WordList<10> kAxesKeys = {"handedness",  "coordinatesystem",
+                                    "lefthanded",  "cameraconvention",
+                                    "convention",  "coordinateframe",
+                                    "coordinates", "axes",
+                                    "flipx",       "flipy"};
+constexpr WordList<8> kOurAxes = {"opencv", "rdf", "right", "righthanded", "false", "rhs", "rh", "cv"};
+constexpr WordList<6> kDirectionKeys = {"posetype",       "transformtype", "extrinsictype",
+                                        "extrinsicstype", "iscamtoworld",  "camtoworld"};
+constexpr WordList<7> kOurDirections = {"worldtocamera",   "worldtocam", "w2c",      "camfromworld",
+                                        "camerafromworld", "false",      "extrinsic"};
 
 /// At most 40 characters of a file's text, with '?' for whatever is not printable ASCII.
-std::string Shown(const std::string& value) {
+std::string Excerpt(const std::string& value) {
   std::string shown = value.substr(0, 40);
   for (char& c : shown) c = c >= ' ' && c <= '~' ? c : '?';
   return shown;
@@ -122,7 +122,7 @@ void LensWords::Add(const std::string& path, const std::string& where, std::stri
   const LensKind kind = weak || Has(kPerspectives, word) ? LensKind::kPerspective : LensKind::kFisheye;
   if (kind == LensKind::kFisheye && (!Has(kFisheyes, word) || PlainKey(key) == "isequirectangular")) {
     throw FormatError(path, where,
-                      "the lens '" + Shown(value) +
+                      "the lens '" + Excerpt(value) +
                           "' is not known here (pinhole, opencv, plumb_bob, rational_polynomial, radtan; fisheye, equidistant, "
                           "opencv_fisheye)");
   }
@@ -131,7 +131,7 @@ void LensWords::Add(const std::string& path, const std::string& where, std::stri
     return;
   }
   if (strong_ != LensKind::kUnsaid && strong_ != kind)
-    throw FormatError(path, where, "'" + Shown(value) + "' contradicts " + said_by_ + ": is it a fisheye lens?");
+    throw FormatError(path, where, "'" + Excerpt(value) + "' contradicts " + said_by_ + ": is it a fisheye lens?");
   strong_ = kind;
   said_by_ = where;
 }
@@ -139,7 +139,7 @@ void LensWords::Add(const std::string& path, const std::string& where, std::stri
 void UnusedKeys::Add(const std::string& where, const std::string& key, const std::string& value) {
   const std::string other = OtherMeaning(key, value, metres_per_unit_);
   if (!other.empty())
-    throw FormatError(path_, where, "'" + Shown(value) + "' " + other + "; take the key out if it does not apply");
+    throw FormatError(path_, where, "'" + Excerpt(value) + "' " + other + "; take the key out if it does not apply");
   Seen& seen = seen_[key];
   if (seen.times++ == 0) seen.where = where;
 }
