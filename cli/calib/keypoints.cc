@@ -7,7 +7,7 @@
 #include "app/calib/calibration_use.h"
 #include "app/input/calib_read.h"
 #include "app/input/pose_input.h"
-#include "app/input/sync_input.h"
+#include "app/people/apply_sync.h"
 #include "app/people/known_lengths.h"
 #include "app/people/likely_cause.h"
 #include "calib/calibrate.h"

@@ -1,9 +1,9 @@
 #include "cli/people/take_timing.h"
 
 #include "app/calib/calibration_use.h"
-#include "app/input/sync_input.h"
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
+#include "app/people/apply_sync.h"
 #include "dataset/session/timeline_source.h"
 
 namespace mvstudio::cli {

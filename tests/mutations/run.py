@@ -148,6 +148,7 @@ def arguments():
     parser.add_argument("--table", type=pathlib.Path, nargs="+", help="Markdown of these JSON files")
     parser.add_argument("--write", type=pathlib.Path, help="only write the recordings there")
     parser.add_argument("--real", action="store_true", help="thinned real recordings (real.py)")
+    parser.add_argument("--takes", action="store_true", help="takes of 2D joints and `mvstudio triangulate` (takes.py)")
     parser.add_argument("--folds", type=int, default=3, help="--real: subsets of each size")
     options = parser.parse_args()
     options.bin = options.bin.resolve()
@@ -176,6 +177,9 @@ def main():
     if not options.bin.is_file():
         print(f"{options.bin}: not built")
         return SKIPPED
+    if options.takes:
+        import takes
+        return takes.main(options)
     if options.real:
         import real
         return real.main(options)

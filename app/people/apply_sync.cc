@@ -1,4 +1,4 @@
-#include "app/input/sync_input.h"
+#include "app/people/apply_sync.h"
 
 #include <cmath>
 #include <vector>
