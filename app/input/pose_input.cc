@@ -7,7 +7,7 @@
 #include "app/input/calib_read.h"
 #include "app/input/take_frames.h"
 #include "app/input/tracker_input.h"
-#include "body/names/joint_names.h"
+#include "body/skeleton_text.h"
 #include "core/error.h"
 #include "core/some_of.h"
 

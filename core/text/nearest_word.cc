@@ -22,7 +22,7 @@ size_t EditDistance(const std::string& a, const std::string& b) {
   return d[a.size()][b.size()];
 }
 
-std::string Lower(std::string text) {
+std::string InSmallLetters(std::string text) {
   std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
   return text;
 }
@@ -34,9 +34,9 @@ std::string NearestWord(const std::string& word, const std::vector<std::string>&
   const size_t letters = word.size() - std::min(word.size(), word.find_first_not_of('-'));
   size_t best = std::max<size_t>(1, letters / 4) + 1;  // farther words are other words: --session is no --version
   if (word.size() > 100) return "";
-  const std::string lower = Lower(word);
+  const std::string lower = InSmallLetters(word);
   for (const std::string& candidate : candidates) {
-    const size_t distance = EditDistance(lower, Lower(candidate));
+    const size_t distance = EditDistance(lower, InSmallLetters(candidate));
     if (distance < best) best = distance, nearest = candidate;
   }
   return nearest;

@@ -9,7 +9,7 @@
 namespace mvstudio {
 namespace {
 
-std::string_view WithoutBlanks(std::string_view text) {
+std::string_view TrimmedCell(std::string_view text) {
   const size_t first = text.find_first_not_of(" \t\r");
   return first == std::string_view::npos ? std::string_view() : text.substr(first, text.find_last_not_of(" \t\r") + 1 - first);
 }
@@ -32,7 +32,7 @@ bool SaysMissing(std::string_view text) {
 
 NumberCell ReadNumberCell(std::string_view text) {
   constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-  text = WithoutBlanks(text);
+  text = TrimmedCell(text);
   if (SaysMissing(text)) return {NumberCell::Kind::kMissing, kNone};
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
   double value = 0;

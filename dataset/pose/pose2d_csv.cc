@@ -8,7 +8,7 @@
 #include <tuple>
 #include <unordered_map>
 
-#include "body/names/joint_names.h"
+#include "body/skeleton_text.h"
 #include "core/check.h"
 #include "core/csv.h"
 #include "core/disk/files.h"

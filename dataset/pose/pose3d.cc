@@ -10,7 +10,6 @@
 #include <string_view>
 #include <tuple>
 
-#include "body/names/joint_names.h"
 #include "body/skeleton_text.h"
 #include "core/check.h"
 #include "core/csv.h"

@@ -7,7 +7,7 @@
 #include <optional>
 #include <set>
 
-#include "body/names/joint_names.h"
+#include "body/skeleton_text.h"
 #include "core/some_of.h"
 #include "core/statistics.h"
 #include "dataset/pose/marker_labels.h"

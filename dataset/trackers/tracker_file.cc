@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "body/names/joint_names.h"
+#include "body/skeleton_text.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "dataset/pack/child_process.h"
