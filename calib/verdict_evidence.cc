@@ -20,6 +20,7 @@ constexpr double kWarnGross = 0.005, kFailGross = 0.05;
 // Of triangulated corners against the pictures they come from, median; and of lengths over the size of the board.
 constexpr double kWarnTriangulatedPx = 1, kFailTriangulatedPx = 5;
 constexpr double kWarnLengths = 0.005, kFailLengths = 0.02;
+constexpr double kWarnStray = 0.02, kFailStray = 0.10;  // of the triangulated corners
 
 const char* const kSyncHint =
     "check that frames with the same number were taken at the same time, and that no camera was moved";
@@ -174,6 +175,13 @@ void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
   out->Limit(boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
              Format("triangulated corners lie %.2f px (median) from the images they come from", boards.reprojection_median_px),
              kSyncHint);
+  if (boards.num_points > 0) {
+    const double stray = static_cast<double>(boards.num_stray_points) / boards.num_points;
+    out->Limit(stray, kWarnStray, kFailStray, "CAL-STRAY",
+               Format("%d of %d triangulated corners lie far from where the others of their board put them",
+                      boards.num_stray_points, boards.num_points),
+               "some corners are detected wrongly, or numbered otherwise in one camera: look at the rejected ones");
+  }
   const double share = 1e-3 * boards.pair_rms_mm / report.board_size_m;
   out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS",
              Format("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size", boards.pair_rms_mm,

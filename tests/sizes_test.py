@@ -13,7 +13,6 @@ MOST_IN_FUNCTION = 60
 # Longer today, with their lines: these may only fall.
 LONGER_FILES = {
     "calib/calibrate.cc": 414,
-    "triangulate/skeleton/solve.cc": 401,
 }
 FOLDERS = ["app", "avatar", "body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "metrics", "report", "splats", "synth",
            "triangulate"]

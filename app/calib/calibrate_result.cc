@@ -190,6 +190,7 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
                         {"bias", FiniteOrNull(boards.edge_bias_mm)}};
   m["pair_distance_rms_mm"] = FiniteOrNull(boards.pair_rms_mm);
   m["pair_distance_bias_mm"] = FiniteOrNull(boards.pair_bias_mm);
+  m["triangulated_points"] = {{"num", boards.num_points}, {"strays", boards.num_stray_points}};
   m["triangulated_rms_px"] = FiniteOrNull(boards.reprojection_rms_px);
   m["triangulated_median_px"] = FiniteOrNull(boards.reprojection_median_px);
   if (!report.board_warp_m.empty())

@@ -230,6 +230,7 @@ void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, order
        {{"before", FiniteOrNull(report.before.median_px)}, {"after", FiniteOrNull(report.after.median_px)}}},
       {"bone_std_mm", {{"before", FiniteOrNull(report.limb_std_before_mm)}, {"after", FiniteOrNull(report.limb_std_after_mm)}}},
       {"num_filled", report.num_filled},
+      {"num_unrefined_frames", report.num_unrefined_frames},
       {"trials", trials}};
 }
 
@@ -244,7 +245,10 @@ std::string RefinementText(const triangulate::SkeletonRefineReport& report) {
                             report.after.median_px);
   if (std::isfinite(report.limb_std_before_mm))
     text += Format(", bones vary by %.1f -> %.1f mm", report.limb_std_before_mm, report.limb_std_after_mm);
-  return text + Format(", %d joints filled\n", report.num_filled);
+  text += Format(", %d joints filled\n", report.num_filled);
+  if (report.num_unrefined_frames == 0) return text;
+  return text +
+         Format("%d frames are as they were: their joints do not determine the refined ones\n", report.num_unrefined_frames);
 }
 
 /// A camera of which most detections fit no point of the others.

@@ -66,6 +66,47 @@ void Measure(const Eigen::Matrix3Xd& corners, const std::vector<std::pair<int, i
   }
 }
 
+/// The corners of one board in one frame, and by how much each is off: the median of its lengths' absolute errors.
+struct MeasuredBoard {
+  int board = 0;
+  CornerCloud cloud;
+  std::map<int, double> off_mm = {};
+};
+
+MeasuredBoard MeasureBoard(int board, const Eigen::Matrix3Xd& corners, CornerCloud cloud) {
+  MeasuredBoard measured{board, std::move(cloud)};
+  for (const auto& [a, at] : measured.cloud) {
+    std::vector<double> errors;
+    for (const auto& [b, other] : measured.cloud) {
+      if (b != a) errors.push_back(std::abs(LengthError(corners, measured.cloud, a, b)));
+    }
+    if (!errors.empty()) measured.off_mm[a] = UpperMedian(std::move(errors));
+  }
+  return measured;
+}
+
+double MedianOff(const std::vector<const MeasuredBoard*>& boards) {
+  std::vector<double> off;
+  for (const MeasuredBoard* board : boards) {
+    for (const auto& [id, value] : board->off_mm) off.push_back(value);
+  }
+  return UpperMedian(std::move(off), 0);
+}
+
+/// Takes corners away that are off by far more than the others of their board in this frame and than corners in general: one
+/// wrong detection. A board whose corners are off together keeps them. Returns their number.
+int RemoveStrays(const Eigen::Matrix3Xd& corners, double typical_mm, MeasuredBoard* measured) {
+  constexpr double kStray = 8, kNothing = 1e-5;  // of the board's size: rounding
+  const double size_mm = 1e3 * (corners.rowwise().maxCoeff() - corners.rowwise().minCoeff()).norm();
+  const double limit = kStray * std::max({typical_mm, MedianOff({measured}), kNothing * size_mm});
+  int count = 0;
+  for (const auto& [id, value] : measured->off_mm) {
+    if (!(value > limit)) continue;
+    measured->cloud.erase(id), ++count;
+  }
+  return count;
+}
+
 std::vector<std::pair<int, int>> MutualNearest(const Eigen::Matrix3Xd& corners) {
   constexpr double kEqual = 1 + 1e-6;
   std::vector<double> nearest(corners.cols(), std::numeric_limits<double>::infinity());
@@ -137,14 +178,22 @@ BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::ve
   BoardMetrics metrics;
   Errors errors;
   std::set<int> frames;
+  std::vector<MeasuredBoard> measured;
   const bool moving = !state.time_offset_frames.empty();
   triangulate::PreparedRig rig;
   for (const auto& [place, of_board] : sights) {
     if (moving || rig.cameras.empty()) rig = RigAt(place.first, state);
-    const CornerCloud cloud = TriangulateCorners(rig, of_board, kMinParallaxRad, &errors.pixels);
+    CornerCloud cloud = TriangulateCorners(rig, of_board, kMinParallaxRad, &errors.pixels);
     if (!cloud.empty()) frames.insert(place.first);
     metrics.num_points += static_cast<int>(cloud.size());
-    Measure(corners[place.second], neighbours[place.second], cloud, &errors);
+    measured.push_back(MeasureBoard(place.second, corners[place.second], std::move(cloud)));
+  }
+  std::vector<const MeasuredBoard*> all;
+  for (const MeasuredBoard& each : measured) all.push_back(&each);
+  const double typical_mm = MedianOff(all);
+  for (MeasuredBoard& each : measured) {
+    metrics.num_stray_points += RemoveStrays(corners[each.board], typical_mm, &each);
+    Measure(corners[each.board], neighbours[each.board], each.cloud, &errors);
   }
   metrics.edge_rms_mm = Rms(errors.edges_mm), metrics.edge_median_mm = MedianAbs(errors.edges_mm);
   metrics.edge_bias_mm = Mean(errors.edges_mm);

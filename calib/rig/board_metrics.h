@@ -20,11 +20,15 @@ struct BoardMetrics {
   double pair_rms_mm = 0, pair_bias_mm = 0;                    ///< of all pairs of corners of a board in a frame
   double reprojection_rms_px = 0, reprojection_median_px = 0;  ///< 2-D, of the triangulated points in all their images
   int num_frames = 0, num_points = 0, num_edges = 0;
+  int num_stray_points = 0;  ///< of num_points; left out of edges and pairs, see ComputeBoardMetrics
 };
 
 /// Triangulates every corner that two or more cameras see in a frame, by least squares of the pixel errors with the
-/// cameras fixed as in `state`. Board poses and weights are not used. No corner is rejected; left out are those without a
-/// ray, without parallax, or without a point in front of their cameras.
+/// cameras fixed as in `state`. Board poses and weights are not used. No sight is rejected; left out are corners without a
+/// ray, without parallax, or without a point in front of their cameras. A corner whose distances are off (median) by more
+/// than 8 times those of the other corners of its board in that frame, and of all corners, is a stray: counted, and not in
+/// the lengths. So one wrong detection says nothing of the lengths, and a camera that moved, which displaces all corners of
+/// a board, says all it did.
 ///
 /// Distances are measured minus true (positive bias: too long). Neighbours: along rows and columns of a grid; the sides of
 /// a tag; of single points, those that are each other's nearest. `views` decide which frames take part. With time offsets,

@@ -270,6 +270,20 @@ TEST(SkeletonRefine, TwoCamerasDecideNothing) {
   EXPECT_GT(Refine(take, on).report.smoothness, 0);
 }
 
+/// A joint that is never seen three times in a row has no acceleration: it is not bridged, and the others are refined.
+TEST(SkeletonRefine, AJointSeenEverySecondFrame) {
+  Take take;
+  Film({}, &take);
+  for (size_t i = 0; i < take.result.points.size(); ++i) {
+    if (take.result.points[i].joint_idx != 2 || take.result.points[i].frame % 2 == 0) continue;
+    take.result.points[i].point = {}, take.result.observations[i].clear();
+  }
+  const SkeletonRefineResult refined = Refine(take);
+  EXPECT_EQ(refined.report.num_unrefined_frames, 0);
+  EXPECT_GT(refined.report.smoothness, 0);
+  EXPECT_LT(RmsError(take, refined.points), 0.7 * RmsError(take, take.result.points));
+}
+
 TEST(SkeletonRefine, EmptyTakeAndWrongOptions) {
   Take take;
   Film({}, &take);

@@ -146,7 +146,7 @@ size_t WeakestAsGood(const std::vector<TermTrial>& trials, const std::vector<std
 
 /// Tries the weights of one term beside those in `terms`; keeps one where it is wanted or justified.
 void TryTerm(const PreparedRig& rig, const Choice& choice, const Bones& bones, const TermKind& kind, const RunContext& run,
-             Terms* terms, std::vector<LeftOutSample>* current, SkeletonRefineReport* report) {
+             ProgressStage* stage, Terms* terms, std::vector<LeftOutSample>* current, SkeletonRefineReport* report) {
   if (kind.wish == AutoOnOff::kOff) return;
   std::vector<TermTrial> trials;
   std::vector<std::vector<LeftOutSample>> samples;
@@ -154,6 +154,7 @@ void TryTerm(const PreparedRig& rig, const Choice& choice, const Bones& bones, c
     Terms tried = *terms;
     kind.set(&tried, weight);
     samples.push_back(Predict(rig, choice, bones, tried, run));
+    stage->Advance();
     TermTrial& trial = trials.emplace_back();
     trial.name = kind.name, trial.weight = weight;
     trial.before = SummarizeLeftOut(rig, *current, choice.labels).all;
@@ -210,11 +211,10 @@ Terms ChooseTerms(const PreparedRig& rig, const std::vector<Window>& persons, co
   const std::vector<LeftOutSample> base = Predict(rig, choice, bones, terms, run);
   std::vector<LeftOutSample> current = base;
   report->before = SummarizeLeftOut(rig, base, choice.labels).all;
-  ProgressStage stage(run, "choose terms", static_cast<int64_t>(kinds.size()));
-  for (const TermKind& kind : kinds) {
-    TryTerm(rig, choice, bones, kind, run, &terms, &current, report);
-    stage.Advance();
-  }
+  int64_t num_trials = 0;
+  for (const TermKind& kind : kinds) num_trials += kind.wish == AutoOnOff::kOff ? 0 : static_cast<int64_t>(kind.weights.size());
+  ProgressStage stage(run, "choose terms", num_trials);
+  for (const TermKind& kind : kinds) TryTerm(rig, choice, bones, kind, run, &stage, &terms, &current, report);
   terms.shared_error = SharedError(base, &current);
   report->shared_error = terms.shared_error;
   report->after = SummarizeLeftOut(rig, current, choice.labels).all;

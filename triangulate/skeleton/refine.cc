@@ -149,40 +149,86 @@ std::vector<double> TypicalAccelerations(const std::vector<Window>& persons, siz
   return typical;
 }
 
-/// All frames of one person, in windows that overlap; then one length a bone is held for all of them.
-WindowSolution SolvePerson(const PreparedRig& rig, const Window& person, const Bones& bones, const Terms& terms) {
-  constexpr int kIterations = 20;
+/// A stretch of a person's frames [first, last), solved with its surroundings [begin, end).
+struct Stretch {
+  size_t person, begin, first, last, end;
+};
+
+std::vector<Stretch> Stretches(const std::vector<Window>& persons, bool only_cut) {
   constexpr size_t kOverlap = 20;
-  const std::vector<KnownLength> measured = MeasureLengths(person, bones);
-  const size_t count = person.frames.size();
-  if (count <= kMaxWindowFrames) return SolveWindow(rig, person, bones, measured, terms, kIterations);
-  std::vector<KnownLength> known = measured;
-  WindowSolution whole;
-  for (const bool lengths_known : {false, true}) {
-    std::vector<std::vector<double>> lengths(bones.size()), sigmas(bones.size());
-    whole.points = PointsOf(person);
+  std::vector<Stretch> stretches;
+  for (size_t p = 0; p < persons.size(); ++p) {
+    const size_t count = persons[p].frames.size();
+    if (only_cut && count <= kMaxWindowFrames) continue;
     for (size_t first = 0; first < count; first += kMaxWindowFrames) {
-      const size_t begin = first - std::min(first, kOverlap), end = std::min(first + kMaxWindowFrames + kOverlap, count);
-      const WindowSolution part = SolveWindow(rig, Part(person, begin, end), bones, known, terms, kIterations);
       const size_t last = std::min(first + kMaxWindowFrames, count);
-      for (size_t i = first * person.num_joints; i < last * person.num_joints; ++i) {
-        whole.points[i] = part.points[i - begin * person.num_joints];
-      }
-      for (size_t b = 0; b < bones.size(); ++b) {
-        if (part.lengths[b].sigma_m > 0)
-          lengths[b].push_back(part.lengths[b].length_m), sigmas[b].push_back(part.lengths[b].sigma_m);
-      }
+      const bool whole = count <= kMaxWindowFrames;
+      stretches.push_back({p, first - std::min(first, whole ? 0 : kOverlap), first, last, std::min(last + kOverlap, count)});
     }
-    whole.lengths = known;
-    for (size_t b = 0; b < bones.size(); ++b) {
-      if (lengths[b].empty()) continue;
-      const double sigma = UpperMedian(sigmas[b]) / std::sqrt(static_cast<double>(lengths[b].size()));
-      whole.lengths[b] = {UpperMedian(lengths[b]), sigma};
-      if (!lengths_known) known[b] = whole.lengths[b];
-    }
-    if (!(terms.bone_lengths > 0)) break;
   }
-  return whole;
+  return stretches;
+}
+
+/// Points of the stretches side by side; of each bone the median length, sigma 0 where none was estimated.
+void Merge(const std::vector<Window>& persons, const std::vector<Stretch>& stretches, std::vector<WindowSolution> parts,
+           std::vector<WindowSolution>* wholes, int* num_unrefined) {
+  std::map<size_t, std::vector<std::vector<KnownLength>>> lengths;  // person, bone
+  for (size_t k = 0; k < stretches.size(); ++k) {
+    const Stretch& s = stretches[k];
+    const size_t joints = persons[s.person].num_joints;
+    std::move(parts[k].points.begin() + static_cast<std::ptrdiff_t>((s.first - s.begin) * joints),
+              parts[k].points.begin() + static_cast<std::ptrdiff_t>((s.last - s.begin) * joints),
+              (*wholes)[s.person].points.begin() + static_cast<std::ptrdiff_t>(s.first * joints));
+    if (!parts[k].solved) *num_unrefined += static_cast<int>(s.last - s.first);
+    auto& of_person = lengths[s.person];
+    of_person.resize(parts[k].lengths.size());
+    for (size_t b = 0; b < of_person.size(); ++b) {
+      if (parts[k].lengths[b].sigma_m > 0) of_person[b].push_back(parts[k].lengths[b]);
+    }
+  }
+  for (const auto& [person, bones] : lengths) {
+    (*wholes)[person].lengths.assign(bones.size(), {});
+    for (size_t b = 0; b < bones.size(); ++b) {
+      std::vector<double> values, sigmas;
+      for (const KnownLength& each : bones[b]) values.push_back(each.length_m), sigmas.push_back(each.sigma_m);
+      if (values.empty()) continue;
+      const double root = std::sqrt(static_cast<double>(values.size()));
+      (*wholes)[person].lengths[b] = {UpperMedian(std::move(values)), UpperMedian(std::move(sigmas)) / root};
+    }
+  }
+}
+
+/// All persons, in stretches; where a take is longer than one, again with one length a bone for all of them.
+std::vector<WindowSolution> SolvePersons(const PreparedRig& rig, const std::vector<Window>& persons, const Bones& bones,
+                                         const Terms& terms, const RunContext& run, int* num_unrefined) {
+  constexpr int kIterations = 20, kMostAtOnce = 8;  // each in work takes 60 MB for 25 joints
+  std::vector<WindowSolution> wholes;
+  std::vector<std::vector<KnownLength>> known;
+  for (const Window& person : persons) {
+    known.push_back(MeasureLengths(person, bones));
+    wholes.push_back({PointsOf(person), std::vector<KnownLength>(bones.size())});
+  }
+  const std::vector<Stretch> all = Stretches(persons, false);
+  const std::vector<Stretch> again = terms.bone_lengths > 0 ? Stretches(persons, true) : std::vector<Stretch>{};
+  ProgressStage stage(run, "refine joints", static_cast<int64_t>(all.size() + again.size()));
+  for (const std::vector<Stretch>* stretches : {&all, &again}) {
+    std::vector<WindowSolution> parts(stretches->size());
+    const int threads = std::min(ResolveThreads(run.num_threads), kMostAtOnce);
+    ParallelFor(static_cast<int64_t>(parts.size()), threads, [&](int64_t k) {
+      const Stretch& s = (*stretches)[static_cast<size_t>(k)];
+      const Window part = Part(persons[s.person], s.begin, s.end);
+      parts[static_cast<size_t>(k)] = SolveWindow(rig, part, bones, known[s.person], terms, kIterations);
+      stage.Advance();
+    });
+    *num_unrefined = stretches == &all ? 0 : *num_unrefined;
+    Merge(persons, *stretches, std::move(parts), &wholes, num_unrefined);
+    for (const Stretch& s : again) {
+      for (size_t b = 0; b < bones.size(); ++b) {
+        if (wholes[s.person].lengths[b].sigma_m > 0) known[s.person][b] = wholes[s.person].lengths[b];
+      }
+    }
+  }
+  return wholes;
 }
 
 double StandardDeviation(const std::vector<double>& values) {
@@ -244,10 +290,8 @@ SkeletonRefineResult RefineSkeleton(const PreparedRig& rig, const TakeResult& ta
   terms.max_fill_frames = options.max_fill_frames, terms.max_fill_sigmas = options.max_fill_sigmas;
   terms = internal::ChooseTerms(rig, persons, known_bones, solve, options, terms, run, &result.report);
 
-  std::vector<WindowSolution> solutions(persons.size());
-  ParallelFor(static_cast<int64_t>(persons.size()), run.num_threads, [&](int64_t p) {
-    solutions[static_cast<size_t>(p)] = SolvePerson(rig, persons[static_cast<size_t>(p)], known_bones, terms);
-  });
+  const std::vector<WindowSolution> solutions =
+      SolvePersons(rig, persons, known_bones, terms, run, &result.report.num_unrefined_frames);
   for (size_t p = 0; p < persons.size(); ++p) {
     for (size_t i = 0; i < persons[p].cells.size(); ++i) {
       const size_t at = persons[p].cells[i].take_idx;

@@ -64,6 +64,7 @@ struct SkeletonRefineReport {
   std::vector<BoneReport> bones;
   double limb_std_before_mm = 0, limb_std_after_mm = 0;  ///< means over the bones with 5 frames or more; NaN without any
   int num_filled = 0;                                    ///< joints that became kOk
+  int num_unrefined_frames = 0;                          ///< of all persons; kept as they were, their equations are singular
 };
 
 struct SkeletonRefineResult {
@@ -71,8 +72,10 @@ struct SkeletonRefineResult {
   SkeletonRefineReport report;
 };
 
-/// Refines the joints of each person of a take by Gauss-Newton on the reprojection residuals of all frames together. The
-/// normal matrix is banded: a frame is coupled to the two before and after. Terms:
+/// Refines the joints of each person of a take by Gauss-Newton on the reprojection residuals of all frames together. Time and
+/// memory grow with the number of frames: takes of more than 600 frames are solved in stretches of 600, each together with
+/// 20 frames on both sides, whose solution counts for their neighbours (docs/triangulation.md says what that changes); the
+/// median of their lengths then holds for all. Terms:
 ///   - robust: all detections under a Cauchy loss at 2 sigmas, instead of those used for the point.
 ///   - smoothness: accelerations (second divided differences, in m / frame^2, so no frame rate is needed) are normal
 ///     with a sigma that is a fraction of the joint's median acceleration in the take; Cauchy at 3 sigmas, because feet

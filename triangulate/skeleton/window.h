@@ -54,6 +54,7 @@ struct KnownLength {
 struct WindowSolution {
   std::vector<Point> points;         // (cells)
   std::vector<KnownLength> lengths;  // (bones); sigma 0 where the term is off or the bone never seen
+  bool solved = true;                // false: the points are those given, because the system is singular
 };
 
 /// `known`: (bones) initial lengths, which are also priors; sigma 0: the bone is never seen and has no term.
