@@ -10,13 +10,13 @@ double Weight(double squared, double sigmas) { return 1 / (1 + squared / (sigmas
 
 namespace {
 
-std::vector<int> Widths(const Problem& problem) {
+std::vector<int> Widths(const SkeletonProblem& problem) {
   std::vector<int> widths(static_cast<size_t>(problem.num_positions), 3);
   widths.resize(widths.size() + static_cast<size_t>(problem.num_lengths), 1);
   return widths;
 }
 
-std::vector<std::pair<int, int>> Couplings(const Problem& problem) {
+std::vector<std::pair<int, int>> Couplings(const SkeletonProblem& problem) {
   std::vector<std::pair<int, int>> couplings;
   for (const Triple& triple : problem.triples) {
     const int a = problem.variable[triple.cell[0]], b = problem.variable[triple.cell[1]], c = problem.variable[triple.cell[2]];
@@ -31,7 +31,7 @@ std::vector<std::pair<int, int>> Couplings(const Problem& problem) {
 
 }  // namespace
 
-Equations::Equations(const Problem& problem)
+Equations::Equations(const SkeletonProblem& problem)
     : problem_(problem), matrix_(Widths(problem), EliminationGroups(problem), Couplings(problem)) {
   const auto of = [&problem](size_t cell) { return problem.variable[cell]; };
   for (int node = 0; node < problem.num_positions + problem.num_lengths; ++node) diagonal_.push_back(matrix_.Find(node, node));

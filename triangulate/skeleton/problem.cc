@@ -25,7 +25,7 @@ double AccelerationSigma(const Terms& terms, size_t j) {
   return terms.smoothness > 0 ? terms.smoothness * terms.acceleration_m[j] : 0;
 }
 
-void AddPositions(Problem* problem, Unknowns* unknowns) {
+void AddPositions(SkeletonProblem* problem, Unknowns* unknowns) {
   const Window& window = *problem->window;
   const Eigen::Vector3d origin = problem->rig->origin_in_world;
   const int max_fill = problem->terms->max_fill_frames;
@@ -50,7 +50,7 @@ void AddPositions(Problem* problem, Unknowns* unknowns) {
   }
 }
 
-void AddDetections(Problem* problem) {
+void AddDetections(SkeletonProblem* problem) {
   for (size_t cell = 0; cell < problem->variable.size(); ++cell) {
     if (problem->variable[cell] < 0) continue;
     const Cell& of = problem->window->cells[cell];
@@ -64,7 +64,7 @@ void AddDetections(Problem* problem) {
   }
 }
 
-void AddAccelerations(Problem* problem) {
+void AddAccelerations(SkeletonProblem* problem) {
   const Window& window = *problem->window;
   for (size_t j = 0; j < window.num_joints; ++j) {
     const double sigma = AccelerationSigma(*problem->terms, j);
@@ -85,7 +85,7 @@ void AddAccelerations(Problem* problem) {
   }
 }
 
-void AddBones(const Bones& bones, Problem* problem) {
+void AddBones(const Bones& bones, SkeletonProblem* problem) {
   problem->length_node.assign(bones.size(), -1);
   if (!(problem->terms->bone_lengths > 0)) return;
   for (size_t b = 0; b < bones.size(); ++b) {
@@ -107,7 +107,7 @@ struct JointOrder {
   size_t largest = 1;         // number of joints of the largest group
 };
 
-JointOrder OrderJoints(const Problem& problem) {
+JointOrder OrderJoints(const SkeletonProblem& problem) {
   const size_t count = problem.window->num_joints;
   std::vector<std::set<size_t>> neighbours(count);
   JointOrder order;
@@ -147,9 +147,9 @@ JointOrder OrderJoints(const Problem& problem) {
 
 }  // namespace
 
-Problem MakeProblem(const PreparedRig& rig, const Window& window, const Bones& bones, const std::vector<KnownLength>& known,
-                    const Terms& terms, Unknowns* start) {
-  Problem problem{&rig, &window, &terms, &known};
+SkeletonProblem MakeProblem(const PreparedRig& rig, const Window& window, const Bones& bones,
+                            const std::vector<KnownLength>& known, const Terms& terms, Unknowns* start) {
+  SkeletonProblem problem{&rig, &window, &terms, &known};
   AddPositions(&problem, start);
   AddDetections(&problem);
   AddAccelerations(&problem);
@@ -158,7 +158,7 @@ Problem MakeProblem(const PreparedRig& rig, const Window& window, const Bones& b
   return problem;
 }
 
-std::vector<std::vector<int>> EliminationGroups(const Problem& problem) {
+std::vector<std::vector<int>> EliminationGroups(const SkeletonProblem& problem) {
   const size_t count = problem.window->num_joints, num_frames = problem.window->frames.size();
   const JointOrder order = OrderJoints(problem);
   const bool smooth = !problem.triples.empty();

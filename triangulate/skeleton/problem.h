@@ -34,7 +34,7 @@ struct Bone {
   size_t bone, cell_a, cell_b;
 };
 
-struct Problem {
+struct SkeletonProblem {
   const PreparedRig* rig;
   const Window* window;
   const Terms* terms;
@@ -62,18 +62,18 @@ bool IsOk(const Window& window, size_t f, size_t j);
 std::optional<size_t> NearestOk(const Window& window, size_t f, size_t j, int step, int max_frames);
 
 /// Known joints start where they are, bridged ones on the line between their neighbours in time.
-Problem MakeProblem(const PreparedRig& rig, const Window& window, const Bones& bones, const std::vector<KnownLength>& known,
-                    const Terms& terms, Unknowns* start);
+SkeletonProblem MakeProblem(const PreparedRig& rig, const Window& window, const Bones& bones,
+                            const std::vector<KnownLength>& known, const Terms& terms, Unknowns* start);
 
 /// Nodes in the order of their elimination. Joints that no bone joins are independent. Time is cut into blocks by pairs of
 /// frames, which separate them because an acceleration spans three; inside a block joints go from the limbs' ends inwards,
 /// a pair of frames after the blocks on both sides, lengths last. Cost and memory so grow with the frames.
-std::vector<std::vector<int>> EliminationGroups(const Problem& problem);
+std::vector<std::vector<int>> EliminationGroups(const SkeletonProblem& problem);
 
 /// The normal equations of the reweighted problem.
 class Equations {
  public:
-  explicit Equations(const Problem& problem);
+  explicit Equations(const SkeletonProblem& problem);
   /// Robust cost; infinite where a detection that is not robust cannot be projected.
   double Cost(const Unknowns& at) { return Sum(at, false); }
   /// The same, and matrix and gradient.
@@ -97,7 +97,7 @@ class Equations {
     return Eigen::Map<Eigen::Vector3d, 0, Eigen::InnerStride<>>(matrix_.At(place), Eigen::InnerStride<>(place.stride));
   }
 
-  const Problem& problem_;
+  const SkeletonProblem& problem_;
   geometry::BlockCholesky matrix_;
   Eigen::VectorXd gradient_;
   std::vector<Place> diagonal_;                // (nodes)

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kCarries = 0.2;  ///< least weight of a detection that carries its point: 4 sigmas
 
-Unknowns Moved(const Problem& problem, const Unknowns& from, const Eigen::VectorXd& step, double factor) {
+Unknowns Moved(const SkeletonProblem& problem, const Unknowns& from, const Eigen::VectorXd& step, double factor) {
   Unknowns to = from;
   for (size_t cell = 0; cell < problem.variable.size(); ++cell) {
     if (problem.variable[cell] >= 0) to.x_in_local[cell] += factor * step.segment<3>(3 * problem.variable[cell]);
@@ -22,7 +22,7 @@ Unknowns Moved(const Problem& problem, const Unknowns& from, const Eigen::Vector
 }
 
 /// Gauss-Newton on the reweighted problem, steps halved until the cost falls. False when the system is singular.
-bool Minimise(const Problem& problem, int max_iterations, Equations* equations, Unknowns* at) {
+bool Minimise(const SkeletonProblem& problem, int max_iterations, Equations* equations, Unknowns* at) {
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
     const double here = equations->Linearize(*at);
     if (!std::isfinite(here)) return false;
@@ -44,7 +44,7 @@ bool Minimise(const Problem& problem, int max_iterations, Equations* equations, 
 }
 
 /// Fit of a point to its detections.
-void Describe(const Problem& problem, size_t cell, const Eigen::Vector3d& x_in_local, Point* point) {
+void Describe(const SkeletonProblem& problem, size_t cell, const Eigen::Vector3d& x_in_local, Point* point) {
   const Cell& of = problem.window->cells[cell];
   if (problem.terms->robust) point->used.clear();
   double sum_px = 0;
@@ -66,7 +66,7 @@ void Describe(const Problem& problem, size_t cell, const Eigen::Vector3d& x_in_l
 double LargestSigma(const Eigen::Matrix3d& covariance) { return std::sqrt(geometry::SymmetricEigenvalues(covariance)[2]); }
 
 /// Points with their covariances; bridged ones only where they are determined well enough.
-std::vector<Point> ToPoints(const Problem& problem, const Unknowns& at, const std::vector<Eigen::Matrix3d>& inverse) {
+std::vector<Point> ToPoints(const SkeletonProblem& problem, const Unknowns& at, const std::vector<Eigen::Matrix3d>& inverse) {
   const Window& window = *problem.window;
   const double shared = problem.terms->shared_error;
   std::vector<Point> points = PointsOf(window);
@@ -111,7 +111,7 @@ WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const B
   for (KnownLength& each : solution.lengths) each.sigma_m = 0;
   if (!terms.Any()) return solution;
   Unknowns at;
-  const Problem problem = MakeProblem(rig, window, bones, known, terms, &at);
+  const SkeletonProblem problem = MakeProblem(rig, window, bones, known, terms, &at);
   if (problem.num_positions == 0) return solution;
   Equations equations(problem);
   solution.solved =
