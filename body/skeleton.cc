@@ -82,7 +82,7 @@ std::vector<std::string> WordsOf(const std::string& name) {
     if (begins) words.emplace_back();
     words.back() += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   }
-  words.erase(std::remove(words.begin(), words.end(), ""), words.end());
+  words.erase(std::remove_if(words.begin(), words.end(), [](const std::string& word) { return word.empty(); }), words.end());
   return words;
 }
 

@@ -19,6 +19,7 @@ STANDARD = {
     "any": "any",
     "array": "array",
     "atomic": "atomic atomic_bool atomic_int",
+    "cctype": "isalnum tolower",
     "charconv": "from_chars to_chars",
     "chrono": "chrono",
     "cmath": "abs acos asin atan atan2 ceil copysign cos cosh exp expm1 fabs floor fma fmod frexp hypot isfinite isinf isnan nan ldexp llround "

@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "core/disk/files.h"
-#include "core/disk/unpack.h"
+#include "core/unpack.h"
 #include "core/error.h"
 
 namespace mvstudio::body {

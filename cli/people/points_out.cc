@@ -3,7 +3,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "app/input/pose_truth.h"
+#include "app/people/pose_truth.h"
 #include "core/disk/manifest.h"
 #include "core/error.h"
 #include "core/format.h"

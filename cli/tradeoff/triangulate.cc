@@ -6,8 +6,8 @@
 #include <memory>
 
 #include "app/input/pose_input.h"
-#include "app/input/pose_truth.h"
 #include "app/input/take_frames.h"
+#include "app/people/pose_truth.h"
 #include "app/study/tradeoff.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"

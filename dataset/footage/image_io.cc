@@ -11,7 +11,7 @@
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
-#include "core/disk/unpack.h"
+#include "core/unpack.h"
 #include "core/error.h"
 #include "dataset/footage/image_header.h"
 

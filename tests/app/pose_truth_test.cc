@@ -1,4 +1,4 @@
-#include "app/input/pose_truth.h"
+#include "app/people/pose_truth.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
