@@ -127,13 +127,6 @@ class Reader {
     return static_cast<int>(frame);
   }
 
-  int Frame(const std::vector<std::string_view>& fields) const {
-    std::string why;
-    const int64_t frame = ReadFrameNumber(Field(fields, kFrame), std::numeric_limits<int>::max(), &why);
-    if (frame < 0) Fail("`frame` " + why);
-    return static_cast<int>(frame);
-  }
-
   int JointIndex(std::string_view name) {
     if (!skeleton_) return joints_.Of(name);
     const auto [known, is_new] = places_.emplace(std::string(name), -1);

@@ -172,7 +172,7 @@ JointTable ToCoco19Table(const Pose3d& pose) {
 
 namespace {
 
-std::set<std::string> NamesIn(const JointTable& table) {
+std::set<std::string> JointNamesIn(const JointTable& table) {
   std::set<std::string> names;
   for (const auto& [frame, persons] : table) {
     for (const auto& [person, joints] : persons) {
@@ -186,7 +186,7 @@ std::set<std::string> NamesIn(const JointTable& table) {
 JointTable Renamed(const JointTable& reference, const std::set<std::string>& names, std::vector<std::string>* without) {
   std::multimap<std::string, std::string> by_key, own_by_key;
   for (const std::string& name : names) by_key.emplace(body::JointKey(name), name);
-  const std::set<std::string> own = NamesIn(reference);
+  const std::set<std::string> own = JointNamesIn(reference);
   for (const std::string& name : own) own_by_key.emplace(body::JointKey(name), name);
   std::map<std::string, std::string> name_of;
   for (const std::string& name : own) {
@@ -211,7 +211,7 @@ std::string RangeOf(const JointTable& table) {
 std::string WhyNone(const JointTable& pose, const JointTable& reference) {
   if (pose.empty()) return "no joint of the pose has a position";
   if (reference.empty()) return "the reference holds no point";
-  const std::set<std::string> ours = NamesIn(pose), theirs = NamesIn(reference);
+  const std::set<std::string> ours = JointNamesIn(pose), theirs = JointNamesIn(reference);
   std::vector<std::string> common;
   std::set_intersection(ours.begin(), ours.end(), theirs.begin(), theirs.end(), std::back_inserter(common));
   if (common.empty())
@@ -228,7 +228,7 @@ std::string WhyNone(const JointTable& pose, const JointTable& reference) {
 Pose3dComparison ComparePose3d(const JointTable& of_pose, const JointTable& of_reference, bool align) {
   Pose3dComparison result;
   const JointTable pose = internal::SplitSubjects(of_pose);
-  const JointTable reference = Renamed(internal::SplitSubjects(of_reference), NamesIn(pose), &result.without_counterpart);
+  const JointTable reference = Renamed(internal::SplitSubjects(of_reference), JointNamesIn(pose), &result.without_counterpart);
   const std::vector<Pair> pairs = PairAll(pose, reference, &result.persons_left_out);
   geometry::Rigid3 reference_from_pose;
   if (align) reference_from_pose = Align(pairs, &result.aligned);
