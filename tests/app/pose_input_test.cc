@@ -38,12 +38,12 @@ std::string PutRig(const TempDir& folder, const std::vector<std::string>& names)
   return folder / "calib.json";
 }
 
-/// A folder of OpenPose files; where a joint is tells its frame and number. Returns the word for the option.
+/// A folder of OpenPose files; where a joint is tells its camera, frame and number. Returns the word for the option.
 NamedPath PutPoses(const TempDir& folder, const std::string& camera, const std::vector<int>& frames) {
   dataset::Pose2dTrack track{camera, {}};
   for (const int frame : frames) {
     dataset::Person2d person;
-    for (int j = 0; j < 25; ++j) person.keypoints.push_back({100.0 * frame + j, 0.5 * j, 0.75});
+    for (int j = 0; j < 25; ++j) person.keypoints.push_back({100.0 * frame + j, 0.5 * j + camera.front(), 0.75});
     track.frames[frame].push_back(person);
   }
   dataset::WriteOpenPoseFolder(track, folder / camera);
@@ -89,7 +89,7 @@ TEST(PoseInput, FoldersOfTwoCamerasOfThree) {
   EXPECT_EQ(input.frames[1].frame, 6);
   ASSERT_EQ(input.frames[1].people.size(), 3u) << "a place for every camera of the rig";
   EXPECT_EQ(input.frames[1].people[1].size(), 0u);
-  EXPECT_EQ(input.frames[1].people[0][0][3].px, Eigen::Vector2d(603, 1.5));
+  EXPECT_EQ(input.frames[1].people[0][0][3].px, Eigen::Vector2d(603, 1.5 + 'a'));
   EXPECT_EQ(input.frames[1].people[2][0][3].score, 0.75);
   EXPECT_TRUE(input.frames[0].people[0].empty());
   EXPECT_THAT(result.inputs, ElementsAre(arguments.calib, folder / "c", folder / "a"));

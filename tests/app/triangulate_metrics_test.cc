@@ -104,17 +104,18 @@ TEST(TriangulateMetrics, ATakeIsLostBelowTheShare) {
     for (int f = 0; f < num_ok; ++f) take.points.push_back(PointOf(f, 0, Status::kOk));
     statistics.Add(take);
     CommandResult result;
-    CheckLoss(statistics, &result);
+    EXPECT_FALSE(statistics.CheckLoss({}, &result));
     return result;
   };
   const int limit = static_cast<int>(std::lround(100 * kLostShare));
   EXPECT_EQ(check(limit).exit, kExitOk);
-  EXPECT_EQ(check(0).exit, kExitOk) << "no point at all is another error";
+  EXPECT_EQ(check(0).exit, kExitIllPosed);
+  EXPECT_EQ(check(0).errors.at(0).code, "TRI-NO-POINTS");
   const CommandResult lost = check(limit - 1);
   EXPECT_EQ(lost.exit, kExitQualityGate);
   ASSERT_EQ(lost.errors.size(), 1u);
   EXPECT_EQ(lost.errors[0].code, "TRI-LOST");
-  EXPECT_THAT(lost.errors[0].text, HasSubstr("only 4 of 100 joints"));
+  EXPECT_THAT(lost.errors[0].text, HasSubstr("only 49 of 100 joints"));
 }
 
 TEST(TriangulateMetrics, ViewsDisagreeFromAPartOfTheDiagonalOn) {
@@ -131,6 +132,49 @@ TEST(TriangulateMetrics, ViewsDisagreeFromAPartOfTheDiagonalOn) {
   ASSERT_EQ(bad.errors.size(), 1u);
   EXPECT_EQ(bad.errors[0].code, "TRI-INCONSISTENT");
   EXPECT_THAT(bad.errors[0].text, HasSubstr("sigma 10.0 px is 2.0 % of the image's diagonal"));
+}
+
+TEST(TriangulateMetrics, ASearchThatEndsIsNoEstimateAndCamerasMustPredictEachOther) {
+  geometry::Rig rig;
+  rig.cameras.resize(1);
+  rig.cameras[0].camera.width_px = 400, rig.cameras[0].camera.height_px = 300;
+  const auto said = [&](const TakeResult& take) {
+    CommandResult result;
+    CheckConsistency(take, rig, &result);
+    return result.errors.empty() ? std::string() : result.errors[0].text;
+  };
+  TakeResult endless, far, rare;
+  endless.sigma_px = 10240;
+  far.holdout.all.num_samples = rare.holdout.all.num_samples = 100;
+  far.holdout.all.coverage = 1, far.holdout.all.median_px = 40;
+  rare.holdout.all.coverage = 0.2;
+  EXPECT_EQ(said(endless), "views disagree: no noise of detections explains by how much");
+  EXPECT_THAT(said(far), HasSubstr("40 px from a camera's detections (median)"));
+  EXPECT_THAT(said(rare), HasSubstr("predict only 20 %"));
+  far.holdout.all.median_px = 10;
+  EXPECT_EQ(said(far), "");
+}
+
+TEST(TriangulateMetrics, ScoresThatLeaveEverythingOutAreSaid) {
+  const auto check = [](double score) {
+    PointStatistics statistics(2, {});
+    for (int f = 0; f < 20; ++f) {
+      triangulate::DetectedFrame frame = Frame(f, true);
+      for (auto& people : frame.people) {
+        for (auto& person : people) {
+          for (triangulate::Keypoint& key : person) key = {{5, 6}, score};
+        }
+      }
+      statistics.AddFrames({frame}, {});
+    }
+    CommandResult result;
+    EXPECT_TRUE(statistics.CheckLoss({}, &result));
+    EXPECT_EQ(result.exit, kExitIllPosed);
+    return result.errors.at(0).text;
+  };
+  EXPECT_THAT(check(0.05),
+              HasSubstr("have a score below option 'min-score' 0.3 and are left out; quantiles 10, 50, 90 %: 0.05"));
+  EXPECT_THAT(check(0), HasSubstr("have score 0, which means not seen"));
 }
 
 TEST(TriangulateMetrics, CamerasAreWarnedOfOnce) {

@@ -37,7 +37,8 @@ class Take:
 def read_folder(folder):
     frames = {}
     for path in sorted(folder.glob("*.json")):
-        people = [np.array(p["pose_keypoints_2d"], float).reshape(-1, 3) for p in json.loads(path.read_text())["people"]]
+        people = [np.array(p["pose_keypoints_2d"], float).reshape(-1, 3) for p in json.loads(path.read_text())["people"]
+                  if p.get("pose_keypoints_2d")]
         frames[int(re.findall(r"\d+", path.name.replace("_keypoints", ""))[-1])] = np.array(people)
     return frames
 
