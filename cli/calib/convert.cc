@@ -121,11 +121,11 @@ std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat for
 }
 
 /// Whether --out is the name of a file of this format, and not of a folder for its files.
-bool IsFile(const Arguments& arguments, const std::optional<CalibrationFormat>& format) {
+bool IsFile(const Arguments& arguments, CalibrationFormat format) {
   if (std::filesystem::is_directory(arguments.out) || HasFolderForm(arguments.out)) return false;
-  if (!format) return exports::IsRigFile(exports::FormatByName(arguments.to), arguments.out);
+  if (calib::IsDatasetLayout(format)) return exports::IsRigFile(exports::FormatByName(arguments.to), arguments.out);
   const std::string ending = std::filesystem::path(arguments.out).extension().string();
-  switch (*format) {
+  switch (format) {
     case CalibrationFormat::kColmap:
     case CalibrationFormat::kColmapText:
     case CalibrationFormat::kEasyMocap:
@@ -147,8 +147,9 @@ CommandResult Convert(Arguments arguments) {
   result.inputs = arguments.in;
   app::AddNotes(imported.notes, &result);
   Rename(arguments.rename, &imported.rig);
-  const auto named = calib::CalibrationFormatFromString(arguments.to);
-  const auto format = named && !calib::IsDatasetLayout(*named) ? named : std::nullopt;
+  // Layouts of datasets that cannot be read back have no name among the formats, and are written like those that can.
+  const CalibrationFormat format = calib::CalibrationFormatFromString(arguments.to).value_or(CalibrationFormat::kNpz);
+  const bool is_layout = calib::IsDatasetLayout(format);
   const bool file = IsFile(arguments, format);
   if (!file) arguments.out = OutputName(arguments.out, OutputKind::kFolder);
   const auto in_folder =
@@ -156,12 +157,12 @@ CommandResult Convert(Arguments arguments) {
   const auto as_file = file ? std::make_unique<OutputFiles>(std::vector<std::string>{arguments.out}, arguments.in) : nullptr;
   FilesTogether together;
   for (const std::string& written :
-       format ? Write(arguments, *format, &imported.rig, &result) : WriteDatasetFormat(arguments, imported.rig, &result)) {
+       is_layout ? WriteDatasetFormat(arguments, imported.rig, &result) : Write(arguments, format, &imported.rig, &result)) {
     result.outputs.push_back({written, "calibration"});
   }
   together.Commit();
   app::AddCameraMetrics(imported.rig, &result);
-  result.metrics["format"] = format ? std::string(ToString(*format)) : arguments.to;
+  result.metrics["format"] = is_layout ? arguments.to : std::string(ToString(format));
   result.folder = file ? std::filesystem::path(PathOnDisk(arguments.out)).parent_path().string() : arguments.out;
   result.text = std::to_string(imported.rig.cameras.size()) + " cameras -> " + arguments.out + " (" + arguments.to + ")";
   return result;
