@@ -116,7 +116,7 @@ class Reader {
   int Index(const std::vector<std::string_view>& fields, int c) const {
     if (columns_[c] < 0) return 0;
     const std::optional<int> value = WholeNumberCell(Field(fields, c), std::numeric_limits<int>::max());
-    if (!value) FailNumber(fields, c, "not a whole number of 0 or more");
+    if (!value) FailNumber(fields, c, "not a whole number from 0 to 2147483647");
     return *value;
   }
 

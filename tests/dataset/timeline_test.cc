@@ -201,7 +201,7 @@ TEST(Timeline, OffsetsFromASyncFile) {
 TEST(Timeline, DriftThatASyncFileStates) {
   const Faults none;
   std::vector<Filmed> cameras = {Film("a", 0, kPeriod, 30000, none, 1), Film("b", 0, kPeriod, 30000, none, 1)};
-  SyncFile sync{"a", 29.97, {{"a", "Ok", 0.0, 0}, {"b", "Ok", 0.1, 0, 50}}};
+  SyncFile sync{"a", 29.97, {{"a", "Ok", 0.0, 0}, {"b", "Ok", 0.1, 0, 1, 50}}};
   const Timeline timeline = BuildTimeline(TimesOf(cameras), TimelineClock::kOffsets, &sync);
   cameras[1].start_s = -0.1 * kPeriod, cameras[1].period_s = kPeriod * (1 + 50e-6);
   ExpectAllRight("sync file with drift", timeline, cameras);

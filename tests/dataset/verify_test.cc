@@ -199,7 +199,7 @@ TEST_F(VerifyTest, DuplicatedPerson) {
 }
 
 TEST_F(VerifyTest, BrokenPose) {
-  EditJson(Scene(6), [](json& s) { s["bodies"][0]["joints19"][7] = nullptr; });
+  EditJson(Scene(6), [](json& s) { s["bodies"][0]["joints19"][7] = "x"; });
   const VerifyReport report = VerifyDataset(folder_.path());
   EXPECT_EQ(report.findings.at(0).code, "DAT-POSE");
   EXPECT_NE(report.findings.at(0).text.find("joints19[7]"), std::string::npos);
