@@ -315,7 +315,7 @@ TEST(TriangulateCommand, AppliesTheOffsetsOfTheCalibrationWhereTheTakeConfirmsTh
       dataset::SyncFile sync;
       sync.reference = take.rig.cameras[0].camera.name;
       for (const geometry::RigCamera& camera : take.rig.cameras)
-        sync.cameras.push_back({camera.camera.name, "Ok", &camera == &take.rig.cameras[1] ? -late_frames : 0.0, 0, 0});
+        sync.cameras.push_back({camera.camera.name, "Ok", &camera == &take.rig.cameras[1] ? -late_frames : 0.0, 0});
       dataset::WriteSync(sync, folder / "sync.json");
       more.push_back(folder / "sync.json");
     }
