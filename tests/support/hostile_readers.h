@@ -28,6 +28,7 @@ struct HostileReader {
   std::function<void(const std::string& path)> read;
   /// Files that hold several parts are given one of them; -1: the whole seed.
   int part = -1;
+  bool numbers_may_miss = false;  ///< NaN and Infinity, as Python writes them, stand for a missing value
 };
 
 class HostileReaders : public ::testing::TestWithParam<HostileReader> {
@@ -100,7 +101,8 @@ TEST_P(HostileReaders, EveryByteReplaced) {
 TEST_P(HostileReaders, EveryKindOfDamage) {
   for (const auto& [name, text] : HostileJson(Seed())) {
     const bool accepted = Accepts(text, name);
-    EXPECT_FALSE(accepted && GetParam().json) << GetParam().name << " accepts " << name;
+    const bool missing = GetParam().numbers_may_miss && (name == "nan" || name == "infinity");
+    EXPECT_FALSE(accepted && GetParam().json && !missing) << GetParam().name << " accepts " << name;
   }
 }
 
