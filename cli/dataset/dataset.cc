@@ -24,13 +24,14 @@ using nlohmann::ordered_json;
 struct BuildArguments {
   app::TakeArguments take;
   std::string calib, pose3d, marker_unit, skeleton, masks, out;
-  bool sequence_given = false, rate_given = false, masks_given = false;
+  bool sequence_given = false, rate_given = false, masks_given = false, no_masks = false;
   dataset::BuildOptions options;
 };
 
 /// Masks that `mask` made, or a person painted, come before new ones.
 void FindMasks(const app::TakeInput& take, BuildArguments* arguments, CommandResult* result) {
-  if (!arguments->options.masks) return arguments->masks.clear();
+  arguments->options.masks = !arguments->no_masks;
+  if (arguments->no_masks) return arguments->masks.clear();
   const std::string made = take.Folder("masks");
   const bool there = !made.empty() && std::any_of(take.footage.begin(), take.footage.end(), [&](const auto& footage) {
     return std::filesystem::is_directory(made + "/" + footage.camera);
@@ -175,7 +176,7 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
             "where it is there, unless given")
       ->expected(0, 1)
       ->type_name("DIR");
-  AddFlag(sub, "!--no-masks", arguments->options.masks, "no masks");
+  AddFlag(sub, "--no-masks", arguments->no_masks, "no masks");
   AddOptions(sub, arguments->options);
   registry.Add(sub, "dataset build", [arguments, sub](CommandContext& context) {
     arguments->sequence_given = sub->count("--sequence") > 0, arguments->rate_given = sub->count("--frame-rate") > 0;

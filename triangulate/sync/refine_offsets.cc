@@ -320,13 +320,16 @@ bool Converge(const Problem& problem, size_t reference_idx, int num_threads, Sta
   return ok;
 }
 
-/// Cameras whose clocks drift beyond doubt, and by so much that it matters.
-std::vector<bool> Drifting(const State& state, const std::vector<ClockSigma>& sigmas) {
-  constexpr double kLeastSigmas = 5, kLeastFrames = 0.1;
+/// Cameras whose clocks drift beyond doubt, by so much that it matters, and by no more than clocks do: cameras of nearly one
+/// rate differ by 1000 ppm (NTSC) and their crystals' errors. In short takes what the detector does to one posture looks like
+/// a drift of percents.
+std::vector<bool> Drifting(const State& state, const std::vector<ClockSigma>& sigmas, double half_frames) {
+  constexpr double kLeastSigmas = 5, kLeastFrames = 0.1, kMostRate = 2e-3;
   std::vector<bool> drifting;
   for (size_t c = 0; c < sigmas.size(); ++c) {
     const double least = std::max(kLeastFrames, kLeastSigmas * sigmas[c].drift_frames);
-    drifting.push_back(state.drifts[c] && std::abs(state.drift_frames[c]) >= least);
+    const double drift = std::abs(state.drift_frames[c]);
+    drifting.push_back(state.drifts[c] && drift >= least && drift <= kMostRate * half_frames);
   }
   return drifting;
 }
@@ -337,8 +340,10 @@ void FindDrifts(const Problem& problem, size_t reference_idx, int num_threads, S
   std::vector<TimedPoint> trial_points;
   for (size_t c = 0; c < trial.drifts.size(); ++c) trial.drifts[c] = c != reference_idx && !std::isnan(trial.offset_frames[c]);
   if (!Converge(problem, reference_idx, num_threads, &trial, &trial_points)) return;
-  const std::vector<bool> all = trial.drifts, drifting = Drifting(trial, Sigmas(MakeNormal(trial_points, trial, reference_idx),
-                                                                                trial, problem.stride, reference_idx));
+  const std::vector<bool> all = trial.drifts;
+  const std::vector<ClockSigma> sigmas =
+      Sigmas(MakeNormal(trial_points, trial, reference_idx), trial, problem.stride, reference_idx);
+  const std::vector<bool> drifting = Drifting(trial, sigmas, problem.half_frames);
   if (std::none_of(drifting.begin(), drifting.end(), [](bool is) { return is; })) return;
   trial.drifts = drifting;
   for (size_t c = 0; c < drifting.size(); ++c) {
