@@ -302,15 +302,15 @@ const Skeleton& Coco19() {
 
 std::array<std::vector<int>, 19> Coco19From(const Skeleton& from) {
   // The Neck of a skeleton that also knows the top of the head lies above the shoulder line.
-  const bool upper_neck = FindJoint(from, "Head") >= 0;
+  const bool upper_neck = from.Find("Head") >= 0;
   const auto mean_of = [&from](const char* left, const char* right) {
-    const int i = FindJoint(from, left), j = FindJoint(from, right);
+    const int i = from.Find(left), j = from.Find(right);
     return i >= 0 && j >= 0 ? std::vector<int>{i, j} : std::vector<int>{};
   };
   std::array<std::vector<int>, 19> sources;
   for (size_t k = 0; k < sources.size(); ++k) {
     const std::string& joint = Coco19().joints[k];
-    const int own = joint == "Neck" && upper_neck ? -1 : FindJoint(from, joint);
+    const int own = joint == "Neck" && upper_neck ? -1 : from.Find(joint);
     if (own >= 0) {
       sources[k] = {own};
     } else if (joint == "Neck") {

@@ -156,7 +156,7 @@ TEST(Trackers, JointsOfSeveralCamerasAreUnited) {
   EXPECT_THAT(MessageOf<FormatError>([&] {
                 ToSkeleton(cameras, body::PointsSkeleton({"nose", "tail"}));
               }),
-              AllOf(HasSubstr("camera b"), HasSubstr("joint `ear` of its SLEAP file")));
+              AllOf(HasSubstr("camera b"), HasSubstr("SLEAP file: joint `ear`")));
 }
 
 TEST(Caliscope, CamerasAndPointsGoByTheirNumbers) {
