@@ -107,7 +107,12 @@ class Table {
     return value;
   }
 
+  /// Time steps before the first frame of a timeline's reference are negative.
   int Frame() const {
+    std::string_view cell = (*cells_)[0];
+    int step = 0;
+    const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), step);
+    if (error == std::errc() && end == cell.data() + cell.size() && step < 0) return step;
     std::string why;
     const int64_t frame = ReadFrameNumber((*cells_)[0], std::numeric_limits<int>::max(), &why);
     if (frame < 0) Fail("the frame " + why);

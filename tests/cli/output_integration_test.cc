@@ -182,11 +182,14 @@ TEST_F(Output, NoFileOfARedactedChainNamesPlacesOrPeople) {
   const std::string home = "HOME=" + work_.path() + " USER=annabel LOGNAME=annabel ", page = work_ / "client/page.html";
   fs::create_directories(work_ / "client");
   ASSERT_EQ(RunCli(Triangulate({"--redact", "--to", "trc,c3d,bvh", "--frame-rate", "25"}), home).exit, 0);
-  ASSERT_EQ(RunCli({"calib", "convert", Calibration(), "--to", "opencv", "--out", work_ / "rig.yml", "--redact"}, home).exit,
-            0);
   ASSERT_EQ(
-      RunCli({"markers", work_ / "pose3d", "--frame-rate", "25", "--out", work_ / "markers of annabel", "--redact"}, home).exit,
+      RunCli({"calib", "convert", Calibration(), "--to", "panoptic", "--out", work_ / "conv/rig.json", "--redact"}, home).exit,
       0);
+  ASSERT_EQ(RunCli({"markers", work_ / "pose3d", "--frame-rate", "25", "--to", "trc", "--out", work_ / "markers of annabel",
+                    "--redact"},
+                   home)
+                .exit,
+            0);
   std::vector<std::string> open = Triangulate();  // not redacted: the report does it
   open[6] = work_ / "a b/pose3d";
   ASSERT_EQ(RunCli(open, home).exit, 0);
