@@ -13,7 +13,7 @@
 #include "core/error.h"
 #include "core/join.h"
 #include "core/some_of.h"
-#include "core/text/nearest_word.h"
+#include "core/text/words.h"
 
 namespace mvstudio::body {
 namespace {

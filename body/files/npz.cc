@@ -7,7 +7,7 @@
 #include <optional>
 
 #include "core/disk/files.h"
-#include "core/unpack.h"
+#include "core/disk/npy.h"
 #include "core/error.h"
 
 namespace mvstudio::body {

@@ -9,7 +9,6 @@
 
 #include "cli/program/options.h"
 #include "core/join.h"
-#include "core/text/nearest_word.h"
 #include "core/text/words.h"
 
 namespace mvstudio::cli {

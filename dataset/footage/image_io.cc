@@ -10,8 +10,8 @@
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/disk/npy.h"
 #include "core/disk/paths.h"
-#include "core/unpack.h"
 #include "core/error.h"
 #include "dataset/footage/image_header.h"
 
@@ -190,7 +190,8 @@ Image ReadImageWithAlpha(const std::string& path) {
 RawImage ReadRawImage(const std::string& path) {
   const Decoded file = Decode(path, cv::IMREAD_UNCHANGED);
   if (file.header.turn.any())
-    throw FormatError(path, "orientation", "asks for " + ToText(file.header.turn) + ": write the image turned, without the tag");
+    throw FormatError(path, "orientation",
+                      "asks for " + ToText(file.header.turn) + ": write the image turned, without the tag");
   RawImage raw;
   raw.width = file.mat.cols, raw.height = file.mat.rows, raw.channels = file.mat.channels();
   cv::Mat wide;

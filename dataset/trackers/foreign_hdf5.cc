@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "core/disk/lock.h"
+#include "core/disk/npy.h"
 #include "core/error.h"
-#include "core/unpack.h"
 
 namespace mvstudio::dataset::internal {
 namespace {
