@@ -101,11 +101,13 @@ struct Problem {
   double stride = 1;                         // of the thinning
   double middle_frame = 0, half_frames = 1;  // of the take
   size_t num_persons = 0, num_joints = 0;
+  double repeats = 1;  // of a detection, by resampling
 };
 
-Problem MakeProblem(const PreparedRig& rig, const Tracks& tracks, const std::vector<int>& frames) {
+Problem MakeProblem(const PreparedRig& rig, const Tracks& tracks, const std::vector<int>& frames, double repeats) {
   const int64_t count = static_cast<int64_t>(frames.size()), kept = std::min(count, kMaxFrames);
   Problem problem{&rig, &tracks, {}, static_cast<double>(count) / static_cast<double>(std::max<int64_t>(1, kept))};
+  problem.repeats = repeats;
   if (count > 0) problem.middle_frame = 0.5 * (frames.front() + frames.back());
   if (count > 1) problem.half_frames = 0.5 * (frames.back() - frames.front());
   for (int64_t k = 0; k < kept; ++k) problem.frames.push_back(frames[static_cast<size_t>(k * count / kept)]);
@@ -264,10 +266,10 @@ struct ClockSigma {
 
 /// Standard deviations of offsets and drifts: the larger of those from the noise, which neighbouring frames share, and those
 /// from how much blocks of the take disagree.
-std::vector<ClockSigma> Sigmas(const Normal& normal, const State& state, double stride, size_t reference_idx) {
+std::vector<ClockSigma> Sigmas(const Normal& normal, const State& state, const Problem& problem, size_t reference_idx) {
   const Eigen::MatrixXd inverse = normal.information.inverse();
   const Eigen::MatrixXd sandwich = inverse * Scatter(normal.gradients) * inverse;
-  const double shared = std::max(1.0, 1 / kSampleVariance / stride);
+  const double shared = std::max(1.0, problem.repeats / kSampleVariance / problem.stride);
   const auto sigma = [&](Eigen::Index i) {
     return std::sqrt(std::max(sandwich(i, i), inverse(i, i) * state.scale_px * state.scale_px * shared));
   };
@@ -323,13 +325,13 @@ bool Converge(const Problem& problem, size_t reference_idx, int num_threads, Sta
 /// Cameras whose clocks drift beyond doubt, by so much that it matters, and by no more than clocks do: cameras of nearly one
 /// rate differ by 1000 ppm (NTSC) and their crystals' errors. In short takes what the detector does to one posture looks like
 /// a drift of percents.
-std::vector<bool> Drifting(const State& state, const std::vector<ClockSigma>& sigmas, double half_frames) {
+std::vector<bool> Drifting(const State& state, const std::vector<ClockSigma>& sigmas, const Problem& problem) {
   constexpr double kLeastSigmas = 5, kLeastFrames = 0.1, kMostRate = 2e-3;
   std::vector<bool> drifting;
   for (size_t c = 0; c < sigmas.size(); ++c) {
-    const double least = std::max(kLeastFrames, kLeastSigmas * sigmas[c].drift_frames);
+    const double least = std::max(kLeastFrames * problem.repeats, kLeastSigmas * sigmas[c].drift_frames);
     const double drift = std::abs(state.drift_frames[c]);
-    drifting.push_back(state.drifts[c] && drift >= least && drift <= kMostRate * half_frames);
+    drifting.push_back(state.drifts[c] && drift >= least && drift <= kMostRate * problem.half_frames);
   }
   return drifting;
 }
@@ -341,9 +343,8 @@ void FindDrifts(const Problem& problem, size_t reference_idx, int num_threads, S
   for (size_t c = 0; c < trial.drifts.size(); ++c) trial.drifts[c] = c != reference_idx && !std::isnan(trial.offset_frames[c]);
   if (!Converge(problem, reference_idx, num_threads, &trial, &trial_points)) return;
   const std::vector<bool> all = trial.drifts;
-  const std::vector<ClockSigma> sigmas =
-      Sigmas(MakeNormal(trial_points, trial, reference_idx), trial, problem.stride, reference_idx);
-  const std::vector<bool> drifting = Drifting(trial, sigmas, problem.half_frames);
+  const std::vector<ClockSigma> sigmas = Sigmas(MakeNormal(trial_points, trial, reference_idx), trial, problem, reference_idx);
+  const std::vector<bool> drifting = Drifting(trial, sigmas, problem);
   if (std::none_of(drifting.begin(), drifting.end(), [](bool is) { return is; })) return;
   trial.drifts = drifting;
   for (size_t c = 0; c < drifting.size(); ++c) {
@@ -356,8 +357,8 @@ void FindDrifts(const Problem& problem, size_t reference_idx, int num_threads, S
 }  // namespace
 
 FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
-                       const std::vector<std::optional<int>>& start_frames, int reference_idx, const SyncOptions& options,
-                       const RunContext& run) {
+                       const std::vector<std::optional<int>>& start_frames, int reference_idx, double repeats,
+                       const SyncOptions& options, const RunContext& run) {
   const size_t num_cameras = rig.cameras.size(), reference = static_cast<size_t>(reference_idx);
   std::vector<int> common_frames;
   const Tracks tracks = MakeTracks(rig, frames, start_frames, options.min_score, run, &common_frames);
@@ -376,14 +377,14 @@ FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>&
   fine.sigma_frames.assign(num_cameras, std::nan(""));
   fine.drift.assign(num_cameras, 0), fine.sigma_drift.assign(num_cameras, 0);
   fine.residual_before_px = fine.residual_after_px = std::nan("");
-  const Problem problem = MakeProblem(rig, tracks, common_frames);
+  const Problem problem = MakeProblem(rig, tracks, common_frames, repeats);
   std::vector<TimedPoint> points;
   fine.ok = Converge(problem, reference, run.num_threads, &state, &points);
   if (!fine.ok) return fine;
   FindDrifts(problem, reference, run.num_threads, &state, &points);
   fine.offset_frames = state.offset_frames;
   fine.middle_frame = problem.middle_frame;
-  const std::vector<ClockSigma> sigmas = Sigmas(MakeNormal(points, state, reference), state, problem.stride, reference);
+  const std::vector<ClockSigma> sigmas = Sigmas(MakeNormal(points, state, reference), state, problem, reference);
   for (size_t c = 0; c < num_cameras; ++c) {
     fine.sigma_frames[c] = sigmas[c].offset_frames;
     fine.drift[c] = state.drift_frames[c] / problem.half_frames;

@@ -17,9 +17,10 @@ struct FineSync {
   int num_points = 0;
 };
 
-/// `start_frames`: whole offsets, empty for excluded cameras.
+/// `start_frames`: whole offsets, empty for excluded cameras. `repeats`: frames that one image of the slowest camera was
+/// resampled to; they share its noise.
 FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
-                       const std::vector<std::optional<int>>& start_frames, int reference_idx, const SyncOptions& options,
-                       const RunContext& run);
+                       const std::vector<std::optional<int>>& start_frames, int reference_idx, double repeats,
+                       const SyncOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::triangulate::internal

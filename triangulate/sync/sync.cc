@@ -322,7 +322,9 @@ SyncResult SynchronizeAt(const PreparedRig& rig, const std::vector<DetectedFrame
     if (result.cameras[c].status != SyncStatus::kOk) offsets[c].reset();
   }
   const auto usable = std::count_if(offsets.begin(), offsets.end(), [](const auto& offset) { return offset.has_value(); });
-  if (usable >= 2) AddFine(internal::RefineOffsets(rig, frames, offsets, result.reference_idx, options, run), rates, &result);
+  const double repeats = std::max(1.0, 1 / *std::min_element(rates.begin(), rates.end()));
+  if (usable >= 2)
+    AddFine(internal::RefineOffsets(rig, frames, offsets, result.reference_idx, repeats, options, run), rates, &result);
   Conclude(&result);
   return result;
 }
