@@ -334,6 +334,14 @@ int64_t NumOk(const SyncResult& result) {
                        [](const CameraSync& camera) { return camera.status == SyncStatus::kOk; });
 }
 
+/// Among so many rates and offsets, one fits a few cameras of a person who stands still by chance: rates have to explain all
+/// cameras that see somebody.
+bool ExplainsAll(const SyncResult& result) {
+  return std::all_of(result.cameras.begin(), result.cameras.end(), [](const CameraSync& camera) {
+    return camera.status == SyncStatus::kOk || camera.status == SyncStatus::kTooFewDetections;
+  });
+}
+
 }  // namespace
 
 std::string_view ToString(SyncStatus status) {
@@ -352,7 +360,7 @@ SyncResult SynchronizeCameras(const PreparedRig& rig, const std::vector<Detected
     const std::vector<double> rates = internal::FindRates(rig, frames, options, run);
     const bool equal = std::all_of(rates.begin(), rates.end(), [](double rate) { return rate == 1; });
     SyncResult other = equal ? result : SynchronizeAt(rig, frames, rates, options, run);
-    if (NumOk(other) > NumOk(result)) result = std::move(other);
+    if (NumOk(other) > NumOk(result) && ExplainsAll(other)) result = std::move(other);
   }
   stage.Advance();
   return result;

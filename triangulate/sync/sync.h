@@ -93,8 +93,9 @@ struct SyncResult {
 /// quadratic fit, whose noise does not depend on the fraction of a frame (linear interpolation prefers half frames).
 ///
 /// Clocks are the simplest that explain the motion. Where some camera has no offset at equal rates, ratios of usual frame rates
-/// are tried between it and the others. A drift is kept when it is 5 of its standard deviations and moves the ends of the take
-/// by 0.1 frames (of the slowest camera) and more, but no faster than 2000 ppm, as clocks of nearly one rate do.
+/// are tried between it and the others, and taken where every camera with detections then has one. A drift is kept when it is 5
+/// of its standard deviations and moves the ends of the take by 0.1 frames (of the slowest camera) and more, but no faster than
+/// 2000 ppm, as clocks of nearly one rate do.
 ///
 /// `frames`: by each camera's own frame numbers, ascending. Throws UsageError for options out of range or an unknown
 /// reference.
