@@ -269,7 +269,7 @@ void RegisterMetrics(CLI::App& app, Registry& registry) {
       ->capture_default_str();
   AddFlag(sub, "--distance-only", arguments->distance_only,
           "the Frechet and the kernel distance alone: the sets need no pairs and no equal counts");
-  AddOption(sub, "--write-statistics", arguments->write_statistics,
+  AddOutput(sub, "--write-statistics", arguments->write_statistics, OutputKind::kFile,
             "new .npz of the mean `mu` and the covariance `sigma` of the one set's features, as pytorch-fid keeps them");
   AddFlag(sub, "--per-picture", arguments->per_picture, "list every pair in the metrics");
   registry.Add(sub, "metrics", [arguments](CommandContext& context) { return RunMetrics(*arguments, context); });

@@ -30,8 +30,8 @@ void AddMeaningOptions(CLI::App* sub, app::CalibReadOptions& options) {
   AddPoseMendingOptions(sub, options.invert, options.mirror);
   AddOption(
       sub, "--allow-approximation", options.allow_approximation_px,
-      "px; a camera with skew is read as the nearest one without it, and a lens that a format does not have is written as its "
-      "nearest one, when no pixel of the image moves farther")
+      "px; the nearest lens takes the place of one that cannot be kept: when reading one with skew, when writing one that the "
+      "format lacks. Refused where a pixel of the image moves farther")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
 }

@@ -26,7 +26,7 @@ from PIL import Image
 from exports.common import FAULTS, Camera, Comparison, Dataset, check
 
 
-def stub(name, **members):
+def empty_module(name, **members):
     """An empty module that gives something harmless for every name."""
     module = types.ModuleType(name)
     module.__getattr__ = lambda key: type(key, (), {})
@@ -67,9 +67,9 @@ def neuralbody(checkout, folder, compare):
                                 test_novel_pose=False, N_rand=16)
     cfg.training_view = [i for i, _ in entries(compare)]
     for name in ("lib", "lib.utils", "lib.utils.if_nerf", "plyfile", "lib.utils.base_utils"):
-        stub(name)
-    stub("imageio", imread=imread)
-    stub("lib.config", cfg=cfg)
+        empty_module(name)
+    empty_module("imageio", imread=imread)
+    empty_module("lib.config", cfg=cfg)
     reader = load(checkout + "/lib/datasets/light_stage/multi_view_dataset.py", "neuralbody_reader")
     data = reader.Dataset(folder, "person", folder + "/annots.npy", "train")
     for index, (path, c) in enumerate(zip(data.ims, data.cam_inds)):
@@ -85,8 +85,8 @@ def neuralbody(checkout, folder, compare):
 
 
 def humannerf(checkout, folder, compare):
-    stub("third_parties"), stub("third_parties.smpl"), stub("third_parties.smpl.smpl_numpy"), stub("tqdm"), stub("yaml"), stub("termcolor")
-    stub("absl", app=None, flags=types.SimpleNamespace(FLAGS=None, DEFINE_string=lambda *a: None))
+    empty_module("third_parties"), empty_module("third_parties.smpl"), empty_module("third_parties.smpl.smpl_numpy"), empty_module("tqdm"), empty_module("yaml"), empty_module("termcolor")
+    empty_module("absl", app=None, flags=types.SimpleNamespace(FLAGS=None, DEFINE_string=lambda *a: None))
     sys.path.insert(0, checkout)
     reader = load(checkout + "/tools/prepare_zju_mocap/prepare_dataset.py", "humannerf_reader")
     annots = np.load(folder + "/annots.npy", allow_pickle=True).item()
@@ -100,8 +100,8 @@ def humannerf(checkout, folder, compare):
 
 def easyvolcap(checkout, folder, compare):
     """Its camera file's reader; its search for images and masks, which needs a whole installation, runs as lines of its source."""
-    stub("pkg_resources"), stub("easyvolcap"), stub("easyvolcap.utils"), stub("easyvolcap.utils.data_utils")
-    stub("easyvolcap.utils.console_utils", __all__=["dotdict", "join", "exists", "dirname"], join=os.path.join,
+    empty_module("pkg_resources"), empty_module("easyvolcap"), empty_module("easyvolcap.utils"), empty_module("easyvolcap.utils.data_utils")
+    empty_module("easyvolcap.utils.console_utils", __all__=["dotdict", "join", "exists", "dirname"], join=os.path.join,
          exists=os.path.exists, dirname=os.path.dirname,
          dotdict=type("dotdict", (dict,), {"__getattr__": dict.__getitem__, "__setattr__": dict.__setitem__}))
     reader = load(checkout + "/easyvolcap/utils/easy_utils.py", "easyvolcap_reader")
@@ -149,7 +149,7 @@ def dynamic3dgs(checkout, folder, compare):
     import torch
     settings = collections.namedtuple("Settings", "image_height image_width tanfovx tanfovy bg scale_modifier viewmatrix projmatrix "
                                                   "sh_degree campos prefiltered")
-    stub("diff_gaussian_rasterization", GaussianRasterizationSettings=settings), stub("open3d"), stub("tqdm"), stub("external")
+    empty_module("diff_gaussian_rasterization", GaussianRasterizationSettings=settings), empty_module("open3d"), empty_module("tqdm"), empty_module("external")
     torch.Tensor.cuda = lambda self, *a, **k: self
     make = torch.tensor
     torch.tensor = lambda *a, **k: make(*a, **{key: v for key, v in k.items() if key != "device"})
@@ -181,7 +181,7 @@ def dynamic3dgs(checkout, folder, compare):
 
 
 def dna_rendering(checkout, folder, compare):
-    stub("tqdm")
+    empty_module("tqdm")
     reader = load(checkout + "/scripts/3DGS/SMCReader.py", "smc_reader")
     name, = os.listdir(folder + "/main")
     main = reader.SMCReader(folder + "/main/" + name)

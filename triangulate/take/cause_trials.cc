@@ -9,6 +9,7 @@
 
 #include "core/format.h"
 #include "core/join.h"
+#include "geometry/rig/meeting.h"
 #include "geometry/rig/plausible.h"
 #include "triangulate/sync/sync.h"
 
@@ -274,33 +275,13 @@ void AddDetectedChanges(const Rig& rig, const std::vector<DetectedFrame>& frames
   }
 }
 
-/// The rig, without covariances, with other poses.
-template <class Change>
-Rig WithPoses(const Rig& rig, const Change& change) {
-  Rig changed;
-  for (const auto& camera : rig.cameras)
-    changed.cameras.push_back({camera.camera, change(camera.cam_from_world), std::nullopt, std::nullopt});
-  return changed;
-}
-
 void AddPoses(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
-  using geometry::Rigid3;
-  const auto turned = [](Rigid3 pose) {  // OpenGL's axes: y up, looking along -z
-    const Rigid3 half_turn{Eigen::Quaterniond(0, 1, 0, 0), Eigen::Vector3d::Zero()};
-    return half_turn * pose;
-  };
-  const auto mirrored = [](const Rigid3& pose) {  // y turned over in world and camera
-    const Eigen::Vector3d flip(1, -1, 1);
-    const Eigen::Matrix3d rotation = flip.asDiagonal() * pose.rotation.toRotationMatrix() * flip.asDiagonal();
-    return Rigid3{Eigen::Quaterniond(rotation), flip.cwiseProduct(pose.translation)};
-  };
-  const auto inverted = [](const Rigid3& pose) { return Inverse(pose); };
+  const char* const inverted = "with the calibration's poses inverted";
+  list->push_back({Cause::kInverted, inverted, "option 'invert'", geometry::WithPosesInverted(rig), frames});
   list->push_back(
-      {Cause::kInverted, "with the calibration's poses inverted", "option 'invert'", WithPoses(rig, inverted), frames});
-  list->push_back({Cause::kInverted, "with the calibration's poses inverted", "option 'invert'",
-                   WithPoses(rig, [&](const Rigid3& pose) { return turned(Inverse(pose)); }), frames});
-  list->push_back(
-      {Cause::kMirroredPoses, "with the calibration's poses mirrored", "option 'mirror'", WithPoses(rig, mirrored), frames});
+      {Cause::kInverted, inverted, "option 'invert'", geometry::WithAxesTurned(geometry::WithPosesInverted(rig)), frames});
+  list->push_back({Cause::kMirroredPoses, "with the calibration's poses mirrored", "option 'mirror'",
+                   geometry::WithAxesMirrored(rig), frames});
 }
 
 /// Each camera in turn left out, where the others can still contradict each other.
