@@ -1,10 +1,12 @@
 #include "app/words.h"
 
 #include <charconv>
+#include <cmath>
 #include <set>
 #include <sstream>
 
 #include "core/error.h"
+#include "core/format.h"
 #include "core/utf8.h"
 
 namespace mvstudio::app {
@@ -50,6 +52,13 @@ std::vector<int> ParseRanges(const std::string& flag, const std::string& text) {
     for (int i = 0; i <= last - first; ++i) numbers.insert(first + i);
   }
   return {numbers.begin(), numbers.end()};
+}
+
+std::string LengthText(double metres) {
+  const double size = std::abs(metres);
+  if (!std::isfinite(metres)) return "unknown";
+  if (size > 0 && size < 1e-4) return Format("%.3g um", 1e6 * metres);
+  return size < 1 ? Format("%.2f mm", 1e3 * metres) : Format(size < 1e5 ? "%.2f m" : "%.3g m", metres);
 }
 
 std::string RangesText(const std::vector<int>& numbers) {

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "app/people/pose_truth.h"
+#include "app/words.h"
 #include "core/disk/manifest.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -78,8 +79,9 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
 
 std::string ComparisonText(const std::string& key, const std::string& what, const ordered_json& m) {
   if (m["num"] == 0) return "\nagainst " + key + what + ": nothing could be compared, " + m["why_none"].get<std::string>();
-  std::string text = Format("\nagainst %s%s: median %.2f mm, p95 %.2f mm, %d joints", key.c_str(), what.c_str(),
-                            NumberOf(m["median_mm"]), NumberOf(m["p95_mm"]), m["num"].get<int>());
+  std::string text = Format("\nagainst %s%s: median %s, p95 %s, %d joints", key.c_str(), what.c_str(),
+                            app::LengthText(NumberOf(m["median_mm"]) / 1e3).c_str(),
+                            app::LengthText(NumberOf(m["p95_mm"]) / 1e3).c_str(), m["num"].get<int>());
   if (m.contains("unit"))
     text += Format(" (its unit %s, %s up)", m["unit"].get<std::string>().c_str(), m["up"].get<std::string>().c_str());
   if (m.contains("without_counterpart"))

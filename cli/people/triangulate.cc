@@ -58,12 +58,14 @@ std::string LeftOutText(const ordered_json& holdout) {
 std::string Summary(const CommandResult& result) {
   const ordered_json& m = result.metrics;
   const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
-  std::string text = Format(
-      "%d of %d joints triangulated, reprojection RMS median %.3f px, sigma %.3f px, median sigma %.2f mm, %.0f points/s",
-      m["num_points"].get<int>(), m["num_joints_tried"].get<int>(), number(m["median_rms_px"]), number(m["sigma_px"]),
-      number(m["median_sigma_mm"]), number(m["points_per_s"]));
+  const int done = m["num_points"].get<int>(), tried = m["num_joints_tried"].get<int>();
+  std::string text = Format("%d of %d joints triangulated", done, tried);
+  if (done > 0)
+    text +=
+        Format(", reprojection RMS median %.3f px, sigma %.3f px, median sigma %s, %.0f points/s", number(m["median_rms_px"]),
+               number(m["sigma_px"]), app::LengthText(number(m["median_sigma_mm"]) / 1e3).c_str(), number(m["points_per_s"]));
   text += Format("\nmethod %s; one camera left out: ", m["method"].get<std::string>().c_str()) + LeftOutText(m["holdout"]);
-  if (!m["limb_std_mm"].is_null()) text += Format("; bone lengths vary by %.1f mm", number(m["limb_std_mm"]));
+  if (!m["limb_std_mm"].is_null()) text += "; bone lengths vary by " + app::LengthText(number(m["limb_std_mm"]) / 1e3);
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
     text += ComparisonText(key, "", m[key]);
@@ -362,10 +364,10 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
           "cameras better; not with --chunk-frames");
   AddOptions(sub, arguments->refine_options);
   StartGroup(sub, "Points");
-  AddOption(
-      sub, "--chunk-frames", arguments->chunk_frames,
-      "for takes longer than memory: frames of --pose2d processed at a time (a table is held whole); noise and method come from "
-      "frames spread over the take; 0: all at once")
+  AddOption(sub, "--chunk-frames", arguments->chunk_frames,
+            "for takes longer than memory: frames of --pose2d processed at a time (a table is held whole); noise and method "
+            "come from "
+            "frames spread over the take; 0: all at once")
       ->capture_default_str();
   StartGroup(sub, "Marker files");
   AddOptions(sub, arguments->markers);

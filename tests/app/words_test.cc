@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <limits>
 #include <set>
@@ -68,6 +69,16 @@ TEST(Words, NumbersThatAreNoneAndRangesThatAreTooLongAreRefused) {
   for (const std::string text : {"x", "1.5", " 1", "+1", "-1", "1-", "1--2", "3-2", "1,,2", "0-99999999", "99999999999"}) {
     EXPECT_THAT(MessageOf<UsageError>([&] { ParseRanges("option 'frames'", text); }), HasSubstr("option 'frames'")) << text;
   }
+}
+
+TEST(Words, LengthsHaveTheUnitOfTheirSize) {
+  EXPECT_EQ(LengthText(0), "0.00 mm");
+  EXPECT_EQ(LengthText(2.5e-9), "0.0025 um");
+  EXPECT_EQ(LengthText(-4.2e-5), "-42 um");
+  EXPECT_EQ(LengthText(1e-4), "0.10 mm");
+  EXPECT_EQ(LengthText(0.01234), "12.34 mm");
+  EXPECT_EQ(LengthText(3276.4), "3276.40 m");
+  EXPECT_EQ(LengthText(std::nan("")), "unknown");
 }
 
 /// In a process of its own that may compute for a second: a loop that counts past the largest number never ends.
