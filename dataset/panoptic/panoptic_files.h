@@ -59,6 +59,7 @@ struct PanopticBody {
   std::vector<double> joints19;  // (19 x 4) coco19; empty where the file has another skeleton
   std::vector<double> joints26;  // (26 x 4)
   std::vector<double> joints15;  // (15 x 4) mpi15, of old sequences
+  int num_without_numbers = 0;   ///< joints that the file gives a null or NaN; they are missing (c = -1)
   PanopticExtras extras;
 };
 

@@ -34,7 +34,7 @@ std::vector<double>& JointsOf(PanopticBody& body, size_t skeleton) {
 }
 
 /// x, y, z, c of every joint. One with a null is missing, as CMU writes it: c = -1.
-std::vector<double> NumbersOf(const JsonView& joints) {
+std::vector<double> NumbersOf(const JsonView& joints, int* num_without_numbers) {
   std::vector<double> numbers;
   for (size_t i = 0; i + 3 < joints.ArraySize(); i += 4) {
     bool missing = false;
@@ -43,6 +43,7 @@ std::vector<double> NumbersOf(const JsonView& joints) {
       numbers.push_back(joints.value()[k].is_null() ? 0 : joints[k].Number());
     }
     if (missing) std::fill(numbers.end() - 4, numbers.end(), 0), numbers.back() = -1;
+    *num_without_numbers += missing;
   }
   return numbers;
 }
@@ -61,7 +62,7 @@ PanopticBody ReadBody(const JsonView& json) {
       joints.Fail("must hold " + std::to_string(4 * count) + " numbers (x, y, z, c of " + std::to_string(count) +
                   " joints), holds " + std::to_string(joints.ArraySize()));
     }
-    JointsOf(body, s) = NumbersOf(joints);
+    JointsOf(body, s) = NumbersOf(joints, &body.num_without_numbers);
   }
   if (!any) json["joints19"];  // throws: it is missing
   body.extras = internal::ExtrasOf(json, {"id", "joints19", "joints26", "joints15"});

@@ -32,7 +32,7 @@ bool PlausiblePerson(const Coco19Pose& pose, double* length_m) {
 }
 
 struct SceneFaults {
-  Shared implausible, confidence, fps_type, skeleton;
+  Shared implausible, confidence, fps_type, skeleton, without_numbers;
 };
 
 void CheckPlausible(const Body3dScene& scene, const std::string& path, Shared* implausible) {
@@ -46,6 +46,10 @@ void CheckPlausible(const Body3dScene& scene, const std::string& path, Shared* i
 
 void CheckNumbers(const PanopticScene& scene, const std::string& path, SceneFaults* faults) {
   for (const PanopticBody& body : scene.bodies) {
+    if (body.num_without_numbers > 0)
+      faults->without_numbers.Add(path, "person " + std::to_string(body.id) + ": a null or NaN stands for a number in " +
+                                            std::to_string(body.num_without_numbers) +
+                                            " of the joints, which count as missing");
     for (size_t i = 3; i < body.joints19.size(); i += 4) {
       const double c = body.joints19[i];
       if (c == -1 || (c >= 0 && c <= 1)) continue;
@@ -207,6 +211,7 @@ std::map<int, Body3dScene> VerifyScenes(const PanopticFrames& frames, Findings* 
   }
   faults.skeleton.Report("DAT-POSE", true, findings);
   faults.confidence.Report("DAT-JOINT", false, findings);
+  faults.without_numbers.Report("DAT-JOINT", false, findings);
   faults.fps_type.Report("DAT-RATE", false, findings);
   faults.implausible.Report("DAT-UNITS", false, findings);
   if (without_people > 0)

@@ -205,6 +205,14 @@ TEST_F(VerifyTest, BrokenPose) {
   EXPECT_NE(report.findings.at(0).text.find("joints19[7]"), std::string::npos);
 }
 
+TEST_F(VerifyTest, ANumberThatIsMissingIsToldAndCostsOneJoint) {
+  EditJson(Scene(6), [](json& s) { s["bodies"][0]["joints19"][7] = nullptr; });
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_EQ(report.num_errors(), 0);
+  EXPECT_EQ(report.findings.at(0).code, "DAT-JOINT");
+  EXPECT_NE(report.findings.at(0).text.find("in 1 of the joints"), std::string::npos) << report.findings.at(0).text;
+}
+
 TEST_F(VerifyTest, TimeThatGoesBack) {
   EditJson(Scene(6), [](json& s) { s["univTime"] = 1.0; });
   EXPECT_EQ(Only("DAT-TIME"), 1);
