@@ -17,6 +17,7 @@ import json
 import os
 import re
 import sys
+import tempfile
 import types
 import warnings
 
@@ -157,8 +158,8 @@ def dynamic3dgs(checkout, folder, compare):
     reader = load(checkout + "/train.py", "dynamic3dgs_reader")
     meta, opened = json.load(open(folder + "/train_meta.json")), 0
     here = os.getcwd()
-    os.makedirs(os.environ["TMPDIR"] + "/data", exist_ok=True)
-    os.chdir(os.environ["TMPDIR"])
+    os.makedirs(tempfile.gettempdir() + "/data", exist_ok=True)
+    os.chdir(tempfile.gettempdir())
     os.path.islink("data/seq") or os.symlink(folder, "data/seq")
     for t, frame in enumerate(compare.manifest["frames"]):
         for c, item in enumerate(reader.get_dataset(t, meta, "seq")):
