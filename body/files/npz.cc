@@ -50,7 +50,7 @@ std::string ReadMember(archive* reader, const std::string& path, const std::stri
     const bool first = content.empty();
     content.append(static_cast<const char*>(piece), size);
     if (first && told && NpyFileBytes(content).value_or(0) > *told)
-      throw FormatError(path, name, "promises more than the " + std::to_string(*told) + " bytes that it has");
+      throw FormatError(path, name + ": shape", "promises more than the " + std::to_string(*told) + " bytes that it has");
   }
   if (status != ARCHIVE_EOF) Refuse(path, name, reader, "is damaged");
   return content;

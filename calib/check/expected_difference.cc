@@ -18,24 +18,26 @@ using geometry::RigCamera;
 using geometry::Rigid3;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr int kGridCols = 12, kNumSamples = 200;
+constexpr int kNumSamples = 200;
 
 struct Ray {
   Eigen::Vector3d direction;
   bool in_focus;
 };
 
-std::vector<Ray> Rays(const geometry::Camera& lens, double focus) {
+/// The grid of CompareProjection: a coarser one would give the image's border more weight.
+std::vector<Ray> Rays(const geometry::Camera& lens, const ProjectionDiffOptions& options) {
   std::vector<Ray> rays;
-  const int rows = std::max(2, kGridCols * lens.height_px / std::max(1, lens.width_px));
+  const int cols = options.grid_cols;
+  const int rows = std::max(2, static_cast<int>(std::lround(1.0 * cols * lens.height_px / lens.width_px)));
   const geometry::Projector projector(lens);
   const Eigen::Vector2d last(lens.width_px - 1, lens.height_px - 1), centre = 0.5 * last;
   for (int r = 0; r < rows; ++r) {
-    for (int c = 0; c < kGridCols; ++c) {
-      const Eigen::Vector2d px(last.x() * c / (kGridCols - 1), last.y() * r / (rows - 1));
+    for (int c = 0; c < cols; ++c) {
+      const Eigen::Vector2d px(last.x() * c / (cols - 1), last.y() * r / (rows - 1));
       const geometry::Unprojection ray = projector.Unproject(px);
       if (ray.status == Status::kOk)
-        rays.push_back({ray.ray_in_cam, (px - centre).norm() <= focus * centre.norm() * (1 + 1e-9)});
+        rays.push_back({ray.ray_in_cam, (px - centre).norm() <= options.focus * centre.norm() * (1 + 1e-9)});
     }
   }
   return rays;
@@ -77,8 +79,7 @@ Eigen::MatrixXd ImpliedByParams(const geometry::Projector& projector, const std:
     }
   }
   // Motions that show nowhere (translations of directions) stay zero: eigenvalues of the matrix with unit diagonal.
-  const Eigen::Matrix<double, 6, 1> scale =
-      h.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
+  const Eigen::Matrix<double, 6, 1> scale = h.diagonal().unaryExpr([](double d) { return d > 0 ? 1 / std::sqrt(d) : 0.0; });
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(scale.asDiagonal() * h * scale.asDiagonal());
   const Eigen::Matrix<double, 6, 1> inverse =
       eigen.eigenvalues().unaryExpr([](double value) { return value > 1e-12 ? 1 / value : 0.0; });
@@ -144,7 +145,7 @@ std::vector<double> ExpectedProjectionRms(const RigCamera& camera, const RigCame
                                           const ProjectionDiffOptions& options) {
   std::vector<double> expected(options.ranges_m.size(), kNaN);
   if (!camera.params_covariance || !reference.params_covariance) return expected;
-  const std::vector<Ray> rays = Rays(reference.camera, options.focus);
+  const std::vector<Ray> rays = Rays(reference.camera, options);
   std::vector<double> squares(expected.size(), 0);
   for (const RigCamera* lens : {&camera, &reference}) {
     const Eigen::Index num_params = lens->camera.params.size();

@@ -55,11 +55,14 @@ double LengthError(const Eigen::Matrix3Xd& corners, const CornerCloud& cloud, in
   return 1e3 * ((cloud.at(a) - cloud.at(b)).norm() - (corners.col(a) - corners.col(b)).norm());
 }
 
-void Measure(const Eigen::Matrix3Xd& corners, const std::vector<std::pair<int, int>>& neighbours, const CornerCloud& cloud,
-             Errors* errors) {
+void MeasureEdges(const Eigen::Matrix3Xd& corners, const std::vector<std::pair<int, int>>& neighbours, const CornerCloud& cloud,
+                  Errors* errors) {
   for (const auto& [a, b] : neighbours) {
     if (cloud.count(a) && cloud.count(b)) errors->edges_mm.push_back(LengthError(corners, cloud, a, b));
   }
+}
+
+void MeasurePairs(const Eigen::Matrix3Xd& corners, const CornerCloud& cloud, Errors* errors) {
   for (auto a = cloud.begin(); a != cloud.end(); ++a) {
     for (auto b = std::next(a); b != cloud.end(); ++b)
       errors->pairs_mm.push_back(LengthError(corners, cloud, a->first, b->first));
@@ -192,8 +195,9 @@ BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::ve
   for (const MeasuredBoard& each : measured) all.push_back(&each);
   const double typical_mm = MedianOff(all);
   for (MeasuredBoard& each : measured) {
+    MeasureEdges(corners[each.board], neighbours[each.board], each.cloud, &errors);
     metrics.num_stray_points += RemoveStrays(corners[each.board], typical_mm, &each);
-    Measure(corners[each.board], neighbours[each.board], each.cloud, &errors);
+    MeasurePairs(corners[each.board], each.cloud, &errors);
   }
   metrics.edge_rms_mm = Rms(errors.edges_mm), metrics.edge_median_mm = MedianAbs(errors.edges_mm);
   metrics.edge_bias_mm = Mean(errors.edges_mm);

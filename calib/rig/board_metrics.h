@@ -16,18 +16,18 @@ namespace mvstudio::calib {
 /// measured.
 struct BoardMetrics {
   double edge_rms_mm = 0, edge_median_mm = 0,
-         edge_bias_mm = 0;                                     ///< of neighbouring corners; median of |error|, bias: mean error
-  double pair_rms_mm = 0, pair_bias_mm = 0;                    ///< of all pairs of corners of a board in a frame
+         edge_bias_mm = 0;  ///< of neighbouring corners, strays among them; median of |error|, bias: mean error
+  double pair_rms_mm = 0, pair_bias_mm = 0;  ///< of all pairs of corners of a board in a frame, strays left out
   double reprojection_rms_px = 0, reprojection_median_px = 0;  ///< 2-D, of the triangulated points in all their images
   int num_frames = 0, num_points = 0, num_edges = 0;
-  int num_stray_points = 0;  ///< of num_points; left out of edges and pairs, see ComputeBoardMetrics
+  int num_stray_points = 0;  ///< of num_points; left out of pairs, see ComputeBoardMetrics
 };
 
 /// Triangulates every corner that two or more cameras see in a frame, by least squares of the pixel errors with the
 /// cameras fixed as in `state`. Board poses and weights are not used. No sight is rejected; left out are corners without a
 /// ray, without parallax, or without a point in front of their cameras. A corner whose distances are off (median) by more
 /// than 8 times those of the other corners of its board in that frame, and of all corners, is a stray: counted, and not in
-/// the lengths. So one wrong detection says nothing of the lengths, and a camera that moved, which displaces all corners of
+/// the pairs. So one wrong detection says nothing of the lengths, and a camera that moved, which displaces all corners of
 /// a board, says all it did.
 ///
 /// Distances are measured minus true (positive bias: too long). Neighbours: along rows and columns of a grid; the sides of

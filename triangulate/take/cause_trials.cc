@@ -172,7 +172,7 @@ using ChangePixel = std::function<void(const Camera&, DetectedPerson*)>;
 
 struct Detected {
   Cause cause;
-  std::string text;    ///< "mirrored": said of the images
+  std::string text;    ///< "the images@ mirrored"; @: of which cameras
   std::string option;  ///< that mends all cameras; of one, its name follows `join`
   std::string join;
   ChangePixel change;
@@ -184,8 +184,9 @@ void AddDetected(const Rig& rig, const std::vector<DetectedFrame>& frames, const
   std::string remedy = detected.option;
   for (size_t at = remedy.find('@'); at != std::string::npos; at = remedy.find('@'))
     remedy.replace(at, 1, only < 0 ? "" : detected.join + name + (detected.join == " " ? "" : "="));
-  Assumption& other = list->emplace_back(Assumption{
-      detected.cause, "with " + detected.text + (only < 0 ? " of all cameras" : " of " + name), remedy, rig, frames});
+  std::string text = detected.text;
+  text.replace(text.find('@'), 1, only < 0 ? " of all cameras" : " of " + name);
+  Assumption& other = list->emplace_back(Assumption{detected.cause, "with " + text, remedy, rig, frames});
   for (DetectedFrame& frame : other.frames) {
     for (size_t c = 0; c < frame.people.size(); ++c) {
       if (only >= 0 && static_cast<size_t>(only) != c) continue;
@@ -242,16 +243,16 @@ std::vector<Detected> DetectedChanges(const MirrorGroups& mirror) {
   using Px = Eigen::Vector2d;
   const auto mirrored = [](const Camera& camera, Px* px) { px->x() = camera.width_px - 1 - px->x(); };
   std::vector<Detected> list;
-  list.push_back({Cause::kFlippedY, "y counted from the lower edge", "option 'flip-y'@", " ",
+  list.push_back({Cause::kFlippedY, "y counted from the lower edge@", "option 'flip-y'@", " ",
                   EachKey([](const Camera& camera, Px* px) { px->y() = camera.height_px - px->y(); })});
   // Turned back: the images are turned clockwise.
-  list.push_back({Cause::kTurned, "the images turned by 90 degrees", "option 'rotate' @90", "",
+  list.push_back({Cause::kTurned, "the images@ turned by 90 degrees", "option 'rotate' @90", "",
                   EachKey([](const Camera& camera, Px* px) { *px = Px(px->y(), camera.height_px - 1 - px->x()); })});
-  list.push_back({Cause::kTurned, "the images turned by 180 degrees", "option 'rotate' @180", "",
+  list.push_back({Cause::kTurned, "the images@ turned by 180 degrees", "option 'rotate' @180", "",
                   EachKey([](const Camera& camera, Px* px) { *px = Px(camera.width_px - 1, camera.height_px - 1) - *px; })});
-  list.push_back({Cause::kTurned, "the images turned by 270 degrees", "option 'rotate' @270", "",
+  list.push_back({Cause::kTurned, "the images@ turned by 270 degrees", "option 'rotate' @270", "",
                   EachKey([](const Camera& camera, Px* px) { *px = Px(camera.width_px - 1 - px->y(), px->x()); })});
-  list.push_back({Cause::kMirrored, "the images mirrored", "option 'flip-x'@", " ", EachKey(mirrored)});
+  list.push_back({Cause::kMirrored, "the images@ mirrored", "option 'flip-x'@", " ", EachKey(mirrored)});
   if (mirror.empty()) return list;
   // A picture that is mirrored shows the left hand as a right one; a detector calls it so, markers keep their names.
   const auto with_sides = [mirror, mirrored](const Camera& camera, DetectedPerson* person) {
@@ -262,7 +263,7 @@ std::vector<Detected> DetectedChanges(const MirrorGroups& mirror) {
       }
     }
   };
-  list.push_back({Cause::kMirrored, "the images mirrored, left and right exchanged,", "option 'flip-x'@ option 'swap-sides'@",
+  list.push_back({Cause::kMirrored, "the images@ mirrored, left and right exchanged,", "option 'flip-x'@ option 'swap-sides'@",
                   " ", with_sides});
   return list;
 }
