@@ -366,21 +366,25 @@ void RegisterSync(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<Arguments>();
   CLI::App* sub =
       app.add_subcommand("sync", "Time offsets of the cameras: from people who move in the take, or from time stamps");
+  StartGroup(sub, "Calibration and 2D joints");
   AddPoseArguments(sub, arguments->pose);
   sub->get_option("--calib")->required(false);
+  StartGroup(sub, "Session");
+  AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
+  AddOption(sub, "--project", arguments->project,
+            "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
+            "its takes");
+  StartGroup(sub, "Offsets");
   AddOption(sub, "--from", arguments->from,
             "poses: people's 2D joints; timestamps: the take's table of times; timecodes: of the videos, to a frame; "
             "motion-energy: images only, coarse")
       ->transform(OneOf({"poses", "timestamps", "timecodes", "motion-energy"}))
       ->capture_default_str();
-  AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
-  AddOption(sub, "--project", arguments->project,
-            "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
-            "its takes");
-  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder for sync.json; SESSION/sync/TAKE unless given");
   AddOption(sub, "--fps,--frame-rate", arguments->fps,
             "Hz; frame rate of all cameras; then offsets are searched within 3 s and given in ms, too");
   AddOptions(sub, arguments->options);
+  StartGroup(sub, "Output");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder for sync.json; SESSION/sync/TAKE unless given");
   registry.Add(sub, "sync", [arguments, sub](CommandContext& context) {
     arguments->range_given = sub->count("--max-offset-frames") > 0;
     return Run(*arguments, context);

@@ -45,7 +45,7 @@ constexpr CommonOptions kCommon[] = {
     {"avatar train",
      "--train-cameras --holdout-cameras --holdout-frames --split --validate-camera --patience --method --prior --inputs "
      "--pose3d "
-     "--width --size --steps --batch --picture-every --init-from --device --ranks --overwrite"},
+     "--width --size --steps --batch --init-from --device --ranks --overwrite"},
 };
 
 bool IsOn(const CLI::Option* option) { return option->get_default_str() == "true"; }
