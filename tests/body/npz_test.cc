@@ -117,7 +117,7 @@ TEST(Npz, HeadersAreLookedAtBeforeTheRestIsUnpacked) {
   EXPECT_THAT(MessageOf<FormatError>([&] {
                 ParseNpzMembers(Deflated({{"x.npy", large}}), "a.npz");
               }),
-              HasSubstr("x: promises more than the "));
+              HasSubstr("x: shape: promises more than the "));
   const std::string zeros = Deflated({{"x.npy", std::string(300 << 20, '\0')}});
   EXPECT_THAT(MessageOf<FormatError>([&] { ParseNpzMembers(zeros, "a.npz"); }), HasSubstr("out of all proportion"));
 }
