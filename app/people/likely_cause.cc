@@ -87,10 +87,10 @@ bool AddTiming(const triangulate::CauseReport& report, bool timed, CommandResult
 
 bool AddCameraCause(const triangulate::CauseReport& report, bool timed, CommandResult* result) {
   using triangulate::Cause;
+  if (!report.trials.empty()) AddMetrics(report, result);
   if (report.message.empty() || report.trials[0].cause == Cause::kMoved) return false;
   const triangulate::CauseTrial& trial = report.trials[0];
   if (trial.cause == Cause::kTimeOffset || trial.cause == Cause::kRates) return AddTiming(report, timed, result);
-  AddMetrics(report, result);
   result->exit = kExitQualityGate;
   result->errors.push_back({"TRI-CAUSE", "likeliest cause: " + report.message, trial.remedy});
   return true;

@@ -154,7 +154,7 @@ def mirrored(which=slice(None)):
         pixels(lambda p, s: np.stack([s[0] - 1 - p[..., 0], p[..., 1]], -1), which)(take)
         for camera in list(take.frames)[which]:
             for people in take.frames[camera].values():
-                for a, b in take.pairs:
+                for a, b in take.pairs if people.size else ():
                     people[:, [a, b]] = people[:, [b, a]]
     return spoil
 

@@ -263,7 +263,7 @@ std::vector<Detected> DetectedChanges(const MirrorGroups& mirror) {
       }
     }
   };
-  list.push_back({Cause::kMirrored, "the images@ mirrored, left and right exchanged,", "option 'flip-x'@ option 'swap-sides'@",
+  list.push_back({Cause::kMirrored, "the images@ mirrored, left and right exchanged", "option 'flip-x'@ option 'swap-sides'@",
                   " ", with_sides});
   return list;
 }
