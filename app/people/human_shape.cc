@@ -208,20 +208,27 @@ std::string WorldText(const geometry::Rig& rig) {
 }
 
 void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result) {
-  constexpr double kMostTiltDeg = 45;
+  constexpr double kMostTiltDeg = 45, kOnTheirHeadsDeg = 150;
   const double tilt = TrunkTiltDeg(take.points, input.skeleton);
   const std::string fixed_by = input.rig.gauge.empty() ? "not said" : input.rig.gauge;
   result->metrics["world"] = {{"fixed_by", fixed_by}, {"trunk_tilt_deg", FiniteOrNull(tilt)}};
   if (!(tilt > kMostTiltDeg)) return;
+  const std::string folder = result->folder.empty() ? "FOLDER" : result->folder;
+  std::string hint =
+      "files that say z or y up show people lying: move the rig onto the floor they walked on (mvstudio calib align "
+      "CALIB option 'floor-joints' " +
+      folder + ") and triangulate again, or calibrate with option 'world' board:FRAME; ignore this where people did lie";
+  // Cameras of one height see a world that is turned over as well as the true one.
+  if (tilt > kOnTheirHeadsDeg)
+    hint =
+        "does y count from the images' lower edge (option 'flip-y'), or is the calibration left-handed (option 'mirror')? "
+        "else " +
+        hint;
   result->warnings.push_back(
       {"TRI-UP",
        Format("the world's z is not up: people's trunks lean %.0f degrees from it; what fixes the world: %s", tilt,
               fixed_by.c_str()),
-       "files that say z or y up show people lying: move the rig onto the floor they walked on (mvstudio calib align CALIB "
-       "option "
-       "'floor-joints' " +
-           (result->folder.empty() ? std::string("FOLDER") : result->folder) +
-           ") and triangulate again, or calibrate with option 'world' board:FRAME; ignore this where people did lie"});
+       hint});
 }
 
 }  // namespace mvstudio::app

@@ -60,7 +60,8 @@ def panoptic(name):
     def make(binary, scratch):
         root = DATA / name
         rig = calibration(binary, root / f"calibration_{name}.json", scratch)
-        rig["cameras"] = [c for k, c in enumerate(rig["cameras"]) if k % 2 == 0]  # five
+        if len(rig["cameras"]) > 6:
+            rig["cameras"] = rig["cameras"][::2]
         for key in ("calibration_covariance", "joint_covariance"):
             rig.pop(key, None)
         names = [c["name"] for c in rig["cameras"]]
