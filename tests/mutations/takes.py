@@ -198,7 +198,8 @@ def doubled(take):
 def scores(take):
     for frames in take.frames.values():
         for people in frames.values():
-            people[..., 2] *= 0.1
+            if people.size:
+                people[..., 2] *= 0.1
 
 
 FLIP = np.array([1, -1, 1])
