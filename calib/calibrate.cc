@@ -296,9 +296,11 @@ void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, cons
   std::tie(*work, *report) = std::move(*first);
 }
 
-/// Returns what the frame numbers of each camera lack, when that is the reason why there is no solution.
-std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+/// Returns what the frame numbers of each camera lack, when that is the reason why there is no solution. `seen`: the input,
+/// whose views are turned to number the board from one end.
+std::vector<int64_t> RunPipeline(const CalibrateOptions& options, const RunContext& run, CalibrateInput* seen,
                                  CalibrateReport* report) {
+  const CalibrateInput& input = *seen;
   const World world = internal::FindWorld(options.world, input.cameras);
   Work work;
   internal::MakeWork(input, options, &work);
@@ -308,7 +310,7 @@ std::vector<int64_t> RunPipeline(const CalibrateInput& input, const CalibrateOpt
   if (options.intrinsics_only) {
     SeparateViews(&work);
   } else {
-    internal::TurnNumbering(input, &work, report);
+    internal::TurnNumbering(seen, &work, report);
     report->numbering = FindNumberingFaults(work.views, work.cam_from_board, geometry::CameraNames(work.state.cameras));
     if (!CheckFrames(options, &work, report)) return work.shift;
     TakeKnownPoses(input, options, &work);
@@ -329,16 +331,17 @@ void LookForCauses(const CalibrateInput& input, const CalibrateOptions& options,
 
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CalibrateReport report;
-  const std::vector<int64_t> shift = RunPipeline(input, options, run, &report);
+  CalibrateInput seen = input;
+  const std::vector<int64_t> shift = RunPipeline(options, run, &seen, &report);
   if (shift.empty()) {
-    LookForCauses(input, options, run, &report);
+    LookForCauses(seen, options, run, &report);
     return report;
   }
-  CalibrateInput shifted = input;
-  for (Detection& d : shifted.detections) d.frame_idx += shift[d.camera_idx];
+  seen = input;
+  for (Detection& d : seen.detections) d.frame_idx += shift[d.camera_idx];
   CalibrateReport again;
-  RunPipeline(shifted, options, run, &again);
-  LookForCauses(shifted, options, run, &again);
+  RunPipeline(options, run, &seen, &again);
+  LookForCauses(seen, options, run, &again);
   again.frame_shift = shift;
   if (again.frames_doubt.empty()) again.frames_doubt = report.message + "; they were added";
   return again;

@@ -2,9 +2,11 @@
 #include <numeric>
 #include <set>
 #include <tuple>
+#include <utility>
 
 #include "calib/board/floor.h"
 #include "calib/calibrate_steps.h"
+#include "calib/check/seen_corners.h"
 #include "calib/lens/resection.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -22,37 +24,37 @@ void NormalizeWeights(std::vector<View>* views) {
   for (View& view : *views) view.weights *= sum > 0 ? static_cast<double>(count) / sum : 1;
 }
 
-/// Turns views whose poses are known; counts them by camera.
-void TurnSome(const Eigen::Matrix3Xd& board, std::vector<View>* views, std::vector<geometry::Rigid3>* poses,
-              std::vector<TurnedCamera>* counts) {
-  const std::vector<bool> turned = FindTurnedViews(*views, *poses);
-  TurnViews(board, turned, views, poses);
-  for (size_t v = 0; v < views->size(); ++v) {
-    TurnedCamera& count = (*counts)[static_cast<size_t>((*views)[v].camera_idx)];
-    count.num_turned += turned[v], ++count.num_views;
-  }
-}
-
 bool ShowsBack(const CalibrateInput& input, const View& view) {
   return !view.corner_ids.empty() && view.corner_ids[0] >= input.boards[static_cast<size_t>(view.board)].num_side_corners();
 }
 
 }  // namespace
 
-void TurnNumbering(const CalibrateInput& input, Work* work, CalibrateReport* report) {
-  const Board::Kind kind = input.boards[0].kind;
-  if (input.boards.size() > 1 || (kind != Board::Kind::kChessboard && kind != Board::Kind::kGrid)) return;
-  const Eigen::Matrix3Xd board = CornersInBoard(input.boards[0]);
-  std::vector<TurnedCamera> counts;
-  for (const CameraInput& camera : input.cameras) counts.push_back({camera.name});
-  TurnSome(board, &work->views, &work->cam_from_board, &counts);
-  std::vector<geometry::Rigid3> poses;
-  for (const View& view : work->held_out)
+void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report) {
+  if (!CanBeTurned(input->boards)) return;
+  std::vector<View> views = work->views;
+  std::vector<geometry::Rigid3> poses = work->cam_from_board;
+  for (const View& view : work->held_out) {
+    views.push_back(view);
     poses.push_back(ResectPlane(work->state.cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
-  TurnSome(board, &work->held_out, &poses, &counts);
-  for (const TurnedCamera& camera : counts) {
-    if (camera.num_turned > 0) report->turned.push_back(camera);
   }
+  const std::vector<bool> turned = FindTurnedViews(views, poses);
+  TurnViews(CornersInBoard(input->boards[0]), turned, &views, &poses);
+  const auto kept = static_cast<std::ptrdiff_t>(work->views.size());
+  work->views.assign(views.begin(), views.begin() + kept), work->held_out.assign(views.begin() + kept, views.end());
+  work->cam_from_board.assign(poses.begin(), poses.begin() + kept);
+  std::set<std::pair<int, int64_t>> seen;  // by camera and frame
+  for (const CameraInput& camera : input->cameras) report->turned.push_back({camera.name});
+  for (size_t v = 0; v < views.size(); ++v) {
+    TurnedCamera& count = report->turned[static_cast<size_t>(views[v].camera_idx)];
+    count.num_turned += turned[v], ++count.num_views;
+    if (turned[v]) seen.insert({views[v].camera_idx, work->frames[static_cast<size_t>(views[v].frame)]});
+  }
+  const auto none = [](const TurnedCamera& camera) { return camera.num_turned == 0; };
+  report->turned.erase(std::remove_if(report->turned.begin(), report->turned.end(), none), report->turned.end());
+  std::vector<bool> detections;
+  for (const Detection& d : input->detections) detections.push_back(seen.count({d.camera_idx, d.frame_idx}) > 0);
+  TurnDetections(detections, input);
 }
 
 bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report) {

@@ -1,5 +1,6 @@
 #include "calib/calibrate_steps.h"
 #include "calib/check/camera_motion.h"
+#include "calib/check/seen_corners.h"
 #include "calib/judgement.h"
 #include "calib/motion_kind.h"
 #include "calib/motion_rival.h"
@@ -64,9 +65,12 @@ void ReconsiderFrames(const CalibrateInput& input, const CalibrateOptions& optio
 
 }  // namespace
 
-void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+void LookForMotions(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run,
                     CalibrateReport* solved) {
-  if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || input.cameras.size() < 2) return;
+  if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || given.cameras.size() < 2) return;
+  std::vector<double> late;
+  for (const CameraReport& camera : solved->cameras) late.push_back(camera.time_offset_frames);
+  const CalibrateInput input = AtFrameTimes(given, late);
   solved->motions = FindMotions(solved->rig, input);
   const std::string name = solved->motions.empty() ? MostContradictory(*solved) : "";
   if (!name.empty()) {

@@ -62,8 +62,9 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report);
 /// Makes the views of the used frames and of those that are held out.
 void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work* work);
 
-/// Turns views that number a chessboard or a grid from the other end than the others of their frame, held-out ones too.
-void TurnNumbering(const CalibrateInput& input, Work* work, CalibrateReport* report);
+/// Turns views that number a chessboard or a grid from the other end than the others of their frame, held-out ones too, and
+/// their corners in the input, which later steps read.
+void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report);
 
 /// Moves the solution so that the board of the wanted frame defines the world.
 bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report);
@@ -100,7 +101,8 @@ std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const Ca
 /// Gives every camera its own lens from here on; the report states why.
 void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report);
 
-/// Finds cameras that moved and lenses that changed (CalibrateOptions::motions); stores them in `solved`.
+/// Finds cameras that moved and lenses that changed (CalibrateOptions::motions); stores them in `solved`. `input` with what was
+/// found about it: views turned, frame numbers shifted.
 void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
                     CalibrateReport* solved);
 

@@ -55,28 +55,6 @@ std::vector<int> CamerasBesideMost(const std::vector<std::vector<int>>& groups) 
 
 }  // namespace internal
 
-CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& cameras) {
-  CalibrateInput part = input;
-  part.cameras.clear(), part.detections.clear(), part.same_lens.clear();
-  std::vector<int> place(input.cameras.size(), -1);
-  for (const int c : cameras) {
-    place[static_cast<size_t>(c)] = static_cast<int>(part.cameras.size());
-    part.cameras.push_back(input.cameras[static_cast<size_t>(c)]);
-  }
-  for (Detection detection : input.detections) {
-    detection.camera_idx = place[static_cast<size_t>(detection.camera_idx)];
-    if (detection.camera_idx >= 0) part.detections.push_back(std::move(detection));
-  }
-  for (const std::vector<int>& group : input.same_lens) {
-    std::vector<int> kept;
-    for (const int c : group) {
-      if (place[static_cast<size_t>(c)] >= 0) kept.push_back(place[static_cast<size_t>(c)]);
-    }
-    if (kept.size() > 1) part.same_lens.push_back(kept);
-  }
-  return part;
-}
-
 SolvableCalibration CalibrateSolvable(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   SolvableCalibration found = WithCorners(input);
   if (found.kept.empty()) {

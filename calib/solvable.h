@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "calib/calibrate.h"
+#include "calib/check/seen_corners.h"
 
 namespace mvstudio::calib {
 
@@ -22,8 +23,5 @@ struct SolvableCalibration {
 /// without them. Where the rest has no solution either, or an option names a camera that would be left out, the report is
 /// that of all cameras with corners and `left_out` is empty.
 SolvableCalibration CalibrateSolvable(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run);
-
-/// The input of some of the cameras.
-CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& cameras);
 
 }  // namespace mvstudio::calib

@@ -241,9 +241,7 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
     JudgeHeldLens(camera, scale, report.cameras.size() > 1, out);
   }
   for (const TurnedCamera& camera : report.turned)
-    out->Warn("CAL-NUMBERING",
-              Format("camera %s numbers the board's corners from the other end in %d of %d views; they were turned round",
-                     camera.camera.c_str(), camera.num_turned, camera.num_views),
+    out->Warn("CAL-NUMBERING", NumberingText(camera),
               "use a board with an odd and an even number of corners, or one with markers");
   for (const NumberingFault& fault : report.numbering)
     out->Fail("CAL-NUMBERING", ToString(fault),

@@ -278,9 +278,25 @@ std::optional<Change> LargestChange(const CheckWork& work, int camera) {
   return largest;
 }
 
+/// Whether the residuals of the rig as it is show the change: poses of single stretches may be far off for other reasons, above
+/// all where a board turns little.
+bool ShowsInResiduals(const CheckWork& work, const Change& change) {
+  PoseState scratch = work.state;
+  double gain = 0, left = 0;
+  for (const bool later : {false, true}) {
+    for (int board : later ? change.after : change.before) {
+      gain += internal::BoardsCost(work.problem, work.state, {board});
+      gain -= CostWith(work, change.camera, board, later ? change.pose_after : change.pose_before, &scratch);
+      left += internal::OwnCost(work.problem, scratch, change.camera, board);
+    }
+  }
+  return internal::ShowsInResiduals(gain, left, kMinSignificance);
+}
+
 bool Matters(const CheckWork& work, const Change& change) {
   const double own = work.checks[static_cast<size_t>(change.camera)].own_rms_px / std::sqrt(2.0);
-  return change.significance > kMinSignificance && change.shift_px > std::max(kMinShiftPx, own);
+  return change.significance > kMinSignificance && change.shift_px > std::max(kMinShiftPx, own) &&
+         ShowsInResiduals(work, change);
 }
 
 /// Poses after the cut anew, from its boards alone.

@@ -21,11 +21,11 @@ struct CameraMotion {
   int64_t frame_idx = 0;             ///< the first frame after the motion in which the camera and another see a board
   int64_t last_before = 0;           ///< the last such frame before it
   double rotation_rad = 0, rotation_sigma_rad = 0;
-  double translation_m = 0;                          ///< of cam_from_world
-  double focal_scale = 1, focal_scale_sigma = 0;     ///< kLens: focal length after it over that before
+  double translation_m = 0;                                   ///< of cam_from_world
+  double focal_scale = 1, focal_scale_sigma = 0;              ///< kLens: focal length after it over that before
   Eigen::Vector2d centre_shift_px = Eigen::Vector2d::Zero();  ///< kLens: shift of the principal point
-  double shift_px = 0;       ///< rms shift of the camera's corners by the motion
-  double significance = 0;   ///< of the change, in standard deviations over the root of its 6 parameters
+  double shift_px = 0;                                        ///< rms shift of the camera's corners by the motion
+  double significance = 0;  ///< of the change, in standard deviations over the root of its 6 parameters
 };
 
 /// Finds cameras that moved, in the order of detection. The recording is cut into up to 12 time intervals. Each camera
@@ -34,7 +34,8 @@ struct CameraMotion {
 ///
 /// The camera whose motion explains most comes first; its observations then no longer count when the others are tested
 /// again. `rig` is the calibration from the same corners. Ignored are motions below 5 standard deviations, or with an
-/// image shift below the larger of 0.3 px and one standard deviation of the camera's corners.
+/// image shift below the larger of 0.3 px and one standard deviation of the camera's corners, and what the residuals of `rig`
+/// as it is do not show (ShowsInResiduals). `input`: corners that need no correction (calib/check/seen_corners.h).
 std::vector<CameraMotion> FindMotions(const geometry::Rig& rig, const CalibrateInput& input);
 
 }  // namespace mvstudio::calib

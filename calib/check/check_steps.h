@@ -34,6 +34,17 @@ void PrepareCheck(const CalibrateInput& input, CheckWork* work);
 void CarryIntoRepair(const CheckWork& work, const PoseState& state, const std::vector<int>& boards, int camera,
                      const Matrix6d& own, geometry::StatedCovariance* stated);
 
+/// Whether a change of 6 parameters is visible in residuals that are as they are: `gain` of the robust cost (pose_problem.h)
+/// above half of what a change of `sigmas` standard deviations gains, and above 2 % of `left`, the cost of the camera's own
+/// views with the change. Whatever the poses say, nothing has moved while the rig explains its corners as well as noise allows.
+bool ShowsInResiduals(double gain, double left, double sigmas);
+
+/// Robust cost of the camera's views of one board.
+double OwnCost(const PoseProblem& problem, const PoseState& state, int camera, int board);
+
+/// Every camera's residuals against the boards of those that stayed, as calibrated and with its new pose.
+void FillResiduals(const CheckWork& work, RigCheck* result);
+
 /// Distances of the corners from their projections, px; infinity for those that do not project.
 Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board);
 

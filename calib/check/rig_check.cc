@@ -6,11 +6,14 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
+#include <utility>
 
 #include "calib/check/check_steps.h"
 #include "calib/check/pose_problem.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "core/statistics.h"
 
 namespace mvstudio::calib {
@@ -27,19 +30,6 @@ using internal::PoseState;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kTie = 0.8;  // a rival reaches this fraction of the best one's gain
-
-void RequireKnown(const geometry::Rig& rig, const CalibrateInput& input) {
-  for (const CameraInput& camera : input.cameras) {
-    const int found = rig.Find(camera.name);
-    if (found < 0) throw UsageError("camera " + camera.name + " is not in the calibration");
-    const geometry::Camera& known = rig.cameras[static_cast<size_t>(found)].camera;
-    if (camera.width_px > 0 && (camera.width_px != known.width_px || camera.height_px != known.height_px)) {
-      const auto size = [](int w, int h) { return std::to_string(w) + "x" + std::to_string(h); };
-      throw UsageError("camera " + camera.name + ": its images have " + size(camera.width_px, camera.height_px) +
-                       " px, the calibration is for " + size(known.width_px, known.height_px));
-    }
-  }
-}
 
 /// Places a board where the view that the others agree with best sees it.
 Rigid3 StartOfBoard(const CheckWork& work, int board) {
@@ -63,6 +53,7 @@ struct Trial {
   FreeCamera solution;
   PoseState state;
   double gain = 0;  ///< how much lower the cost of its boards is
+  double left = 0;  ///< cost of its own views
 };
 
 /// Boards are placed only by the cameras that have not moved, and by `camera`: a freed camera does not influence the
@@ -114,6 +105,7 @@ Trial SetFree(const CheckWork& work, int camera) {
   trial.state = start;
   trial.solution = internal::SolveCamera(work.problem, boards, camera, &trial.state);
   trial.gain = before - trial.solution.cost;
+  for (const int board : boards) trial.left += internal::OwnCost(work.problem, trial.state, camera, board);
   return trial;
 }
 
@@ -172,6 +164,7 @@ Trial Examine(CheckWork* work, int camera) {
   Trial trial = SetFree(*work, camera);
   CameraCheck& check = work->checks[static_cast<size_t>(camera)];
   Describe(trial, *work, camera, &check);
+  check.is_visible = internal::ShowsInResiduals(trial.gain, trial.left, work->options.bump_sigmas);
   if (check.status == Status::kOk) {
     check.shift_px = ShiftPx(*work, trial.state, camera, work->rig.cameras[static_cast<size_t>(camera)].cam_from_world,
                              check.cam_from_world);
@@ -180,7 +173,8 @@ Trial Examine(CheckWork* work, int camera) {
 }
 
 bool HasMoved(const CameraCheck& check, const RigCheckOptions& options) {
-  return check.status == Status::kOk && check.significance > options.bump_sigmas && check.shift_px > options.bump_px;
+  return check.status == Status::kOk && check.significance > options.bump_sigmas && check.shift_px > options.bump_px &&
+         check.is_visible;
 }
 
 /// Boards where the cameras that stayed see them.
@@ -244,63 +238,6 @@ void RequireConsensus(CheckWork* work, RigCheck* result) {
   std::sort(result->undecided.begin(), result->undecided.end());
 }
 
-double RmsOfUsed(const Eigen::VectorXd& distances, const View& view) {
-  const auto used = (view.weights.array() > 0).cast<double>();
-  return std::sqrt((used > 0).select(distances.array().square(), 0).sum() / used.sum());
-}
-
-/// Views of a camera that are not far worse than its others, as calibrated.
-std::vector<size_t> OrdinaryViews(const CheckWork& work, size_t camera, CameraCheck* check) {
-  std::vector<size_t> views, ordinary;
-  std::vector<double> rms;
-  for (size_t v = 0; v < work.problem.views.size(); ++v) {
-    const View& view = work.problem.views[v];
-    if (view.camera_idx != static_cast<int>(camera)) continue;
-    const Rigid3& board = work.state.world_from_board[static_cast<size_t>(work.problem.board_of_view[v])];
-    views.push_back(v);
-    rms.push_back(
-        RmsOfUsed(CornerDistances(view, work.problem.cameras[camera], work.rig.cameras[camera].cam_from_world * board), view));
-  }
-  const double limit = 4 * UpperMedian(rms);
-  for (size_t i = 0; i < views.size(); ++i) {
-    if (!(rms[i] > limit)) ordinary.push_back(views[i]);
-  }
-  check->num_outlying_views = static_cast<int>(views.size() - ordinary.size());
-  return ordinary;
-}
-
-/// Every camera's residuals against the boards of those that stayed, as calibrated and with its new pose.
-void FillResiduals(CheckWork* work, RigCheck* result) {
-  std::vector<double> all;
-  double all_squares = 0;
-  for (size_t c = 0; c < work->checks.size(); ++c) {
-    CameraCheck& check = work->checks[c];
-    std::vector<double> distances;
-    double squares = 0, squares_after = 0;
-    for (const size_t v : OrdinaryViews(*work, c, &check)) {
-      const View& view = work->problem.views[v];
-      const Rigid3& board = work->state.world_from_board[static_cast<size_t>(work->problem.board_of_view[v])];
-      const Eigen::VectorXd before =
-          CornerDistances(view, work->problem.cameras[c], work->rig.cameras[c].cam_from_world * board);
-      const Eigen::VectorXd after = CornerDistances(view, work->problem.cameras[c], check.cam_from_world * board);
-      for (Eigen::Index i = 0; i < view.size(); ++i) {
-        if (view.weights[i] <= 0) continue;
-        distances.push_back(before[i]);
-        squares += before[i] * before[i], squares_after += after[i] * after[i];
-      }
-    }
-    const double count = static_cast<double>(distances.size());
-    check.rms_px = count > 0 ? std::sqrt(squares / count) : kNaN;
-    check.rms_after_px = count > 0 ? std::sqrt(squares_after / count) : kNaN;
-    check.median_px = UpperMedian(distances);
-    check.moved = work->moved[c];
-    if (!work->moved[c]) all.insert(all.end(), distances.begin(), distances.end()), all_squares += squares;
-    if (work->present[c]) result->cameras.push_back(check);
-  }
-  result->rms_px = all.empty() ? kNaN : std::sqrt(all_squares / static_cast<double>(all.size()));
-  result->median_px = UpperMedian(all);
-}
-
 /// Two cameras cannot tell a wrong scale from a wrong baseline; more can: boards take the scale that the pairs agree on.
 void TakeScale(const std::vector<Board>& boards, CheckWork* work, RigCheck* result) {
   result->scale = internal::MeasureScale(boards, *work);
@@ -335,14 +272,29 @@ void Solve(const RunContext& run, CheckWork* work, RigCheck* result, geometry::S
   HearVoters(-1, work);
 }
 
-}  // namespace
+/// Robust cost per corner of all views, boards where all cameras with these poses put them.
+double CostWith(const std::vector<Rigid3>& cam_from_world, CheckWork* work) {
+  work->problem.views_of_board = work->all_views_of_board;
+  PoseState state = work->state;
+  state.cam_from_world = cam_from_world;
+  double cost = 0, corners = 0;
+  for (size_t b = 0; b < work->all_views_of_board.size(); ++b) {
+    const int board = static_cast<int>(b);
+    internal::SolveBoards(work->problem, {board}, &state);
+    cost += internal::BoardsCost(work->problem, state, {board});
+    for (const int v : work->all_views_of_board[b])
+      corners += static_cast<double>((work->problem.views[static_cast<size_t>(v)].weights.array() > 0).count());
+  }
+  return cost / std::max(1.0, corners);
+}
 
-RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options,
-                  const RunContext& run) {
-  RequireKnown(rig, input);
-  RigCheck result;
-  result.repaired = rig;
-  geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
+std::vector<Rigid3> PosesOf(const geometry::Rig& rig) {
+  std::vector<Rigid3> poses;
+  for (const geometry::RigCamera& camera : rig.cameras) poses.push_back(camera.cam_from_world);
+  return poses;
+}
+
+CheckWork WorkFor(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options) {
   CheckWork work{rig, options, {}, {}, {}, {}, {}, {}, {}, {}};
   for (const geometry::RigCamera& camera : rig.cameras) {
     work.problem.cameras.push_back(camera.camera);
@@ -355,6 +307,29 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
   work.moved.assign(rig.cameras.size(), false);
   for (const CameraInput& camera : input.cameras) work.present[static_cast<size_t>(rig.Find(camera.name))] = true;
   internal::PrepareCheck(input, &work);
+  return work;
+}
+
+/// New poses that leave more of the corners unexplained than the old ones are not taken.
+void KeepIfBetter(const geometry::Rig& rig, CheckWork* work, RigCheck* result) {
+  std::vector<Rigid3> poses = PosesOf(rig);
+  result->cost = CostWith(poses, work);
+  if (result->moved.empty()) return;
+  for (size_t c = 0; c < poses.size(); ++c) {
+    if (work->moved[c]) poses[c] = work->checks[c].cam_from_world;
+  }
+  if (CostWith(poses, work) < result->cost) return;
+  result->moved.clear();
+  work->moved.assign(work->moved.size(), false);
+}
+
+/// The check of corners that need no more correction.
+RigCheck CheckSeen(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options,
+                   const RunContext& run) {
+  RigCheck result;
+  result.repaired = rig;
+  geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
+  CheckWork work = WorkFor(rig, input, options);
   result.num_boards = static_cast<int>(work.problem.views_of_board.size());
   if (work.problem.views_of_board.empty()) {
     result.status = Status::kTooFewViews;
@@ -364,16 +339,42 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
     result.board_metrics = internal::MeasureLengths(input.boards, work);
     TakeScale(input.boards, &work, &result);
     Solve(run, &work, &result, &stated);
+    KeepIfBetter(rig, &work, &result);
+    PlaceBoards(&work);
   }
-  FillResiduals(&work, &result);
+  internal::FillResiduals(work, &result);
   for (size_t c = 0; c < work.checks.size(); ++c) {
-    if (work.moved[c]) {
-      result.repaired.cameras[c].cam_from_world = work.checks[c].cam_from_world;
-    }
+    if (work.moved[c]) result.repaired.cameras[c].cam_from_world = work.checks[c].cam_from_world;
   }
   if (!result.moved.empty()) geometry::StoreCovariance(stated, &result.repaired);
-  internal::JudgeCheck(options, &result);
   return result;
+}
+
+}  // namespace
+
+RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options,
+                  const RunContext& run) {
+  std::vector<CameraParts> ways = {CameraParts::kByFrame};
+  if (HasParts(rig, input)) ways.push_back(CameraParts::kLast);
+  constexpr double kClearlyLess = 0.999;  // boards at rest agree with any time
+  std::optional<RigCheck> best;
+  for (const CameraParts parts : ways) {
+    CornerFindings findings;
+    const CalibrateInput seen = SeenCorners(rig, input, parts, &findings);
+    if (seen.cameras.size() < 2 && !findings.unknown.empty())
+      throw UsageError("camera " + Join(findings.unknown, ", ") + " is not in the calibration, which has " +
+                       Join(geometry::CameraNames(rig), ", "));
+    const std::vector<double> late = StatedLateness(rig, seen);
+    for (const bool stated : {true, false}) {
+      if (stated && late.empty()) continue;
+      RigCheck check = CheckSeen(rig, stated ? AtFrameTimes(seen, late) : seen, options, run);
+      check.offsets_stated = !late.empty(), check.offsets_used = stated;
+      check.found = findings;
+      if (!best || check.cost < kClearlyLess * best->cost) best = std::move(check);
+    }
+  }
+  internal::JudgeCheck(options, &*best);
+  return std::move(*best);
 }
 
 }  // namespace mvstudio::calib

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "calib/board/observations.h"
+#include "calib/check/seen_corners.h"
 #include "calib/check/verdict.h"
 #include "calib/rig/board_metrics.h"
 #include "core/progress.h"
@@ -54,6 +55,7 @@ struct CameraCheck {
   double translation_m = 0, translation_sigma_m = 0;  ///< of the camera's centre
   double shift_px = 0;                                ///< rms shift of its corners in the image by that motion
   double significance = 0;                            ///< sqrt(d^T C^-1 d / 6) of the motion d: about 1 when nothing moved
+  bool is_visible = false;                            ///< the residuals as they are show that motion (ShowsInResiduals)
   bool moved = false;
 };
 
@@ -67,6 +69,10 @@ struct RigCheck {
   double scale = 1;                    ///< lengths by the calibration over lengths on the board
   BoardMetrics board_metrics;          ///< board lengths triangulated with the calibration as it is
   int num_boards = 0;                  ///< boards that two or more cameras saw at one time step
+  CornerFindings found;                ///< what was corrected in the corners
+  bool offsets_stated = false;         ///< the calibration states time offsets of these cameras …
+  bool offsets_used = false;           ///< … and the corners agree better with them than without
+  double cost = 0;                     ///< robust, per corner, of the calibration as it is
   /// The rig with the new poses of the moved cameras. Their covariances include the contribution of the cameras that they
   /// were placed by, as far as the rig states it; without stated covariances there are none.
   geometry::Rig repaired;
@@ -81,8 +87,12 @@ struct RigCheck {
 /// separated: the boards then take the calibration's scale.
 ///
 /// The noise comes from fits to single views. Standard deviations are widened by the disagreement between frames, but do
-/// not include the calibration's own uncertainty. Throws UsageError when a camera of the input is not in the rig or its
-/// image size differs.
+/// not include the calibration's own uncertainty. A motion counts only where the residuals of the calibration as it is show it,
+/// and new poses are taken only if they leave less of all corners unexplained than the old ones.
+///
+/// The corners are corrected first by what is found about them (SeenCorners), and by the time offsets that the calibration
+/// states where they agree better with them than without. Throws UsageError as SeenCorners does, and when cameras of the input
+/// are not in the rig and fewer than two are.
 RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::calib

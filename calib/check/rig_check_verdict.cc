@@ -65,6 +65,27 @@ void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const Rig
   }
 }
 
+/// What was found about the corners and put right.
+void JudgeFound(const RigCheck& check, Verdict* verdict) {
+  for (const std::string& name : check.found.unknown)
+    Add("warn",
+        {"CAL-LEFTOUT", Format("camera %s is not in the calibration: its boards are left out", name.c_str()),
+         "calibrate it, with options 'start' and 'fix' to keep the others"},
+        verdict);
+  for (const TurnedCamera& camera : check.found.turned)
+    Add("warn",
+        {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"},
+        verdict);
+  if (!check.found.frame_shift.empty())
+    Add("warn", {"CAL-FRAMES", check.found.shift_text + "; they were added", "number the frames by their time stamps"},
+        verdict);
+  if (check.offsets_stated && !check.offsets_used)
+    Add("warn",
+        {"CAL-LATE", "the time offsets that the calibration states are not applied: the corners agree better without them",
+         "the cameras were started anew since, or their clocks run apart"},
+        verdict);
+}
+
 }  // namespace
 
 void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
@@ -73,6 +94,7 @@ void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
     Add("fail", {"CAL-UNSOLVED", check->message, "show the board to at least two cameras at a time"}, &verdict);
     return;
   }
+  JudgeFound(*check, &verdict);
   if (!check->undecided.empty()) {
     std::string names, motions;
     for (const CameraCheck& c : check->cameras) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <utility>
@@ -166,16 +167,11 @@ double MedianOfLeast(const std::vector<TurnDistances>& distances) {
   return UpperMedian(std::move(least));
 }
 
-/// The frames that two cameras share, with what the relative pose that most of them agree on says. Frames as they are
-/// numbered come first: a board that does not move agrees with either.
-std::vector<SharedFrame> CompareTurns(const std::map<int, size_t>& views_a, const std::map<int, size_t>& views_b,
-                                      const std::vector<Rigid3>& poses, const Grid& grid) {
+/// Distances by the relative pose that most frames agree on; empty where they agree on none. Frames as they are numbered come
+/// first: a board that does not move agrees with either.
+std::vector<TurnDistances> AgreedDistances(const std::vector<SharedFrame>& frames, const std::vector<Rigid3>& poses,
+                                           const Grid& grid) {
   constexpr size_t kMinFrames = 3, kCandidates = 20;
-  std::vector<SharedFrame> frames;
-  for (const auto& [frame, a] : views_a) {
-    const auto b = views_b.find(frame);
-    if (b != views_b.end()) frames.push_back({a, b->second, -1});
-  }
   if (frames.size() < kMinFrames) return {};
   const Rigid3 turn = HalfTurn(grid.low + grid.high), none;
   std::vector<TurnDistances> best;
@@ -190,9 +186,25 @@ std::vector<SharedFrame> CompareTurns(const std::map<int, size_t>& views_a, cons
       if (at < std::min(limit, median)) median = at, best = std::move(distances);
     }
   }
-  if (!(median < kMaxMended)) return {};
-  for (size_t i = 0; i < frames.size(); ++i) {
-    const TurnDistances& d = best[i];
+  return median < kMaxMended ? best : std::vector<TurnDistances>();
+}
+
+/// The frames that two cameras share, with what their relative pose says: `a_from_b`, where it is given and explains them, or
+/// the one that most of them agree on.
+std::vector<SharedFrame> CompareTurns(const std::map<int, size_t>& views_a, const std::map<int, size_t>& views_b,
+                                      const std::vector<Rigid3>& poses, const Grid& grid,
+                                      const std::optional<Rigid3>& a_from_b) {
+  std::vector<SharedFrame> frames;
+  for (const auto& [frame, a] : views_a) {
+    const auto b = views_b.find(frame);
+    if (b != views_b.end()) frames.push_back({a, b->second, -1});
+  }
+  if (frames.empty()) return {};
+  std::vector<TurnDistances> distances;
+  if (a_from_b) distances = DistancesFor(*a_from_b, frames, poses, HalfTurn(grid.low + grid.high), grid);
+  if (distances.empty() || !(MedianOfLeast(distances) < kMaxMended)) distances = AgreedDistances(frames, poses, grid);
+  for (size_t i = 0; i < distances.size(); ++i) {
+    const TurnDistances& d = distances[i];
     const bool clear = d.least() < kMaxMended && kClear * d.least() < std::max(d.same, d.turned);
     if (clear) frames[i].turned = d.turned < d.same;
   }
@@ -217,8 +229,10 @@ std::map<size_t, int> LinkedTo(size_t first, const std::vector<SharedFrame>& lin
   return ends;
 }
 
-/// Of the views of one frame, the fewer that are numbered from one end; the later camera's where they are as many.
-void MarkTurned(const std::vector<View>& views, const std::vector<SharedFrame>& links, std::vector<bool>* turned) {
+/// Of the views of one frame, the fewer that are numbered from one end; the later camera's where they are as many. `group`
+/// receives the first view that each is linked to.
+void MarkTurned(const std::vector<View>& views, const std::vector<SharedFrame>& links, std::vector<bool>* turned,
+                std::vector<size_t>* group) {
   std::map<int, size_t> by_camera;
   for (const SharedFrame& link : links)
     by_camera[views[link.a].camera_idx] = link.a, by_camera[views[link.b].camera_idx] = link.b;
@@ -227,16 +241,78 @@ void MarkTurned(const std::vector<View>& views, const std::vector<SharedFrame>& 
     if (done.count(view) > 0) continue;
     const std::map<size_t, int> ends = LinkedTo(view, links);
     size_t others = 0;
-    for (const auto& [linked, end] : ends) others += static_cast<size_t>(end), done.insert(linked);
+    for (const auto& [linked, end] : ends) others += static_cast<size_t>(end), done.insert(linked), (*group)[linked] = view;
     const int fewer = 2 * others > ends.size() ? 0 : 1;
     for (const auto& [linked, end] : ends) (*turned)[linked] = end == fewer;
     done.insert(view);
   }
 }
 
+/// Views that one camera has of the board one after the other, and whether it turns between them unless its numbering does:
+/// votes for the groups of both.
+std::map<std::pair<size_t, size_t>, int> TurnsInTime(const std::map<int, std::map<int, size_t>>& of_camera,
+                                                     const std::vector<Rigid3>& poses, const std::vector<bool>& turned,
+                                                     const std::vector<size_t>& group, const Grid& grid) {
+  constexpr int kReach = 2;
+  const Rigid3 turn = HalfTurn(grid.low + grid.high);
+  std::map<std::pair<size_t, size_t>, int> votes;
+  for (const auto& [camera, frames] : of_camera) {
+    for (auto a = frames.begin(); a != frames.end() && std::next(a) != frames.end(); ++a) {
+      const auto b = std::next(a);
+      if (b->first - a->first > kReach) continue;
+      const double same = Apart(poses[a->second], poses[b->second], grid),
+                   other = Apart(poses[a->second], poses[b->second] * turn, grid);
+      if (!(kClear * std::min(same, other) < std::max(same, other))) continue;
+      const bool differ = (other < same) != (turned[a->second] != turned[b->second]);
+      votes[{group[a->second], group[b->second]}] += differ ? 1 : -1;
+    }
+  }
+  return votes;
+}
+
+/// Frames after each other numbered from one end, so that the board does not seem to turn in between; of the views that are
+/// linked in this way, the fewer count as turned.
+void TurnAlikeInTime(const std::map<std::pair<size_t, size_t>, int>& votes, const std::vector<size_t>& group,
+                     std::vector<bool>* turned) {
+  std::map<size_t, std::vector<std::pair<size_t, bool>>> links;
+  for (const auto& [pair, vote] : votes) {
+    if (pair.first == pair.second || vote == 0) continue;
+    links[pair.first].push_back({pair.second, vote > 0}), links[pair.second].push_back({pair.first, vote > 0});
+  }
+  std::map<size_t, std::pair<size_t, bool>> place;  // group -> the first one that it is linked to, and whether it differs
+  for (const auto& [start, unused] : links) {
+    if (place.count(start) > 0) continue;
+    place[start] = {start, false};
+    for (std::vector<size_t> open = {start}; !open.empty();) {
+      const size_t at = open.back();
+      open.pop_back();
+      for (const auto& [next, differs] : links[at]) {
+        if (place.insert({next, {start, place[at].second != differs}}).second) open.push_back(next);
+      }
+    }
+  }
+  std::map<size_t, int> balance;  // turned views less others
+  const auto flip = [&](size_t v, bool also) { (*turned)[v] = (*turned)[v] != also; };
+  for (size_t v = 0; v < group.size(); ++v) {
+    const auto found = place.find(group[v]);
+    if (found == place.end()) continue;
+    flip(v, found->second.second);
+    balance[found->second.first] += (*turned)[v] ? 1 : -1;
+  }
+  for (size_t v = 0; v < group.size(); ++v) {
+    const auto found = place.find(group[v]);
+    if (found != place.end()) flip(v, balance[found->second.first] > 0);
+  }
+}
+
 }  // namespace
 
-std::vector<bool> FindTurnedViews(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board) {
+bool CanBeTurned(const std::vector<Board>& boards) {
+  return boards.size() == 1 && (boards[0].kind == Board::Kind::kChessboard || boards[0].kind == Board::Kind::kGrid);
+}
+
+std::vector<bool> FindTurnedViews(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board,
+                                  const std::vector<Rigid3>* cam_from_world) {
   std::vector<bool> turned(views.size(), false);
   if (views.empty()) return turned;
   const Grid grid = GridOf(views);
@@ -246,11 +322,18 @@ std::vector<bool> FindTurnedViews(const std::vector<View>& views, const std::vec
   std::map<int, std::vector<SharedFrame>> of_frame;
   for (auto a = of_camera.begin(); a != of_camera.end(); ++a) {
     for (auto b = std::next(a); b != of_camera.end(); ++b) {
-      for (const SharedFrame& shared : CompareTurns(a->second, b->second, cam_from_board, grid))
+      std::optional<Rigid3> a_from_b;
+      if (cam_from_world)
+        a_from_b = (*cam_from_world)[static_cast<size_t>(a->first)] * Inverse((*cam_from_world)[static_cast<size_t>(b->first)]);
+      for (const SharedFrame& shared : CompareTurns(a->second, b->second, cam_from_board, grid, a_from_b))
         of_frame[views[shared.a].frame].push_back(shared);
     }
   }
-  for (const auto& [frame, shared] : of_frame) MarkTurned(views, shared, &turned);
+  std::vector<size_t> group(views.size());
+  std::iota(group.begin(), group.end(), size_t{0});
+  for (const auto& [frame, shared] : of_frame) MarkTurned(views, shared, &turned, &group);
+  if (std::find(turned.begin(), turned.end(), true) != turned.end())
+    TurnAlikeInTime(TurnsInTime(of_camera, cam_from_board, turned, group, grid), group, &turned);
   return turned;
 }
 
@@ -265,6 +348,11 @@ void TurnViews(const Eigen::Matrix3Xd& board, const std::vector<bool>& turned, s
     view.x_in_board.topRows<2>() = (-view.x_in_board.topRows<2>()).colwise() + ends;
     (*cam_from_board)[v] = (*cam_from_board)[v] * turn;
   }
+}
+
+std::string NumberingText(const TurnedCamera& camera) {
+  return Format("camera %s numbers the board's corners from the other end in %d of %d views; they were turned round",
+                camera.camera.c_str(), camera.num_turned, camera.num_views);
 }
 
 std::string ToString(const NumberingFault& fault) {

@@ -26,13 +26,17 @@ std::vector<NumberingFault> FindNumberingFaults(const std::vector<View>& views,
                                                 const std::vector<geometry::Rigid3>& cam_from_board,
                                                 const std::vector<std::string>& camera_names);
 
+/// Whether views of these boards may be numbered from the other end: one chessboard or grid.
+bool CanBeTurned(const std::vector<Board>& boards);
+
 /// Views that number the board from the other end than the others of their frame: one flag a view. A detector of chessboards
 /// that look the same after half a turn numbers every image by itself. A moving board gives two cameras one relative pose
 /// over three frames or more, once the turned views are known; in each frame the fewer views count as turned, of two the
-/// later camera's. A view stays as it is where that cannot be said: where the turn does not bring its board four times
+/// later camera's. Frames after each other are numbered alike, so that the board does not seem to turn in between. A view stays as it is where that cannot be said: where the turn does not bring its board four times
 /// nearer to where the other camera puts it, or where the board did not move. For a single board, whose corners run row by
-/// row.
-std::vector<bool> FindTurnedViews(const std::vector<View>& views, const std::vector<geometry::Rigid3>& cam_from_board);
+/// row. `cam_from_world`, per camera where poses are known, decides where it explains most of a pair's frames.
+std::vector<bool> FindTurnedViews(const std::vector<View>& views, const std::vector<geometry::Rigid3>& cam_from_board,
+                                  const std::vector<geometry::Rigid3>* cam_from_world = nullptr);
 
 /// Numbers the corners of these views from the other end, the pose with them. `board`: (3, N) corners of the whole board.
 void TurnViews(const Eigen::Matrix3Xd& board, const std::vector<bool>& turned, std::vector<View>* views,
@@ -43,5 +47,8 @@ struct TurnedCamera {
   std::string camera;
   int num_turned = 0, num_views = 0;
 };
+
+/// One line.
+std::string NumberingText(const TurnedCamera& camera);
 
 }  // namespace mvstudio::calib

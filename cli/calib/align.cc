@@ -7,6 +7,7 @@
 #include "app/input/session_input.h"
 #include "app/people/feet_floor.h"
 #include "app/people/human_shape.h"
+#include "calib/check/seen_corners.h"
 #include "calib/points/align_rig.h"
 #include "cli/calib/calib.h"
 #include "cli/program/arguments.h"
@@ -45,10 +46,23 @@ void CheckArguments(const Arguments& a) {
     throw UsageError("--floor-board needs the board's corners: --session, --camera with --board, or --corners");
 }
 
+/// What was put right about the corners.
+void SayFound(const calib::CornerFindings& found, CommandResult* result) {
+  for (const calib::TurnedCamera& camera : found.turned)
+    result->warnings.push_back(
+        {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"});
+  if (!found.frame_shift.empty())
+    result->warnings.push_back(
+        {"CAL-FRAMES", found.shift_text + "; they were added", "number the frames by their time stamps"});
+}
+
 RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandContext& context, CommandResult* result) {
   app::FillCorners(arguments.session, &arguments.corners, result);
   const app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, result);
-  return AlignToBoard(rig, corners.input, arguments.floor_board);
+  calib::CornerFindings found;
+  const calib::CalibrateInput seen = SeenCorners(rig, corners.input, calib::CameraParts::kByFrame, &found);
+  SayFound(found, result);
+  return AlignToBoard(rig, seen, arguments.floor_board);
 }
 
 RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, CommandResult* result) {

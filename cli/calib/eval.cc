@@ -57,6 +57,15 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   m["rms_px"] = FiniteOrNull(check.rms_px);
   m["median_px"] = FiniteOrNull(check.median_px);
   m["num_boards"] = check.num_boards;
+  if (!check.found.unknown.empty()) m["left_out"] = check.found.unknown;
+  for (const calib::TurnedCamera& camera : check.found.turned)
+    m["turned"].push_back({{"name", camera.camera}, {"num_turned", camera.num_turned}, {"num_views", camera.num_views}});
+  if (!check.found.frame_shift.empty()) m["frame_shift"] = check.found.frame_shift;
+  if (check.offsets_stated) {
+    const char* const reason = check.offsets_used ? "the corners agree as well with them as without, or better"
+                                                  : "the corners agree better without them";
+    m["calibration_offsets"] = {{"applied", check.offsets_used}, {"reason", reason}};
+  }
   m["scale_error_percent"] = FiniteOrNull(100 * (check.scale - 1));
   const auto& lengths = check.board_metrics;
   m["board_edge_mm"] = {{"rms", FiniteOrNull(lengths.edge_rms_mm)},
@@ -86,7 +95,23 @@ std::string Summary(const calib::RigCheck& check) {
   text += Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
                  check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
   text += Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1));
+  if (check.offsets_used) text += "corners taken at the times that the calibration's time offsets state\n";
   return text + app::VerdictLine(check.verdict);
+}
+
+/// Nothing is written where no camera has a new pose: what was given stays what is best known.
+void Repair(const calib::RigCheck& check, const std::string& path, CommandResult* result) {
+  const OutputFiles place({path}, result->inputs);
+  result->metrics["repaired"] = check.moved;
+  if (check.moved.empty()) {
+    const bool undecided = !check.undecided.empty();
+    result->text += undecided ? "it is not known which camera has moved" : "no camera has moved";
+    result->text += ": nothing to repair, " + path + " is not written\n";
+    return;
+  }
+  geometry::WriteRig(check.repaired, path);
+  result->outputs.push_back({path, "calibration"});
+  app::WarnOfCovariance(check.repaired, result);
 }
 
 CommandResult Eval(const Arguments& arguments, CommandContext& context) {
@@ -104,14 +129,10 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
     result.errors.push_back({"CAL-UNSOLVED", check.message, "show the board to at least two cameras at a time"});
     return result;
   }
-  for (const auto& reason : check.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint, reason.fails});
+  for (const auto& reason : check.verdict.reasons)
+    result.warnings.push_back({reason.code, reason.text, reason.hint, reason.fails});
   if (check.verdict.status == "fail") result.exit = kExitQualityGate;
-  if (!arguments.repair.empty()) {
-    const OutputFiles place({arguments.repair}, result.inputs);
-    geometry::WriteRig(check.repaired, arguments.repair);
-    result.outputs.push_back({arguments.repair, "calibration"});
-    app::WarnOfCovariance(check.repaired, &result);
-  }
+  if (!arguments.repair.empty()) Repair(check, arguments.repair, &result);
   return result;
 }
 

@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "calib/corners/corner_files.h"
 #include "core/units.h"
 #include "geometry/rig/rig_io.h"
@@ -170,6 +172,10 @@ TEST(CalibEval, NamesTheBumpedCameraAndRepairs) {
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
   EXPECT_EQ(run.Json()["metrics"]["verdict"]["status"], "pass");
   EXPECT_LT(run.Json()["metrics"]["board_edge_mm"]["rms"].get<double>(), 1);
+  run = RunCli({"calib", "eval", truth, "--corners", corners, "--repair", folder / "same.json"});
+  EXPECT_EQ(run.exit, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("no camera has moved: nothing to repair"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "same.json"));
 
   geometry::Rig bumped = geometry::ReadRig(truth);
   geometry::Rigid3& pose = bumped.cameras[2].cam_from_world;

@@ -1,0 +1,247 @@
+#include "calib/check/seen_corners.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include "calib/bundle/board_shape.h"
+#include "calib/bundle/view.h"
+#include "calib/lens/resection.h"
+#include "calib/rig/frame_offset.h"
+#include "core/error.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using geometry::Rigid3;
+
+constexpr double kLeastLateness = 0.005;  // frames; below it an offset moves nothing that a picture shows
+constexpr size_t kMinCorners = 6;         // of a view with a pose
+
+/// Places of one camera's corners of one board: frame -> corner -> px.
+using Track = std::map<int64_t, std::map<int, Eigen::Vector2d>>;
+
+/// Where the corner was `late` frames before its image, by its places in the images next to it.
+Eigen::Vector2d PlaceBefore(const Track& track, Track::const_iterator at, int corner, double late) {
+  constexpr int64_t kReach = 2;
+  const auto seen = [&](auto it) -> std::optional<std::pair<double, Eigen::Vector2d>> {
+    if (std::llabs(it->first - at->first) > kReach) return std::nullopt;
+    const auto found = it->second.find(corner);
+    if (found == it->second.end()) return std::nullopt;
+    return std::make_pair(static_cast<double>(it->first - at->first), found->second);
+  };
+  std::optional<std::pair<double, Eigen::Vector2d>> before, after;
+  for (auto it = at; it != track.begin() && !before && at->first - std::prev(it)->first <= kReach;) before = seen(--it);
+  for (auto it = std::next(at); it != track.end() && !after && it->first - at->first <= kReach; ++it) after = seen(it);
+  const Eigen::Vector2d here = at->second.at(corner);
+  const double t = -late;
+  const auto slope = [&](const auto& other) -> Eigen::Vector2d { return (other->second - here) / other->first; };
+  if (!before && !after) return here;
+  if (!before || !after) return here + t * slope(before ? before : after);
+  const Eigen::Vector2d first = slope(before), second = slope(after), bend = (second - first) / (after->first - before->first);
+  return here + t * (first + bend * (t - before->first));
+}
+
+/// A camera of the rig that is a part of another: NAME@FRAME.
+struct Part {
+  std::string name, whole;
+  int64_t frame_idx = 0;
+};
+
+/// Parts of the input's cameras that the input does not name itself, the last first.
+std::vector<Part> PartsIn(const geometry::Rig& rig, const CalibrateInput& input) {
+  std::vector<Part> parts;
+  const auto given = [&](const std::string& name) {
+    return std::any_of(input.cameras.begin(), input.cameras.end(), [&](const CameraInput& c) { return c.name == name; });
+  };
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const std::string& name = camera.camera.name;
+    const size_t at = name.rfind('@');
+    if (at == std::string::npos || at + 1 == name.size() || given(name)) continue;
+    if (name.find_first_not_of("0123456789", at + 1) != std::string::npos || name.size() - at > 18) continue;
+    const std::string whole = name.substr(0, at);
+    if (given(whole) && rig.Find(whole) >= 0) parts.push_back({name, whole, std::stoll(name.substr(at + 1))});
+  }
+  std::stable_sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) { return a.frame_idx > b.frame_idx; });
+  return parts;
+}
+
+void TellPartsApart(const geometry::Rig& rig, CameraParts how, CalibrateInput* input) {
+  for (const Part& part : PartsIn(rig, *input)) {
+    const auto found =
+        std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == part.whole; });
+    if (found == input->cameras.end()) continue;  // a later part has all of it
+    if (how == CameraParts::kLast) {
+      found->name = part.name;
+      continue;
+    }
+    const int before = static_cast<int>(found - input->cameras.begin()), after = static_cast<int>(input->cameras.size());
+    CameraInput later = *found;
+    later.name = part.name;
+    input->cameras.push_back(later);
+    for (Detection& d : input->detections) {
+      if (d.camera_idx == before && d.frame_idx >= part.frame_idx) d.camera_idx = after;
+    }
+  }
+}
+
+std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+/// The input without cameras that the rig lacks.
+CalibrateInput KnownCameras(const geometry::Rig& rig, const CalibrateInput& input, std::vector<std::string>* unknown) {
+  std::vector<int> known;
+  for (size_t c = 0; c < input.cameras.size(); ++c) {
+    const CameraInput& camera = input.cameras[c];
+    const int found = rig.Find(camera.name);
+    if (found < 0) unknown->push_back(camera.name);
+    if (found < 0) continue;
+    known.push_back(static_cast<int>(c));
+    const geometry::Camera& lens = rig.cameras[static_cast<size_t>(found)].camera;
+    if (camera.width_px > 0 && (camera.width_px != lens.width_px || camera.height_px != lens.height_px))
+      throw UsageError("camera " + camera.name + ": its images have " + SizeText(camera.width_px, camera.height_px) +
+                       " px, the calibration is for " + SizeText(lens.width_px, lens.height_px));
+  }
+  return unknown->empty() ? input : InputOf(input, known);
+}
+
+/// Views of the detections that have a pose by themselves.
+struct PosedViews {
+  std::vector<View> views;
+  std::vector<Rigid3> cam_from_board;
+  std::vector<size_t> detection;  // of each view
+  std::vector<int64_t> frames;
+};
+
+PosedViews PoseViews(const geometry::Rig& rig, const CalibrateInput& input) {
+  PosedViews posed;
+  const std::vector<View> all = MakeViews(input.boards, input.detections, &posed.frames);
+  std::vector<Eigen::Matrix3Xd> shaped;
+  for (const Board& board : input.boards) shaped.push_back(ShapedCorners(board, rig.boards));
+  for (size_t d = 0; d < all.size(); ++d) {
+    View view = all[d];
+    if (static_cast<size_t>(view.size()) < kMinCorners) continue;
+    view.x_in_board = shaped[static_cast<size_t>(view.board)](Eigen::all, view.corner_ids);
+    const int lens = rig.Find(input.cameras[static_cast<size_t>(view.camera_idx)].name);
+    const Resection pose = ResectPlane(rig.cameras[static_cast<size_t>(lens)].camera, view);
+    if (pose.status != Status::kOk && pose.status != Status::kNotConverged) continue;
+    posed.views.push_back(std::move(view)), posed.cam_from_board.push_back(pose.cam_from_board);
+    posed.detection.push_back(d);
+  }
+  return posed;
+}
+
+/// Turns views that number the board from the other end, poses with them.
+void TurnSeen(const geometry::Rig& rig, CalibrateInput* input, PosedViews* posed, CornerFindings* findings) {
+  findings->turned.clear();
+  if (!CanBeTurned(input->boards)) return;
+  std::vector<Rigid3> cam_from_world;
+  for (const CameraInput& camera : input->cameras)
+    cam_from_world.push_back(rig.cameras[static_cast<size_t>(rig.Find(camera.name))].cam_from_world);
+  const std::vector<bool> views = FindTurnedViews(posed->views, posed->cam_from_board, &cam_from_world);
+  std::vector<bool> detections(input->detections.size(), false);
+  std::vector<TurnedCamera> counts;
+  for (const CameraInput& camera : input->cameras) counts.push_back({camera.name});
+  for (size_t v = 0; v < views.size(); ++v) {
+    detections[posed->detection[v]] = views[v];
+    TurnedCamera& count = counts[static_cast<size_t>(posed->views[v].camera_idx)];
+    count.num_turned += views[v], ++count.num_views;
+  }
+  for (const TurnedCamera& camera : counts) {
+    if (camera.num_turned > 0) findings->turned.push_back(camera);
+  }
+  TurnDetections(detections, input);
+  TurnViews(CornersInBoard(input->boards[0]), views, &posed->views, &posed->cam_from_board);
+}
+
+}  // namespace
+
+void TurnDetections(const std::vector<bool>& turned, CalibrateInput* input) {
+  const int last = input->boards.at(0).num_corners() - 1;
+  for (size_t d = 0; d < turned.size(); ++d) {
+    if (!turned[d]) continue;
+    for (int& id : input->detections[d].corner_ids) id = last - id;
+  }
+}
+
+CalibrateInput AtFrameTimes(CalibrateInput input, const std::vector<double>& late_frames) {
+  std::map<std::pair<int, int>, Track> tracks;  // by camera and board
+  const auto late = [&](const Detection& d) {
+    const auto c = static_cast<size_t>(d.camera_idx);
+    return c < late_frames.size() ? late_frames[c] : 0.0;
+  };
+  for (const Detection& d : input.detections) {
+    if (std::abs(late(d)) < kLeastLateness) continue;
+    auto& places = tracks[{d.camera_idx, d.board_idx}][d.frame_idx];
+    for (int i = 0; i < d.num_corners(); ++i) places[d.corner_ids[static_cast<size_t>(i)]] = d.points_px.col(i);
+  }
+  for (Detection& d : input.detections) {
+    const auto track = tracks.find({d.camera_idx, d.board_idx});
+    if (track == tracks.end()) continue;
+    const auto at = track->second.find(d.frame_idx);
+    for (int i = 0; i < d.num_corners(); ++i)
+      d.points_px.col(i) = PlaceBefore(track->second, at, d.corner_ids[static_cast<size_t>(i)], late(d));
+  }
+  return input;
+}
+
+CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& cameras) {
+  CalibrateInput part = input;
+  part.cameras.clear(), part.detections.clear(), part.same_lens.clear();
+  std::vector<int> place(input.cameras.size(), -1);
+  for (const int c : cameras) {
+    place[static_cast<size_t>(c)] = static_cast<int>(part.cameras.size());
+    part.cameras.push_back(input.cameras[static_cast<size_t>(c)]);
+  }
+  for (Detection detection : input.detections) {
+    detection.camera_idx = place[static_cast<size_t>(detection.camera_idx)];
+    if (detection.camera_idx >= 0) part.detections.push_back(std::move(detection));
+  }
+  for (const std::vector<int>& group : input.same_lens) {
+    std::vector<int> kept;
+    for (const int c : group) {
+      if (place[static_cast<size_t>(c)] >= 0) kept.push_back(place[static_cast<size_t>(c)]);
+    }
+    if (kept.size() > 1) part.same_lens.push_back(kept);
+  }
+  return part;
+}
+
+CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input, CameraParts parts, CornerFindings* findings) {
+  CalibrateInput given = input;
+  TellPartsApart(rig, parts, &given);
+  given = KnownCameras(rig, given, &findings->unknown);
+  CalibrateInput seen = given;
+  PosedViews posed = PoseViews(rig, seen);
+  TurnSeen(rig, &seen, &posed, findings);
+  if (given.cameras.size() < 2) return seen;
+  std::vector<std::string> names;
+  for (const CameraInput& camera : given.cameras) names.push_back(camera.name);
+  const FrameOffsets offsets = FindFrameOffsets(posed.views, posed.cam_from_board, posed.frames, names);
+  if (offsets.kind != FrameOffsets::Kind::kShifted) return seen;
+  findings->frame_shift = offsets.shift, findings->shift_text = offsets.text;
+  seen = given;
+  ApplyFrameOffsets(offsets, &seen.detections);
+  posed = PoseViews(rig, seen);
+  TurnSeen(rig, &seen, &posed, findings);
+  return seen;
+}
+
+bool HasParts(const geometry::Rig& rig, const CalibrateInput& input) { return !PartsIn(rig, input).empty(); }
+
+std::vector<double> StatedLateness(const geometry::Rig& rig, const CalibrateInput& input) {
+  std::vector<double> late;
+  bool matters = false;
+  for (const CameraInput& camera : input.cameras) {
+    const int found = rig.Find(camera.name);
+    const auto* stated = found >= 0 ? &rig.cameras[static_cast<size_t>(found)].time_offset : nullptr;
+    late.push_back(stated && *stated ? -(*stated)->frames : 0);
+    matters = matters || std::abs(late.back()) >= kLeastLateness;
+  }
+  return matters ? late : std::vector<double>();
+}
+
+}  // namespace mvstudio::calib
