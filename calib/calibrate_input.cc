@@ -6,6 +6,7 @@
 #include "calib/board/floor.h"
 #include "calib/calibrate_steps.h"
 #include "calib/lens/resection.h"
+#include "calib/rig/free_boards.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "geometry/rig/rig_covariance.h"
@@ -56,11 +57,13 @@ void TurnNumbering(const CalibrateInput& input, Work* work, CalibrateReport* rep
 }
 
 bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report) {
-  const auto frame = std::lower_bound(work->frames.begin(), work->frames.end(), world.frame_idx);
+  const auto frame =
+      std::find(work->frames.begin(), work->frames.end(), world.frame_idx);  // the first board's, where each has its own
   const int index = static_cast<int>(frame - work->frames.begin());
   const bool seen = frame != work->frames.end() && *frame == world.frame_idx &&
-                    std::any_of(work->views.begin(), work->views.end(),
-                                [&](const View& v) { return v.frame == index && (v.weights.array() > 0).any(); });
+                    std::any_of(work->views.begin(), work->views.end(), [&](const View& v) {
+                      return v.frame == index && (v.board == 0 || !work->free_boards) && (v.weights.array() > 0).any();
+                    });
   if (!seen) {
     Stop(Status::kTooFewViews,
          "the board was not seen in frame " + std::to_string(world.frame_idx) + ", which is to define the world", report);
@@ -122,6 +125,8 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
     const bool out = named || (rule.step > 0 && view.frame % rule.step == rule.first);
     (out ? work->held_out : work->views).push_back(std::move(view));
   }
+  work->free_boards = options.free_boards == AutoOnOff::kOn && input.boards.size() > 1;
+  if (work->free_boards) SeparateBoards({&work->views, &work->held_out}, &work->frames);
   for (const View& view : work->views) work->prior.push_back(view.weights);
   work->known_poses.resize(input.cameras.size());
   work->state.rig_from_board.resize(input.boards.size());

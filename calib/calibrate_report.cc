@@ -8,6 +8,7 @@
 #include "calib/lens/held_out_view.h"
 #include "calib/lens/lens_pool.h"
 #include "calib/lens/smooth_error.h"
+#include "calib/rig/free_boards.h"
 #include "core/statistics.h"
 
 namespace mvstudio::calib::internal {
@@ -139,10 +140,13 @@ void FillRig(const CalibrateInput& input, const Work& work, const std::string& g
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     report->rig.cameras.push_back({work.state.cameras[c], work.state.cam_from_world[c], std::nullopt, std::nullopt});
     if (!work.state.time_offset_frames.empty()) report->cameras[c].time_offset_frames = work.state.time_offset_frames[c];
+    if (!work.state.time_rate.empty()) report->cameras[c].time_rate = work.state.time_rate[c];
   }
   report->frames = work.state.frames;
   report->world_from_board = work.state.world_from_board;
   report->rig_from_board = work.state.rig_from_board;
+  report->free_boards = work.free_boards;
+  if (work.free_boards) report->board_moves = FindBoardMoves(work.views, work.state);
   report->board_warp_m = work.state.board_warp_m;
   report->board_stretch = work.state.board_stretch;
   report->rig.boards = ShapesOf(input.boards, work.state);
@@ -169,6 +173,17 @@ void ReportHeldOut(const Work& work, CalibrateReport* report) {
   report->rig_holdout_median_px = UpperMedian(all);
 }
 
+/// " (only 3 boards in view of cam0)" where that may be why there is no solution.
+std::string FewBoards(const CalibrateInput& input) {
+  constexpr int kFew = 5;
+  std::vector<int> boards(input.cameras.size(), 0);
+  for (const Detection& d : input.detections) ++boards[static_cast<size_t>(d.camera_idx)];
+  const size_t fewest = static_cast<size_t>(std::min_element(boards.begin(), boards.end()) - boards.begin());
+  if (boards[fewest] >= kFew) return "";
+  return " (only " + std::to_string(boards[fewest]) + (boards[fewest] == 1 ? " board" : " boards") + " in view of " +
+         input.cameras[fewest].name + ")";
+}
+
 }  // namespace
 
 void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report) {
@@ -178,6 +193,14 @@ void FillReport(const CalibrateInput& input, const Work& work, const std::string
   ReportResiduals(input, work, report);
   ReportCameras(input, work, report);
   ReportHeldOut(work, report);
+}
+
+void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report) {
+  const std::string& doubt = report->frames_doubt;
+  if (!doubt.empty() && report->message.find(doubt) == std::string::npos) report->message = doubt + "; " + report->message;
+  if (!report->held_doubt.empty()) report->message = report->held_doubt + "; " + report->message;
+  if (!report->numbering.empty()) report->message = ToString(report->numbering[0]) + "; " + report->message;
+  report->message += FewBoards(input);
 }
 
 }  // namespace mvstudio::calib::internal
