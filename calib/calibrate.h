@@ -35,6 +35,8 @@ struct CornerResidual {
   Eigen::Vector2d px = Eigen::Vector2d::Zero();
   Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();  ///< projected minus observed
   bool rejected = false;
+  int board_idx = 0;
+  Eigen::Vector2d late_px = Eigen::Vector2d::Zero();  ///< how the board's motion from the frame's time to the image's moved it
 };
 
 struct CameraReport {
@@ -66,6 +68,7 @@ struct CameraReport {
   double coverage = 0;                    ///< fraction of the cells of a 10 x 8 grid over the image that hold a
                                           ///< corner
   double valid_radius = 0;                ///< of the lens model, see geometry::Projector
+  bool points_in_space = false;           ///< held out were single points, which do not lie in a plane, and not whole boards
   bool covers_image = true;               ///< all image corners lie within the valid radius
 };
 

@@ -6,6 +6,7 @@
 #include "calib/board/floor.h"
 #include "calib/calibrate_steps.h"
 #include "calib/lens/resection.h"
+#include "calib/lens/space_points.h"
 #include "calib/rig/free_boards.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -77,7 +78,10 @@ bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, 
          report);
     return false;
   }
-  const geometry::Rigid3 new_from_old = WorldFromFloorBoard() * geometry::Inverse(work->state.world_from_board[index]);
+  // A board lies on the floor; points in space have axes of their own.
+  const bool in_space = input.boards[0].kind == Board::Kind::kPoints && SpansSpace(input.boards[0].points);
+  const geometry::Rigid3 new_from_board = in_space ? geometry::Rigid3() : WorldFromFloorBoard();
+  const geometry::Rigid3 new_from_old = new_from_board * geometry::Inverse(work->state.world_from_board[index]);
   for (geometry::Rigid3& world_from_board : work->state.world_from_board) world_from_board = new_from_old * world_from_board;
   for (geometry::Rigid3& cam_from_world : work->state.cam_from_world)
     cam_from_world = cam_from_world * geometry::Inverse(new_from_old);

@@ -1,3 +1,6 @@
+#include <map>
+#include <tuple>
+
 #include "calib/calibrate_steps.h"
 #include "calib/check/camera_motion.h"
 #include "calib/judgement.h"
@@ -52,6 +55,22 @@ std::optional<geometry::Rig> WithLensAlone(const CalibrateInput& input, const Ca
   return rig;
 }
 
+/// Corners where they would be had all cameras taken their images at the times of the frames, as far as the solution knows.
+CalibrateInput CornersAtFrames(CalibrateInput input, const CalibrateReport& solved) {
+  std::map<std::tuple<int, int64_t, int, int>, Eigen::Vector2d> late_px;  // by camera, frame, board and corner
+  for (const CornerResidual& corner : solved.residuals) {
+    if (corner.late_px.allFinite() && !corner.late_px.isZero(0))
+      late_px[{corner.camera_idx, corner.frame_idx, corner.board_idx, corner.corner_id}] = corner.late_px;
+  }
+  for (Detection& d : input.detections) {
+    for (int i = 0; i < d.num_corners() && !late_px.empty(); ++i) {
+      const auto found = late_px.find({d.camera_idx, d.frame_idx, d.board_idx, d.corner_ids[static_cast<size_t>(i)]});
+      if (found != late_px.end()) d.points_px.col(i) -= found->second;
+    }
+  }
+  return input;
+}
+
 /// Boards disagree between cameras when one of them moved: the frames are not in doubt where they agree before and after.
 void ReconsiderFrames(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
                       CalibrateReport* solved) {
@@ -64,9 +83,10 @@ void ReconsiderFrames(const CalibrateInput& input, const CalibrateOptions& optio
 
 }  // namespace
 
-void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+void LookForMotions(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run,
                     CalibrateReport* solved) {
-  if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || input.cameras.size() < 2) return;
+  if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || given.cameras.size() < 2) return;
+  const CalibrateInput input = CornersAtFrames(given, *solved);
   solved->motions = FindMotions(solved->rig, input);
   const std::string name = solved->motions.empty() ? MostContradictory(*solved) : "";
   if (!name.empty()) {

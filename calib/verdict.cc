@@ -153,7 +153,7 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
 
 void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Judgement* out) {
   const char* name = camera.name.c_str();
-  if (camera.num_places < kWarnViews && !camera.lens_held) {
+  if (camera.num_places < kWarnViews && !camera.lens_held && !camera.points_in_space) {
     const bool repeated = camera.num_places < camera.num_views;
     out->Warn("CAL-FEWVIEWS",
               Format("camera %s: only %d boards", name, camera.num_views) +
