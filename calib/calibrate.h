@@ -112,6 +112,9 @@ struct CalibrateReport {
   double rig_holdout_gross_fraction = 0;  ///< fraction of their corners beyond 5 px or on boards that could not be placed;
                                           ///< NaN without
   std::vector<CameraMotion> motions;
+  std::string unexplained;    ///< what the likeliest cause would leave, where that is most of the residuals; empty: it explains
+                              ///< them, or there is nothing to explain
+  double unexplained_px = 0;  ///< shift of the camera's corners by that cause
   std::vector<NumberingFault> numbering;
   std::vector<TurnedCamera> turned;  ///< cameras of which views were numbered from the board's other end, see FindTurnedViews
   std::optional<LayoutFault> layout;

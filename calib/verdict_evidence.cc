@@ -310,6 +310,11 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
   JudgeUnit(report, out);
   JudgeBending(report, out);
   for (const CameraMotion& motion : report.motions) JudgeMotion(motion, largest, out);
+  if (!report.unexplained.empty())
+    out->Limit(
+        report.unexplained_px, 0, kFailMotionPx * largest, "CAL-UNEXPLAINED", report.unexplained,
+        "look at the boards with the largest residuals: images of another recording, corners numbered otherwise, a board "
+        "that bends, cameras that start and stop");
   JudgeMissing(report, out);
   JudgeRigHoldout(report, out);
   JudgeLengths(report, largest, out);
