@@ -93,8 +93,10 @@ bool PlaceCameras(const CalibrateInput& input, const World& world, Work* work, C
   for (const std::vector<int>& group : start.board_components) work->bundle.fix_board[group[0]] = true;
   // Restore the initial weights of all corners on placed boards.
   for (size_t v = 0; v < work->views.size(); ++v) {
-    if ((work->views[v].weights.array() > 0).any()) work->views[v].weights = work->prior[v];
+    work->placed.push_back((work->views[v].weights.array() > 0).any());
+    if (work->placed[v]) work->views[v].weights = work->prior[v];
   }
+  work->state.clock_frame = 0.5 * (static_cast<double>(work->frames.front()) + static_cast<double>(work->frames.back()));
   const auto& fixed = work->bundle.fix_camera;
   const bool held = std::find(fixed.begin(), fixed.end(), true) != fixed.end();
   work->bundle.gauge = {held ? Gauge::Kind::kNone : Gauge::Kind::kCamera, world.camera};
@@ -125,9 +127,9 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
   if (!Keep(Solve(input, options, work), report)) return false;
   if (const auto separate = internal::SeparateLenses(input, options, work, report); separate && !Keep(*separate, report))
     return false;
-  if (input.cameras.size() < 2 || !internal::TimeOffsetsPay(options, *work, report->sigma_px, &report->time_reason))
-    return true;
-  return Keep(internal::SolveWithTimeOffsets(work), report);
+  if (input.cameras.size() < 2) return true;
+  const internal::TimeModel time = internal::ChooseTimeModel(options, *work, report->sigma_px, &report->time_reason);
+  return !time.offsets || Keep(internal::SolveWithTimeOffsets(time, work), report);
 }
 
 /// Boards that were held still count for what they are worth.
@@ -322,9 +324,25 @@ std::vector<int64_t> RunPipeline(const CalibrateOptions& options, const RunConte
   return {};
 }
 
+/// The pipeline; again with boards of their own where rigid ones are in doubt, and kept where that explains the corners. `seen`
+/// and the result as of RunPipeline.
+std::vector<int64_t> RunWithBoards(CalibrateOptions options, const RunContext& run, CalibrateInput* seen,
+                                   CalibrateReport* report) {
+  CalibrateInput given = *seen;
+  const std::vector<int64_t> shift = RunPipeline(options, run, seen, report);
+  if (!shift.empty() || !internal::BoardsInDoubt(given, options, *report)) return shift;
+  options.free_boards = AutoOnOff::kOn;
+  CalibrateReport trial;
+  if (RunPipeline(options, run, &given, &trial).empty() && internal::FreeBoardsPay(*report, &trial)) {
+    *report = std::move(trial);
+    *seen = std::move(given);
+  }
+  return shift;
+}
+
 /// Why a solution, or that there is none, may be wrong.
-void LookForCauses(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
-                   CalibrateReport* report) {
+void LookForCauses(const CalibrateInput& input, CalibrateOptions options, const RunContext& run, CalibrateReport* report) {
+  options.free_boards = report->free_boards ? AutoOnOff::kOn : AutoOnOff::kOff;
   internal::LookForMotions(input, options, run, report);
   report->held_doubt = FindHeldDoubt(input, *report, options, run);
 }
@@ -332,7 +350,7 @@ void LookForCauses(const CalibrateInput& input, const CalibrateOptions& options,
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CalibrateReport report;
   CalibrateInput seen = input;
-  const std::vector<int64_t> shift = RunPipeline(options, run, &seen, &report);
+  const std::vector<int64_t> shift = RunWithBoards(options, run, &seen, &report);
   if (shift.empty()) {
     LookForCauses(seen, options, run, &report);
     return report;
@@ -340,31 +358,11 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
   seen = input;
   for (Detection& d : seen.detections) d.frame_idx += shift[d.camera_idx];
   CalibrateReport again;
-  RunPipeline(options, run, &seen, &again);
+  RunWithBoards(options, run, &seen, &again);
   LookForCauses(seen, options, run, &again);
   again.frame_shift = shift;
   if (again.frames_doubt.empty()) again.frames_doubt = report.message + "; they were added";
   return again;
-}
-
-/// " (only 3 boards in view of cam0)" where that may be why there is no solution.
-std::string FewBoards(const CalibrateInput& input) {
-  constexpr int kFew = 5;
-  std::vector<int> boards(input.cameras.size(), 0);
-  for (const Detection& d : input.detections) ++boards[static_cast<size_t>(d.camera_idx)];
-  const size_t fewest = static_cast<size_t>(std::min_element(boards.begin(), boards.end()) - boards.begin());
-  if (boards[fewest] >= kFew) return "";
-  return " (only " + std::to_string(boards[fewest]) + (boards[fewest] == 1 ? " board" : " boards") + " in view of " +
-         input.cameras[fewest].name + ")";
-}
-
-/// There is no solution: what is known besides may be why.
-void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report) {
-  const std::string& doubt = report->frames_doubt;
-  if (!doubt.empty() && report->message.find(doubt) == std::string::npos) report->message = doubt + "; " + report->message;
-  if (!report->held_doubt.empty()) report->message = report->held_doubt + "; " + report->message;
-  if (!report->numbering.empty()) report->message = ToString(report->numbering[0]) + "; " + report->message;
-  report->message += FewBoards(input);
 }
 
 }  // namespace
@@ -387,7 +385,7 @@ CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& o
   const std::vector<int> order = internal::ByName(input);
   report = CalibrateSorted(internal::Permuted(input, order), named, run);
   internal::RestoreOrder(order, &report);
-  if (report.status != Status::kOk) AddLikelyCauses(input, &report);
+  if (report.status != Status::kOk) internal::AddLikelyCauses(input, &report);
   report.verdict = Judge(report);
   return report;
 }

@@ -15,6 +15,7 @@
 #include "calib/covariance/projection_uncertainty.h"
 #include "calib/rig/bending.h"
 #include "calib/rig/board_metrics.h"
+#include "calib/rig/free_boards.h"
 #include "calib/rig/numbering.h"
 #include "calib/rig/readout.h"
 #include "core/progress.h"
@@ -34,6 +35,8 @@ struct CornerResidual {
   Eigen::Vector2d px = Eigen::Vector2d::Zero();
   Eigen::Vector2d residual_px = Eigen::Vector2d::Zero();  ///< projected minus observed
   bool rejected = false;
+  int board_idx = 0;
+  Eigen::Vector2d late_px = Eigen::Vector2d::Zero();  ///< how the board's motion from the frame's time to the image's moved it
 };
 
 struct CameraReport {
@@ -58,13 +61,15 @@ struct CameraReport {
   double rig_holdout_gross_fraction = 0;  ///< its share of CalibrateReport's; NaN without held-out frames
   double holdout_gross_fraction = 0;      ///< of the held-out corners, beyond 5 px
   std::string shares_lens_with;           ///< names, separated by ", "
-  double time_offset_frames = 0;
-  Readout readout;              ///< rolling shutter
-  double outside_fraction = 0;  ///< fraction of its corners outside the stated image size
-  double coverage = 0;          ///< fraction of the cells of a 10 x 8 grid over the image that hold a
-                                ///< corner
-  double valid_radius = 0;      ///< of the lens model, see geometry::Projector
-  bool covers_image = true;     ///< all image corners lie within the valid radius
+  double time_offset_frames = 0;          ///< by which its images are late, in the middle of the recording
+  double time_rate = 0;                   ///< what that grows by in a frame
+  Readout readout;                        ///< rolling shutter
+  double outside_fraction = 0;            ///< fraction of its corners outside the stated image size
+  double coverage = 0;                    ///< fraction of the cells of a 10 x 8 grid over the image that hold a
+                                          ///< corner
+  double valid_radius = 0;                ///< of the lens model, see geometry::Projector
+  bool points_in_space = false;           ///< held out were single points, which do not lie in a plane, and not whole boards
+  bool covers_image = true;               ///< all image corners lie within the valid radius
 };
 
 /// One line of the table of lens models that were compared, for one camera.
@@ -89,10 +94,14 @@ struct CalibrateReport {
   double holdout_rms_px = 0, holdout_median_px = 0, holdout_gross_fraction = 0;
   std::vector<SelectionRow> selection;
   std::string warp_reason, stretch_reason, time_reason;
-  std::vector<int64_t> frame_shift;  ///< per camera, added to the frame numbers so that equal numbers are one time step;
-                                     ///< empty: none
-  std::string held_doubt;            ///< the given lens or pose, fixed by `fix`, that the boards contradict; empty: none
-  std::string frames_doubt;          ///< why frames with the same number may not be simultaneous; empty: no doubt
+  std::vector<int64_t> frame_shift;    ///< per camera, added to the frame numbers so that equal numbers are one time step;
+                                       ///< empty: none
+  std::string held_doubt;              ///< the given lens or pose, fixed by `fix`, that the boards contradict; empty: none
+  bool free_boards = false;            ///< each of several boards has a place of its own in every time step
+  std::vector<BoardMove> board_moves;  ///< with free_boards
+  std::string boards_moved;            ///< how boards moved against each other, and what giving each its own place explains;
+                                       ///< empty: they did not, or nobody asked
+  std::string frames_doubt;            ///< why frames with the same number may not be simultaneous; empty: no doubt
   std::vector<Eigen::Vector2d> board_warp_m;   ///< per board; zero when it is taken as flat
   std::vector<Eigen::Vector2d> board_stretch;  ///< per board: shear and aspect, see RigState; empty when it is taken as
                                                ///< square
@@ -103,6 +112,9 @@ struct CalibrateReport {
   double rig_holdout_gross_fraction = 0;  ///< fraction of their corners beyond 5 px or on boards that could not be placed;
                                           ///< NaN without
   std::vector<CameraMotion> motions;
+  std::string unexplained;    ///< what the likeliest cause would leave, where that is most of the residuals; empty: it explains
+                              ///< them, or there is nothing to explain
+  double unexplained_px = 0;  ///< shift of the camera's corners by that cause
   std::vector<NumberingFault> numbering;
   std::vector<TurnedCamera> turned;  ///< cameras of which views were numbered from the board's other end, see FindTurnedViews
   std::optional<LayoutFault> layout;

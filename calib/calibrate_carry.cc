@@ -28,20 +28,36 @@ void KeepGiven(const HeldCovariance& held, size_t camera, geometry::StatedCovari
   if (held.pose[camera]) keep(pose, held.stated.PoseRow(camera), 6);
 }
 
+/// A camera's offset, and its rate, as the file states them: from frame 0 on.
+geometry::TimeOffset OffsetAtFrame0(const RigCovariance& covariance, const Work& work, size_t camera) {
+  const RigState& state = work.state;
+  const Index column = covariance.columns.time[camera];
+  const double variance = column >= 0 ? covariance.joint(column, column) : 0;
+  geometry::TimeOffset offset{0.0 - state.time_offset_frames[camera], std::sqrt(variance)};
+  if (state.time_rate.empty()) return offset;
+  offset.rate = 0.0 - state.time_rate[camera];
+  offset.frames -= offset.rate * state.clock_frame;
+  if (column < 0) return offset;
+  const Eigen::Vector2d at_0(1, -state.clock_frame);
+  offset.sigma_frames = std::sqrt(at_0.dot(covariance.joint.block<2, 2>(column, column) * at_0));
+  offset.sigma_rate = std::sqrt(covariance.joint(column + 1, column + 1));
+  return offset;
+}
+
 /// Frame `f + offset` of a camera that is late by d shows the same as the others' frame f: its image f is of time step f +
 /// d.
 void StoreTimeOffsets(const RigCovariance& covariance, const Work& work, geometry::Rig* rig) {
   for (size_t c = 0; c < work.state.time_offset_frames.size(); ++c) {
     const int column = covariance.columns.time[c];
     if (static_cast<int>(c) != work.bundle.time_reference && column < 0) continue;  // no board moved in its sight
-    const double variance = column >= 0 ? covariance.joint(column, column) : 0;
-    rig->cameras[c].time_offset = geometry::TimeOffset{0.0 - work.state.time_offset_frames[c], std::sqrt(variance)};
+    rig->cameras[c].time_offset = OffsetAtFrame0(covariance, work, c);
   }
 }
 
 }  // namespace
 
-void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work, geometry::Rig* rig) {
+void StoreCalibrationCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work,
+                                geometry::Rig* rig) {
   const RigColumns& columns = covariance.columns;
   const std::vector<bool> seen = CamerasSeen(work);
   geometry::StatedCovariance stated;

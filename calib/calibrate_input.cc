@@ -8,6 +8,8 @@
 #include "calib/calibrate_steps.h"
 #include "calib/check/seen_corners.h"
 #include "calib/lens/resection.h"
+#include "calib/lens/space_points.h"
+#include "calib/rig/free_boards.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "geometry/rig/rig_covariance.h"
@@ -58,11 +60,13 @@ void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report) {
 }
 
 bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report) {
-  const auto frame = std::lower_bound(work->frames.begin(), work->frames.end(), world.frame_idx);
+  const auto frame =
+      std::find(work->frames.begin(), work->frames.end(), world.frame_idx);  // the first board's, where each has its own
   const int index = static_cast<int>(frame - work->frames.begin());
   const bool seen = frame != work->frames.end() && *frame == world.frame_idx &&
-                    std::any_of(work->views.begin(), work->views.end(),
-                                [&](const View& v) { return v.frame == index && (v.weights.array() > 0).any(); });
+                    std::any_of(work->views.begin(), work->views.end(), [&](const View& v) {
+                      return v.frame == index && (v.board == 0 || !work->free_boards) && (v.weights.array() > 0).any();
+                    });
   if (!seen) {
     Stop(Status::kTooFewViews,
          "the board was not seen in frame " + std::to_string(world.frame_idx) + ", which is to define the world", report);
@@ -76,7 +80,10 @@ bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, 
          report);
     return false;
   }
-  const geometry::Rigid3 new_from_old = WorldFromFloorBoard() * geometry::Inverse(work->state.world_from_board[index]);
+  // A board lies on the floor; points in space have axes of their own.
+  const bool in_space = input.boards[0].kind == Board::Kind::kPoints && SpansSpace(input.boards[0].points);
+  const geometry::Rigid3 new_from_board = in_space ? geometry::Rigid3() : WorldFromFloorBoard();
+  const geometry::Rigid3 new_from_old = new_from_board * geometry::Inverse(work->state.world_from_board[index]);
   for (geometry::Rigid3& world_from_board : work->state.world_from_board) world_from_board = new_from_old * world_from_board;
   for (geometry::Rigid3& cam_from_world : work->state.cam_from_world)
     cam_from_world = cam_from_world * geometry::Inverse(new_from_old);
@@ -124,6 +131,8 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
     const bool out = named || (rule.step > 0 && view.frame % rule.step == rule.first);
     (out ? work->held_out : work->views).push_back(std::move(view));
   }
+  work->free_boards = options.free_boards == AutoOnOff::kOn && input.boards.size() > 1;
+  if (work->free_boards) SeparateBoards({&work->views, &work->held_out}, &work->frames);
   for (const View& view : work->views) work->prior.push_back(view.weights);
   work->known_poses.resize(input.cameras.size());
   work->state.rig_from_board.resize(input.boards.size());

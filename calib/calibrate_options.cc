@@ -10,8 +10,10 @@ namespace {
 
 constexpr ChoiceWords<LensSharing::Kind, 3> kSharings = {
     {{LensSharing::Kind::kAuto, "auto"}, {LensSharing::Kind::kNone, "none"}, {LensSharing::Kind::kAll, "all"}}};
-constexpr ChoiceWords<LatenessChoice, 3> kLatenessChoices = {
-    {{LatenessChoice::kAuto, "auto"}, {LatenessChoice::kOn, "on"}, {LatenessChoice::kNone, "none"}}};
+constexpr ChoiceWords<LatenessChoice, 4> kLatenessChoices = {{{LatenessChoice::kAuto, "auto"},
+                                                              {LatenessChoice::kOn, "on"},
+                                                              {LatenessChoice::kClocks, "clocks"},
+                                                              {LatenessChoice::kNone, "none"}}};
 constexpr ChoiceWords<HeldPart::What, 2> kHeldParts = {
     {{HeldPart::What::kLenses, "lenses"}, {HeldPart::What::kPoses, "poses"}}};
 constexpr ChoiceWords<Engine, 2> kEngines = {{{Engine::kMvstudio, "mvstudio"}, {Engine::kMrcal, "mrcal"}}};
@@ -51,7 +53,7 @@ void FromString(const std::string& text, LensSharing* sharing) {
 std::string_view ToString(LatenessChoice lateness) { return WordOf(kLatenessChoices, lateness); }
 
 void FromString(const std::string& text, LatenessChoice* lateness) {
-  *lateness = KnownChoice(kLatenessChoices, text, "option 'time-offset' " + text + ": expected auto, on or none");
+  *lateness = KnownChoice(kLatenessChoices, text, "option 'time-offset' " + text + ": expected auto, on, clocks or none");
 }
 
 std::string ToString(const WorldOrigin& origin) {

@@ -24,8 +24,9 @@ struct LensSharing {
 std::string ToString(const LensSharing& sharing);
 void FromString(const std::string& text, LensSharing* sharing);
 
-/// Whether cameras may be late by a constant fraction of a frame: what held-out frames say, yes, or no.
-enum class LatenessChoice { kAuto, kOn, kNone };
+/// Whether cameras may be late by a fraction of a frame: what held-out frames say; yes, by a constant one; yes, and their
+/// clocks may run at different rates; no.
+enum class LatenessChoice { kAuto, kOn, kClocks, kNone };
 std::string_view ToString(LatenessChoice lateness);
 void FromString(const std::string& text, LatenessChoice* lateness);
 
@@ -76,6 +77,8 @@ struct CalibrateOptions {
   AutoOnOff warp = AutoOnOff::kAuto;     ///< two parameters for the warp of each board
   AutoOnOff stretch = AutoOnOff::kAuto;  ///< two parameters for the shear and aspect of each board
   LatenessChoice time_offset = LatenessChoice::kAuto;
+  AutoOnOff free_boards = AutoOnOff::kAuto;  ///< several boards move against each other: each has a pose of its own in every
+                                             ///< time step; auto: where that alone explains the corners
   WorldOrigin world;
   HoldoutRule holdout;
   bool intrinsics_only = false;       ///< lenses alone: cameras are not placed
@@ -98,7 +101,10 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("warp", o.warp, "two numbers for the bend of the board: auto (if held-out boards say so), on or off");
   visit("stretch", o.stretch, "two numbers for shear and aspect of the board: auto (if held-out boards say so), on or off");
   StartGroup(visit, "Rig");
-  visit("time-offset", o.time_offset, "constant offsets in time between cameras: auto (if held-out frames say so), on or none");
+  visit("time-offset", o.time_offset,
+        "offsets in time between cameras: auto (if held-out frames say so), on (constant), clocks (with drift) or none");
+  visit("free-boards", o.free_boards,
+        "several boards that move against each other: auto (if that alone explains the corners), on or off");
   visit("world", o.world, "camera, camera:NAME, or board:FRAME (board lying face up: z up, x along its columns)");
   StartGroup(visit, "Held-out boards");
   visit("holdout", o.holdout,

@@ -8,6 +8,8 @@
 #include "calib/lens/held_out_view.h"
 #include "calib/lens/lens_pool.h"
 #include "calib/lens/smooth_error.h"
+#include "calib/lens/space_points.h"
+#include "calib/rig/free_boards.h"
 #include "core/statistics.h"
 
 namespace mvstudio::calib::internal {
@@ -57,8 +59,12 @@ bool CoversImage(const geometry::Projector& projector) {
 /// Residuals and what is counted from them.
 void ReportResiduals(const CalibrateInput& input, const Work& work, CalibrateReport* report) {
   const auto residuals = BundleResiduals(work.views, work.state);
+  RigState prompt = work.state;
+  prompt.time_offset_frames.clear();
+  const bool late = !work.state.time_offset_frames.empty();
+  const auto without = late ? BundleResiduals(work.views, prompt) : residuals;
   std::vector<double> sum(input.cameras.size(), 0);
-  std::set<int> frames;
+  std::set<int64_t> frames;
   int num_rejected = input.num_corners_dropped;
   for (size_t v = 0; v < work.views.size(); ++v) {
     const View& view = work.views[v];
@@ -66,12 +72,12 @@ void ReportResiduals(const CalibrateInput& input, const Work& work, CalibrateRep
     const bool used = (view.weights.array() > 0).any();
     camera.num_views += used;
     camera.num_lost_views += !used;
-    if (used) frames.insert(view.frame);
+    if (used) frames.insert(work.state.frames[view.frame]);
     for (Eigen::Index i = 0; i < view.size(); ++i) {
       const bool rejected = view.weights[i] <= 0;
       const Eigen::Vector2d r = residuals[v].col(i);
-      report->residuals.push_back(
-          {view.camera_idx, work.state.frames[view.frame], view.corner_ids[i], view.px.col(i), r, rejected});
+      report->residuals.push_back({view.camera_idx, work.state.frames[view.frame], view.corner_ids[i], view.px.col(i), r,
+                                   rejected, view.board, r - without[v].col(i)});
       rejected ? ++camera.num_rejected : ++camera.num_corners;
       if (!rejected) sum[view.camera_idx] += r.squaredNorm();
     }
@@ -84,6 +90,17 @@ void ReportResiduals(const CalibrateInput& input, const Work& work, CalibrateRep
   report->rejected_fraction = static_cast<double>(num_rejected) / std::max(1, num_rejected + report->num_corners);
 }
 
+void SetHoldout(std::vector<double> errors, CameraReport* camera) {
+  double squares = 0, good = 0;
+  for (const double e : errors) {
+    if (e <= kGrossPx) squares += e * e, good += 1;
+  }
+  if (errors.empty()) return;
+  camera->holdout_rms_px = good > 0 ? std::sqrt(squares / good) : kNan;
+  camera->holdout_gross_fraction = 1 - good / static_cast<double>(errors.size());
+  camera->holdout_median_px = UpperMedian(std::move(errors));
+}
+
 /// Boards that took no part in a held lens are all held out; with few of them, no other held-out figures are there.
 void ReportHeldLens(const Work& work, int camera_idx, CameraReport* camera) {
   camera->smooth_rms_px = SmoothErrorPx(work.views, BundleResiduals(work.views, work.state), camera_idx);
@@ -94,14 +111,18 @@ void ReportHeldLens(const Work& work, int camera_idx, CameraReport* camera) {
     if (view.camera_idx != camera_idx || !(view.weights.array() > 0).any()) continue;
     AppendHeldOutErrors(lens, view, work.state, CamFromBoard(view, work.state), &errors);
   }
-  double squares = 0, good = 0;
-  for (const double e : errors) {
-    if (e <= kGrossPx) squares += e * e, good += 1;
+  SetHoldout(std::move(errors), camera);
+}
+
+/// Few views, of points in space: each leaves some of its points out.
+void ReportLeftOutPoints(const Work& work, int camera_idx, CameraReport* camera) {
+  std::vector<double> errors;
+  for (const View& view : work.views) {
+    if (view.camera_idx != camera_idx || !SpansSpace(view.x_in_board, view.weights)) continue;
+    AppendLeftOutPoints(work.state.cameras[static_cast<size_t>(camera_idx)], view, &errors);
+    camera->points_in_space = true;
   }
-  if (errors.empty()) return;
-  camera->holdout_rms_px = good > 0 ? std::sqrt(squares / good) : kNan;
-  camera->holdout_gross_fraction = 1 - good / static_cast<double>(errors.size());
-  camera->holdout_median_px = UpperMedian(std::move(errors));
+  SetHoldout(std::move(errors), camera);
 }
 
 void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateReport* report) {
@@ -123,6 +144,7 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
     camera.covers_image = CoversImage(projector);
     camera.lens_held = work.bundle.fix_lens[c];
     if (camera.lens_held) ReportHeldLens(work, static_cast<int>(c), &camera);
+    if (!camera.lens_held && !std::isfinite(camera.holdout_rms_px)) ReportLeftOutPoints(work, static_cast<int>(c), &camera);
     if (!std::isfinite(camera.holdout_rms_px)) continue;
     squares += camera.num_corners * camera.holdout_rms_px * camera.holdout_rms_px;
     gross += camera.num_corners * camera.holdout_gross_fraction;
@@ -139,10 +161,13 @@ void FillRig(const CalibrateInput& input, const Work& work, const std::string& g
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     report->rig.cameras.push_back({work.state.cameras[c], work.state.cam_from_world[c], std::nullopt, std::nullopt});
     if (!work.state.time_offset_frames.empty()) report->cameras[c].time_offset_frames = work.state.time_offset_frames[c];
+    if (!work.state.time_rate.empty()) report->cameras[c].time_rate = work.state.time_rate[c];
   }
   report->frames = work.state.frames;
   report->world_from_board = work.state.world_from_board;
   report->rig_from_board = work.state.rig_from_board;
+  report->free_boards = work.free_boards;
+  if (work.free_boards) report->board_moves = FindBoardMoves(work.views, work.state);
   report->board_warp_m = work.state.board_warp_m;
   report->board_stretch = work.state.board_stretch;
   report->rig.boards = ShapesOf(input.boards, work.state);
@@ -169,6 +194,17 @@ void ReportHeldOut(const Work& work, CalibrateReport* report) {
   report->rig_holdout_median_px = UpperMedian(all);
 }
 
+/// " (only 3 boards in view of cam0)" where that may be why there is no solution.
+std::string FewBoards(const CalibrateInput& input) {
+  constexpr int kFew = 5;
+  std::vector<int> boards(input.cameras.size(), 0);
+  for (const Detection& d : input.detections) ++boards[static_cast<size_t>(d.camera_idx)];
+  const size_t fewest = static_cast<size_t>(std::min_element(boards.begin(), boards.end()) - boards.begin());
+  if (boards[fewest] >= kFew) return "";
+  return " (only " + std::to_string(boards[fewest]) + (boards[fewest] == 1 ? " board" : " boards") + " in view of " +
+         input.cameras[fewest].name + ")";
+}
+
 }  // namespace
 
 void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report) {
@@ -178,6 +214,14 @@ void FillReport(const CalibrateInput& input, const Work& work, const std::string
   ReportResiduals(input, work, report);
   ReportCameras(input, work, report);
   ReportHeldOut(work, report);
+}
+
+void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report) {
+  const std::string& doubt = report->frames_doubt;
+  if (!doubt.empty() && report->message.find(doubt) == std::string::npos) report->message = doubt + "; " + report->message;
+  if (!report->held_doubt.empty()) report->message = report->held_doubt + "; " + report->message;
+  if (!report->numbering.empty()) report->message = ToString(report->numbering[0]) + "; " + report->message;
+  report->message += FewBoards(input);
 }
 
 }  // namespace mvstudio::calib::internal

@@ -4,7 +4,9 @@
 #include <set>
 
 #include "calib/calibrate_steps.h"
+#include "calib/judgement.h"
 #include "calib/lens/evidence.h"
+#include "core/format.h"
 
 namespace mvstudio::calib::internal {
 namespace {
@@ -77,6 +79,55 @@ void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report) {
     camera.model_reason += "; a lens of its own, as the rig's corners call for one (Schwarz's criterion)";
     camera.shares_lens_with.clear();
   }
+}
+
+namespace {
+
+/// Mean squared error of all corners, rejected ones too, in units of their cameras' own, each at most kCapSigmas.
+double MeanRelativeSquare(const CalibrateReport& report) {
+  double sum = 0;
+  for (const CornerResidual& corner : report.residuals) {
+    const double own = std::max(1e-3, report.cameras[static_cast<size_t>(corner.camera_idx)].alone_rms_px);
+    sum += std::pow(std::fmin(kCapSigmas, corner.residual_px.norm() / own), 2);
+  }
+  return sum / std::max<double>(1, static_cast<double>(report.residuals.size()));
+}
+
+/// A camera that the rig explains far worse than it explains itself, or not at all.
+bool Contradictory(const CalibrateReport& report, const CameraReport& camera) {
+  constexpr double kLost = 0.05, kRejected = 0.10;
+  const auto c = static_cast<size_t>(&camera - report.cameras.data());
+  const double excess = camera.rms_px - camera.alone_rms_px;
+  const bool off = camera.rms_px > kContradictsRatio * camera.alone_rms_px && excess > kContradictsPx * PixelScale(report, c);
+  return off || camera.num_lost_views > kLost * (camera.num_views + camera.num_lost_views) ||
+         camera.num_rejected > kRejected * (camera.num_corners + camera.num_rejected);
+}
+
+bool AnyContradictory(const CalibrateReport& report) {
+  return std::any_of(report.cameras.begin(), report.cameras.end(),
+                     [&](const CameraReport& camera) { return Contradictory(report, camera); });
+}
+
+}  // namespace
+
+bool BoardsInDoubt(const CalibrateInput& input, const CalibrateOptions& options, const CalibrateReport& rigid) {
+  if (options.free_boards != AutoOnOff::kAuto || options.intrinsics_only || input.boards.size() < 2) return false;
+  return rigid.status != Status::kOk || AnyContradictory(rigid);
+}
+
+bool FreeBoardsPay(const CalibrateReport& rigid, CalibrateReport* free) {
+  constexpr double kDecisive = 0.5;  // of the mean squared error
+  if (free->status != Status::kOk || free->board_moves.empty()) return false;
+  const bool solved = rigid.status == Status::kOk;
+  const bool pays = solved ? MeanRelativeSquare(*free) < kDecisive * MeanRelativeSquare(rigid) : !AnyContradictory(*free);
+  if (!pays) return false;
+  free->boards_moved = "the boards are not rigid to each other: " + ToString(free->board_moves) +
+                       "; each has a place of its own in every time step now, ";
+  free->boards_moved +=
+      solved ? Format("which leaves %.2f px instead of %.2f px and %.0f %% of the corners rejected instead of %.0f %%",
+                      free->rms_px, rigid.rms_px, 100 * free->rejected_fraction, 100 * rigid.rejected_fraction)
+             : Format("which leaves %.2f px; rigid, they had no solution", free->rms_px);
+  return true;
 }
 
 }  // namespace mvstudio::calib::internal

@@ -30,8 +30,10 @@ struct Work {
   std::vector<std::vector<int>> view_ids;        // per camera: indices into views, in the order of its mono solution
   std::vector<geometry::Rigid3> cam_from_board;  // per view, from that view alone
   std::vector<Eigen::VectorXd> prior;            // per view: initial weights, before any rejection
+  std::vector<bool> placed;                      // per view: its board has a place in the rig
   std::vector<std::optional<geometry::Rigid3>> known_poses;  // per camera
   RigState state;
+  bool free_boards = false;  // each board has its own place in every time step; frames count (board, time step)
   bool may_separate = true, separated = false;  // lenses that were shared, see SeparateLenses
   std::vector<LensStep> lens_step;              // per camera
   std::vector<std::string> alone_failed;  // per camera: why it has no solution alone without assumptions; empty: it has one
@@ -98,6 +100,14 @@ bool SimplifyLenses(const CalibrateInput& input, const CalibrateOptions& options
 std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const CalibrateOptions& options, Work* work,
                                            CalibrateReport* report);
 
+/// Whether boards that are taken as rigid to each other may be why `rigid` failed or is contradictory (option `free_boards`
+/// auto).
+bool BoardsInDoubt(const CalibrateInput& input, const CalibrateOptions& options, const CalibrateReport& rigid);
+
+/// Whether boards that each have a pose of their own in every time step explain what rigid ones do not: by far fewer and
+/// smaller errors. CalibrateReport::boards_moved then says so.
+bool FreeBoardsPay(const CalibrateReport& rigid, CalibrateReport* free);
+
 /// Gives every camera its own lens from here on; the report states why.
 void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report);
 
@@ -112,13 +122,19 @@ std::vector<int> CamerasBesideMost(const std::vector<std::vector<int>>& groups);
 /// Cameras whose lenses have the most parameters.
 std::vector<int> MostDemanding(const Work& work);
 
-/// Whether to estimate time offsets of the cameras: by the option `time_offset`. With auto by the residuals, then by
-/// held-out frames, from a solution without offsets whose standard deviation per coordinate is `sigma_px`.
-bool TimeOffsetsPay(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason);
+/// What is estimated of the cameras' clocks.
+struct TimeModel {
+  bool offsets = false, rates = false;
+  MotionModel motion;
+};
+
+/// By the option `time_offset`. With auto by the residuals, then by held-out frames, from a solution without offsets whose
+/// standard deviation per coordinate is `sigma_px`.
+TimeModel ChooseTimeModel(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason);
 
 /// The adjustment with time offsets, started at the solution without them; restores the initial weights of rejected
 /// corners.
-BundleReport SolveWithTimeOffsets(Work* work);
+BundleReport SolveWithTimeOffsets(const TimeModel& time, Work* work);
 
 /// Stores covariances and time offsets in the rig. Unknown are the covariances of a camera without corners and of what
 /// `fix` holds at a calibration that states none; the frame itself is exact.
@@ -134,6 +150,9 @@ struct RigError {
 /// Reprojection errors of held-out frames: each board's pose from half of the corners of all cameras, the error on the
 /// others. `views` are those frames' views; lenses and camera poses are those of `state`.
 std::vector<RigError> RigErrors(const std::vector<View>& views, const RigState& state);
+
+/// There is no solution: what is known besides may be why.
+void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report);
 
 /// Fills all figures of the report that derive from the solution.
 void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report);

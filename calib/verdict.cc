@@ -28,12 +28,13 @@ constexpr double kWarnEdgePx = 1.0, kFailEdgePx = 5.0, kWarnCornerPx = 10.0;
 // Of triangulated points over the distance of the boards: 2 mm and 2 cm at 1 m.
 constexpr double kWarnVolume = 0.002, kFailVolume = 0.02;
 
-void JudgeError(const CameraReport& camera, double scale, Judgement* out) {
+void JudgeError(const CameraReport& camera, double scale, bool in_rig, Judgement* out) {
   const char* name = camera.name.c_str();
   const double holdout = camera.holdout_rms_px, warn = kWarnHoldoutPx * scale, fail = kFailHoldoutPx * scale;
   if (holdout > fail) {
     out->Fail("CAL-HOLDOUT", Format("camera %s: held-out error %.2f px (limit %.1f)", name, holdout, fail),
-              "check the board's size and numbering, blur, and that the footage is synchronised");
+              std::string("check the board's size and numbering, ") +
+                  (in_rig ? "blur, and that the footage is synchronised" : "that it is flat, and blur"));
   } else if (holdout > warn) {
     out->Warn("CAL-HOLDOUT", Format("camera %s: held-out error %.2f px (good is below %.1f)", name, holdout, warn),
               "use sharper images and a flat board");
@@ -110,15 +111,17 @@ void JudgeVolume(const UncertaintySummary& uncertainty, const std::string& hint,
   share > kFailVolume ? out->Fail("CAL-VOLUME", text, hint) : out->Warn("CAL-VOLUME", text, hint);
 }
 
-const char* UnsolvedHint(Status status) {
+const char* UnsolvedHint(Status status, bool in_rig) {
   switch (status) {
     case Status::kTooFewViews:
-      return "film more boards, with two cameras or more seeing each of them";
+      return in_rig ? "film more boards, with two cameras or more seeing each of them" : "film more boards";
     case Status::kDegenerate:
-      return "film the board tilted, near and far, and shown to neighbouring cameras at once";
+      return in_rig ? "film the board tilted, near and far, and shown to neighbouring cameras at once"
+                    : "film the board tilted, near and far";
     case Status::kNotConverged:
     case Status::kBehindCamera:
-      return "check the board's size and numbering, and that frames with the same number were taken at the same time";
+      return in_rig ? "check the board's size and numbering, and that frames with the same number were taken at the same time"
+                    : "check the board's size and numbering";
     default:
       return "check the board's description and the images";
   }
@@ -150,7 +153,7 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
 
 void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Judgement* out) {
   const char* name = camera.name.c_str();
-  if (camera.num_places < kWarnViews && !camera.lens_held) {
+  if (camera.num_places < kWarnViews && !camera.lens_held && !camera.points_in_space) {
     const bool repeated = camera.num_places < camera.num_views;
     out->Warn("CAL-FEWVIEWS",
               Format("camera %s: only %d boards", name, camera.num_views) +
@@ -162,10 +165,9 @@ void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Jud
   }
   // Beyond the circle of a wide lens there is no picture.
   if (!camera.covers_image && !geometry::IsWide(camera.model)) {
-    out->Warn(
-        "CAL-FOLD",
-        Format("camera %s: the lens model folds over inside the image corners (valid radius %.2f)", name, camera.valid_radius),
-        "choose a simpler option 'model' or show the board in the corners");
+    const std::string radius = std::isfinite(camera.valid_radius) ? Format(" (valid radius %.2f)", camera.valid_radius) : "";
+    out->Warn("CAL-FOLD", Format("camera %s: the lens model folds over inside the image corners", name) + radius,
+              "choose a simpler option 'model' or show the board in the corners");
   }
 }
 
@@ -177,7 +179,7 @@ Verdict Judge(const CalibrateReport& report) {
     const std::string& why = report.message;
     judgement.Fail("CAL-UNSOLVED",
                    why.empty() ? Format("there is no solution: %s", std::string(ToString(report.status)).c_str()) : why,
-                   UnsolvedHint(report.status));
+                   UnsolvedHint(report.status, report.cameras.size() != 1));
     return judgement.verdict;
   }
   if (!HasFigures(report)) judgement.Fail("CAL-UNSOLVED", "the solution has figures that are no numbers", "check the input");
@@ -190,7 +192,7 @@ Verdict Judge(const CalibrateReport& report) {
   const std::vector<FilmHint> hints = FilmNext(report);
   const std::string at_edges = "the lens is extrapolated elsewhere: move the board to the image's edges";
   for (size_t c = 0; c < report.cameras.size(); ++c) {
-    JudgeError(report.cameras[c], internal::PixelScale(report, c), &judgement);
+    JudgeError(report.cameras[c], internal::PixelScale(report, c), report.cameras.size() > 1, &judgement);
     JudgeGross(report.cameras[c], &judgement);
     JudgeFocal(report.cameras[c], &judgement);
     JudgeData(report.cameras[c], HintOf(hints, "FILM-COVERAGE", static_cast<int>(c), at_edges), &judgement);

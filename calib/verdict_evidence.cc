@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/board/board.h"
 #include "calib/judgement.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -24,6 +25,12 @@ constexpr double kWarnStray = 0.02, kFailStray = 0.10;  // of the triangulated c
 
 const char* const kSyncHint =
     "check that frames with the same number were taken at the same time, and that no camera was moved";
+
+/// One camera contradicts itself alone: its lens, its board, its images.
+const char* HintFor(bool in_rig) {
+  return in_rig ? kSyncHint
+                : "look at these images: blur, a hand over the board, corners numbered otherwise, a board that bends";
+}
 
 std::string Between(const CameraMotion& motion) {
   return Format("between frames %lld and %lld", static_cast<long long>(motion.last_before),
@@ -67,21 +74,23 @@ void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
   out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED", text, hint);
 }
 
-void JudgeRejected(const CameraReport& camera, Judgement* out) {
+void JudgeRejected(const CameraReport& camera, bool in_rig, Judgement* out) {
   const char* name = camera.name.c_str();
   const int all = camera.num_corners + camera.num_rejected;
   if (camera.num_corners == 0) {
-    out->Fail("CAL-NOCORNERS", Format("camera %s: none of its %d corners agrees with the other cameras", name, all), kSyncHint);
+    out->Fail("CAL-NOCORNERS",
+              Format("camera %s: none of its %d corners agrees with the %s", name, all, in_rig ? "other cameras" : "solution"),
+              HintFor(in_rig));
     return;
   }
   const double share = static_cast<double>(camera.num_rejected) / all;
   out->Limit(share, kWarnRejected, kFailRejected, "CAL-REJECTED",
-             Format("camera %s: %.0f %% of its corners were rejected", name, 100 * share), kSyncHint);
+             Format("camera %s: %.0f %% of its corners were rejected", name, 100 * share), HintFor(in_rig));
   const double lost = static_cast<double>(camera.num_lost_views) / std::max(1, camera.num_views + camera.num_lost_views);
   out->Limit(lost, kWarnLost, 2, "CAL-LOST",
              Format("camera %s: %d of %d boards were rejected as a whole", name, camera.num_lost_views,
                     camera.num_views + camera.num_lost_views),
-             kSyncHint);
+             HintFor(in_rig));
 }
 
 void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out) {
@@ -90,6 +99,19 @@ void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out
                                   camera.name.c_str(), camera.rms_px, camera.alone_rms_px);
   if (ratio > kFailRatio && excess > kFailExcessPx * scale) return out->Fail("CAL-CONTRADICTS", text, kSyncHint);
   if (ratio > kContradictsRatio && excess > kContradictsPx * scale) out->Warn("CAL-CONTRADICTS", text, kSyncHint);
+}
+
+/// Clocks at different rates are no fault of the solution, which counts them, but of every other recording.
+void JudgeClock(const CameraReport& camera, double span_frames, Judgement* out) {
+  constexpr double kWorthTelling = 0.05;  // frames over the recording
+  const double drift = camera.time_rate * span_frames;
+  if (!(std::abs(drift) > kWorthTelling)) return;
+  out->Warn(
+      "CAL-CLOCK",
+      Format("the clock of camera %s runs %s than the others': its frames last %.6g times as long, %.2f frames over the "
+             "recording; the solution counts this",
+             camera.name.c_str(), drift > 0 ? "slower" : "faster", 1 + camera.time_rate, std::abs(drift)),
+      "drive all cameras from one clock, or record time stamps; for other recordings mvstudio sync finds offset and rate");
 }
 
 /// A camera that is late sees boards at places that are interpolated: said where these do not explain its pictures.
@@ -101,14 +123,17 @@ void JudgeLate(const CameraReport& camera, Judgement* out) {
   if (std::abs(camera.time_offset_frames) < kLate || explained) return;
   out->Warn(
       "CAL-LATE",
-      Format("camera %s: its images are %.2f frames late, and the boards' motion in between does not explain them (%.2f px in "
+      Format("camera %s: its images are %.2f frames %s, and the boards' motion in between does not explain them (%.2f px in "
              "the rig against %.2f px by itself, %d corners rejected)",
-             camera.name.c_str(), camera.time_offset_frames, camera.rms_px, camera.alone_rms_px, camera.num_rejected),
+             camera.name.c_str(), std::abs(camera.time_offset_frames), camera.time_offset_frames < 0 ? "early" : "late",
+             camera.rms_px, camera.alone_rms_px, camera.num_rejected),
       "synchronise the cameras, or move the board slowly; clocks that drift and dropped frames look like this, too");
 }
 
 void JudgeReadout(const CameraReport& camera, double scale, Judgement* out) {
+  constexpr double kLongest = 1.2;  // frames: a sensor's readout ends before the next image's begins
   const Readout& readout = camera.readout;
+  if (std::abs(readout.frames) > kLongest) return;
   if (!(std::abs(readout.frames) > kMinReadoutSigmas * readout.sigma_frames)) return;
   out->Limit(readout.shift_px, kWarnReadoutPx * scale, kFailReadoutPx * scale, "CAL-ROLLING",
              Format("camera %s reads its rows one after the other, over %.2f +- %.2f of a frame: rolling shutter moves its "
@@ -170,6 +195,30 @@ void JudgeRigHoldout(const CalibrateReport& report, Judgement* out) {
              kSyncHint);
 }
 
+/// The cells of a board are not as high as wide, by more than printers and paper make of squares.
+bool CellsNotSquare(const geometry::RigBoard& board) { return std::abs(board.stretch.y()) > 0.005; }
+
+std::string CellsText(const geometry::RigBoard& shape) {
+  const double ratio = (1 - shape.stretch.y()) / (1 + shape.stretch.y());
+  return Format("the cells of board %s are not squares, they are %.1f %% %s than wide", shape.board.c_str(),
+                100 * std::abs(ratio - 1), ratio > 1 ? "higher" : "less high");
+}
+
+/// The images give the ratio of height to width alone, so one of the two must be as stated.
+std::string CellsHint(const geometry::RigBoard& shape) {
+  const Board board = ParseBoard(shape.board);
+  const double ratio = (1 - shape.stretch.y()) / (1 + shape.stretch.y()), stated_mm = 1e3 * board.square_m;
+  const std::string as_wide = Format("%.3gx%.3gmm", stated_mm, stated_mm * ratio);
+  const std::string as_high = Format("%.3gx%.3gmm", stated_mm / ratio, stated_mm);
+  std::string hint = "measure them: " + as_wide + " if they are as wide as stated, " + as_high +
+                     " if they are as high; until then all lengths of the rig may be off by " +
+                     Format("%.1f %%", 100 * std::abs(std::sqrt(ratio) - 1));
+  const size_t cell = shape.board.find(':', shape.board.find(':') + 1);
+  if (board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kGrid)
+    hint += "; option 'board' " + shape.board.substr(0, cell + 1) + as_wide;
+  return hint;
+}
+
 void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
   const BoardMetrics& boards = report.board_metrics;
   out->Limit(boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
@@ -183,10 +232,12 @@ void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
                "some corners are detected wrongly, or numbered otherwise in one camera: look at the rejected ones");
   }
   const double share = 1e-3 * boards.pair_rms_mm / report.board_size_m;
-  out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS",
-             Format("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size", boards.pair_rms_mm,
-                    100 * share),
-             kSyncHint);
+  const std::string text = Format("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size",
+                                  boards.pair_rms_mm, 100 * share);
+  const auto cells = std::find_if(report.rig.boards.begin(), report.rig.boards.end(), CellsNotSquare);
+  if (cells == report.rig.boards.end()) return out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS", text, kSyncHint);
+  const std::string told = (std::isfinite(share) ? text + ": " : "") + CellsText(*cells);
+  share > kFailLengths ? out->Fail("CAL-LENGTHS", told, CellsHint(*cells)) : out->Warn("CAL-LENGTHS", told, CellsHint(*cells));
 }
 
 /// Corners just outside the border may be a detector's.
@@ -228,18 +279,24 @@ double PixelScale(const CalibrateReport& report, size_t camera) {
 
 void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
   double largest = 1;
+  const auto [first, last] = std::minmax_element(report.frames.begin(), report.frames.end());
+  const double span = report.frames.empty() ? 0 : static_cast<double>(*last - *first);
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     const CameraReport& camera = report.cameras[c];
     const double scale = PixelScale(report, c);
     largest = std::max(largest, scale);
-    JudgeRejected(camera, out);
+    JudgeRejected(camera, report.cameras.size() > 1, out);
     if (report.cameras.size() > 1) JudgeContradiction(camera, scale, out);
     JudgeLate(camera, out);
+    JudgeClock(camera, span, out);
     JudgeReadout(camera, scale, out);
     JudgeSize(camera, out);
     JudgeAssumed(camera, out);
     JudgeHeldLens(camera, scale, report.cameras.size() > 1, out);
   }
+  if (!report.boards_moved.empty())
+    out->Warn("CAL-BOARDS", report.boards_moved,
+              "fix the boards to each other and film again, or state with option 'free-boards' on that they move");
   for (const TurnedCamera& camera : report.turned)
     out->Warn("CAL-NUMBERING", NumberingText(camera),
               "use a board with an odd and an even number of corners, or one with markers");
@@ -251,6 +308,11 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
   JudgeUnit(report, out);
   JudgeBending(report, out);
   for (const CameraMotion& motion : report.motions) JudgeMotion(motion, largest, out);
+  if (!report.unexplained.empty())
+    out->Limit(
+        report.unexplained_px, 0, kFailMotionPx * largest, "CAL-UNEXPLAINED", report.unexplained,
+        "look at the boards with the largest residuals: images of another recording, corners numbered otherwise, a board "
+        "that bends, cameras that start and stop");
   JudgeMissing(report, out);
   JudgeRigHoldout(report, out);
   JudgeLengths(report, largest, out);

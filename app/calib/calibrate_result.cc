@@ -34,6 +34,7 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["holdout_gross_fraction"] = FiniteOrNull(camera.holdout_gross_fraction);
   if (!camera.shares_lens_with.empty()) json["shares_lens_with"] = camera.shares_lens_with;
   if (camera.time_offset_frames != 0) json["time_offset_frames"] = FiniteOrNull(camera.time_offset_frames);
+  if (camera.time_rate != 0) json["time_rate"] = FiniteOrNull(camera.time_rate);
   if (found) json["num_images"] = found->num_images;
   json["num_views"] = camera.num_views;
   json["num_places"] = camera.num_places;
@@ -51,6 +52,17 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["covers_image"] = camera.covers_image;
   if (found) json["boards_not_used"] = found->reasons;
   return json;
+}
+
+ordered_json BoardMovesJson(const calib::CalibrateReport& report) {
+  ordered_json rows = ordered_json::array();
+  for (const calib::BoardMove& move : report.board_moves)
+    rows.push_back({{"board", move.board_b},
+                    {"against", move.board_a},
+                    {"last_before", move.before},
+                    {"first_after", move.after},
+                    {"moved_mm", FiniteOrNull(1e3 * move.moved_m)}});
+  return rows;
 }
 
 /// False where the lens was held at a calibration that states no covariance of it.
@@ -206,6 +218,7 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   m["board_stretch_reason"] = report.stretch_reason;
   if (!report.time_reason.empty()) m["time_offset_reason"] = report.time_reason;
   if (!report.frame_shift.empty()) m["frame_shift"] = report.frame_shift;
+  if (report.free_boards) m["free_boards"] = BoardMovesJson(report);
 }
 
 }  // namespace
@@ -280,9 +293,8 @@ double HeldOutOrOwn(const calib::CameraReport& camera) {
 /// Of three cameras or more: the one to look at first, with how the others do.
 std::string WorstCamera(const calib::CalibrateReport& report) {
   if (report.cameras.size() < 3) return "";
-  const auto worst =
-      std::max_element(report.cameras.begin(), report.cameras.end(),
-                       [](const auto& a, const auto& b) { return HeldOutOrOwn(a) < HeldOutOrOwn(b); });
+  const auto worst = std::max_element(report.cameras.begin(), report.cameras.end(),
+                                      [](const auto& a, const auto& b) { return HeldOutOrOwn(a) < HeldOutOrOwn(b); });
   std::vector<double> errors;
   for (const calib::CameraReport& camera : report.cameras) errors.push_back(HeldOutOrOwn(camera));
   return Format("worst camera: %s, %.3f px beside a median of %.3f px\n", worst->name.c_str(), HeldOutOrOwn(*worst),

@@ -98,10 +98,28 @@ std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig) {
   bool matters = false;
   for (const geometry::RigCamera& camera : rig.cameras) {
     offsets.push_back(camera.time_offset ? camera.time_offset->frames : 0);
-    matters = matters || std::abs(offsets.back()) >= kLeastOffsetFrames;
+    const bool drifts = camera.time_offset && camera.time_offset->rate != 0;
+    matters = matters || drifts || std::abs(offsets.back()) >= kLeastOffsetFrames;
   }
   return matters ? offsets : std::vector<double>();
 }
+
+namespace {
+
+std::vector<triangulate::Clock> ClocksOf(const geometry::Rig& rig) {
+  std::vector<triangulate::Clock> clocks;
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const geometry::TimeOffset offset = camera.time_offset.value_or(geometry::TimeOffset());
+    clocks.push_back({offset.frames, 1 + offset.rate});
+  }
+  return clocks;
+}
+
+bool HaveDrift(const std::vector<triangulate::Clock>& clocks) {
+  return std::any_of(clocks.begin(), clocks.end(), [](const triangulate::Clock& clock) { return clock.rate != 1; });
+}
+
+}  // namespace
 
 void ReportOffsetsUnused(const geometry::Rig& rig, const std::string& why, CommandResult* result) {
   if (OffsetsOfCalibration(rig).empty()) return;
@@ -113,6 +131,15 @@ void ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& opti
   const std::vector<double> offsets = OffsetsOfCalibration(input->rig);
   if (offsets.empty()) return;
   if (how == AutoOnOff::kOff) return ReportOffsetsUnused(input->rig, "option 'calibration-offsets' off", result);
+  const std::vector<triangulate::Clock> clocks = ClocksOf(input->rig);
+  if (how == AutoOnOff::kAuto && HaveDrift(clocks)) {
+    const std::string why = "its clocks run at different rates, so the offsets are those of its own recording";
+    ReportOffsetsUnused(input->rig, why, result);
+    result->warnings.push_back({"TRI-OFFSETS-UNUSED", "the calibration's time offsets are not applied: " + why,
+                                "run mvstudio sync on this take; where it is the recording of the calibration, force them with "
+                                "option 'calibration-offsets' on"});
+    return;
+  }
   std::string reason = "option 'calibration-offsets' on";
   if (how == AutoOnOff::kAuto) {
     const triangulate::OffsetTrial trial =
@@ -126,7 +153,7 @@ void ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& opti
       return;
     }
   }
-  input->frames = triangulate::ApplyOffsets(input->frames, offsets);
+  input->frames = triangulate::ApplyClocks(input->frames, clocks);
   result->metrics["calibration_offsets"] = {{"applied", true}, {"reason", reason}, {"frames", offsets}};
 }
 

@@ -185,7 +185,9 @@ void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result) {
     entry["sigma_rotation_deg"] = FiniteOrNull(RadToDeg(sigmas.rotation_rad));
     entry["sigma_position_mm"] = FiniteOrNull(1e3 * sigmas.position_m);
     if (camera.time_offset)
-      entry["time_offset"] = {{"frames", camera.time_offset->frames}, {"sigma_frames", camera.time_offset->sigma_frames}};
+      entry["time_offset"] = {{"frames", camera.time_offset->frames},
+                              {"sigma_frames", camera.time_offset->sigma_frames},
+                              {"rate", camera.time_offset->rate}};
     list.push_back(entry);
   }
 }

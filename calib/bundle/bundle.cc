@@ -1,5 +1,6 @@
 #include "calib/bundle/bundle.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -50,6 +51,7 @@ Status SolveOnce(const std::vector<View>& views, const BundleOptions& options, d
                  int* iterations) {
   if (options.refine_time) {
     if (state->time_offset_frames.empty()) state->time_offset_frames.assign(state->cameras.size(), 0);
+    if (options.refine_rate && state->time_rate.empty()) state->time_rate.assign(state->cameras.size(), 0);
     EstimateMotion(views, state);
   }
   if (options.refine_stretch && state->board_stretch.empty())
@@ -78,7 +80,8 @@ void SetRobustWeights(const RigState& state, const Priors& prior, double sigmas,
   const CameraNoise noise = RobustNoise(distances, *views, state, each_camera);
   for (size_t v = 0; v < views->size(); ++v) {
     const int c = (*views)[v].camera_idx;
-    (*views)[v].weights = noise.weight[c] * prior[v].array() / (1 + (distances[v] / (sigmas * noise.limit_px[c])).array().square());
+    (*views)[v].weights =
+        noise.weight[c] * prior[v].array() / (1 + (distances[v] / (sigmas * noise.limit_px[c])).array().square());
   }
 }
 
@@ -100,8 +103,8 @@ int SetRejections(const RigState& state, const Priors& prior, double sigmas, boo
   return changes;
 }
 
-void Summarize(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
-               const Priors& prior, BundleReport* report) {
+void Summarize(const std::vector<View>& views, const RigState& state, const BundleOptions& options, const Priors& prior,
+               BundleReport* report) {
   const auto distances = CornerDistances(views, state);
   double sum = 0, weighted = 0;
   std::vector<bool> seen(state.frames.size(), false);
@@ -145,33 +148,63 @@ std::optional<BundleReport> CheckInput(const std::vector<View>& views, const Rig
 
 namespace {
 
-/// The two frames whose difference is the motion in frame `f`: the nearest seen ones before and after it, or else two that are
-/// nearest; nothing where fewer are near enough.
-std::optional<std::pair<size_t, size_t>> MotionNeighbours(const std::vector<int64_t>& frames, const std::vector<bool>& seen,
-                                                          size_t f) {
-  constexpr int64_t kReach = 2;  // frames
-  const auto next = [&](size_t from, int direction) {
-    for (size_t g = from + direction; g < frames.size() && std::llabs(frames[g] - frames[f]) <= kReach; g += direction) {
-      if (seen[g]) return g;
+/// The observed frames that say how the boards move in frame `f`: the nearest before and after it, or else those on one side.
+std::vector<size_t> MotionNodes(const std::vector<int64_t>& frames, const std::vector<bool>& seen, const MotionModel& model,
+                                size_t f) {
+  const auto nearest = [&](int direction, int count) {
+    std::vector<size_t> nodes;
+    for (size_t g = f + direction; g < frames.size() && static_cast<int>(nodes.size()) < count; g += direction) {
+      const int64_t away = (frames[g] - frames[f]) * direction;
+      if (away <= 0 || away > model.reach) break;
+      if (seen[g]) nodes.push_back(g);
     }
-    return frames.size();
+    return nodes;
   };
-  const size_t none = frames.size(), before = next(f, -1), after = next(f, 1);
-  if (before != none && after != none) return std::make_pair(before, after);
-  if (before == none && after == none) return std::nullopt;
-  const size_t side = before != none ? before : after;
-  const size_t other = seen[f] ? f : next(side, before != none ? -1 : 1);
-  if (other == none) return std::nullopt;
-  return std::make_pair(std::min(side, other), std::max(side, other));
+  std::vector<size_t> nodes = nearest(-1, model.neighbours), after = nearest(1, model.neighbours);
+  if (nodes.empty() != after.empty() && !seen[f]) {  // two on one side
+    const int count = model.neighbours + 1;
+    std::vector<size_t>& side = nodes.empty() ? after : nodes;
+    side = nearest(nodes.empty() ? 1 : -1, count);
+    if (side.size() < 2) return {};
+  }
+  nodes.insert(nodes.end(), after.begin(), after.end());
+  return nodes;
 }
 
-/// Of the board from one frame to another, per frame: what turns its pose (left) and shifts its origin.
-geometry::Vector6d MeanVelocity(const RigState& state, size_t from, size_t to) {
-  const double frames = static_cast<double>(state.frames[to] - state.frames[from]);
-  const Rigid3 &a = state.world_from_board[from], &b = state.world_from_board[to];
-  geometry::Vector6d velocity;
-  velocity << geometry::RotationLog(b.rotation * a.rotation.conjugate()) / frames, (b.translation - a.translation) / frames;
-  return velocity;
+/// What turns (left) and shifts one pose into another.
+geometry::Vector6d MotionBetween(const Rigid3& from, const Rigid3& to) {
+  geometry::Vector6d motion;
+  motion << geometry::RotationLog(to.rotation * from.rotation.conjugate()), to.translation - from.translation;
+  return motion;
+}
+
+/// The pose at frame `f` on the polynomial through those of `nodes` (Lagrange).
+Rigid3 PoseBetween(const RigState& state, const std::vector<size_t>& nodes, size_t f) {
+  const Rigid3& base = state.world_from_board[nodes[0]];
+  geometry::Vector6d motion = geometry::Vector6d::Zero();
+  for (const size_t k : nodes) {
+    double share = 1;
+    for (const size_t j : nodes) {
+      if (j != k)
+        share *=
+            static_cast<double>(state.frames[f] - state.frames[j]) / static_cast<double>(state.frames[k] - state.frames[j]);
+    }
+    motion += share * MotionBetween(base, state.world_from_board[k]);
+  }
+  return geometry::Perturb(motion, base);
+}
+
+/// Coefficients (6, N) of t, t^2, … of the polynomial through the pose of frame `f`, at t = 0, and those of `nodes`.
+Eigen::Matrix<double, 6, Eigen::Dynamic> MotionPolynomial(const RigState& state, const std::vector<size_t>& nodes, size_t f) {
+  const auto n = static_cast<Eigen::Index>(nodes.size());
+  Eigen::MatrixXd powers(n, n), motions(n, 6);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const size_t node = nodes[static_cast<size_t>(k)];
+    const double t = static_cast<double>(state.frames[node] - state.frames[f]);
+    for (Eigen::Index power = 0; power < n; ++power) powers(k, power) = std::pow(t, static_cast<double>(power + 1));
+    motions.row(k) = MotionBetween(state.world_from_board[f], state.world_from_board[node]).transpose();
+  }
+  return powers.partialPivLu().solve(motions).transpose();
 }
 
 }  // namespace
@@ -183,21 +216,12 @@ void EstimateMotion(const std::vector<View>& views, RigState* state) {
   state->board_velocity.assign(n, geometry::Vector6d::Zero());
   state->board_acceleration.assign(n, geometry::Vector6d::Zero());
   for (size_t f = 0; f < n; ++f) {
-    const auto neighbours = MotionNeighbours(state->frames, seen, f);
-    if (!neighbours) continue;
-    const auto [before, after] = *neighbours;
-    geometry::Vector6d& velocity = state->board_velocity[f];
-    velocity = MeanVelocity(*state, before, after);
-    if (!seen[f]) {
-      const double step = static_cast<double>(state->frames[f] - state->frames[before]);
-      state->world_from_board[f] = geometry::Perturb(step * velocity, state->world_from_board[before]);
-    } else if (before < f && f < after) {  // the parabola through the three
-      const double to = static_cast<double>(state->frames[f] - state->frames[before]),
-                   from = static_cast<double>(state->frames[after] - state->frames[f]);
-      const geometry::Vector6d first = MeanVelocity(*state, before, f), second = MeanVelocity(*state, f, after);
-      velocity = (from * first + to * second) / (from + to);
-      state->board_acceleration[f] = 2 * (second - first) / (from + to);
-    }
+    const std::vector<size_t> nodes = MotionNodes(state->frames, seen, state->motion, f);
+    if (nodes.empty()) continue;
+    if (!seen[f]) state->world_from_board[f] = PoseBetween(*state, nodes, f);
+    const auto polynomial = MotionPolynomial(*state, nodes, f);
+    state->board_velocity[f] = polynomial.col(0);
+    if (polynomial.cols() > 1) state->board_acceleration[f] = 2 * polynomial.col(1);
   }
 }
 

@@ -25,21 +25,22 @@ struct LensPrior {
 struct BundleOptions {
   Gauge gauge;
   bool refine_intrinsics = true;
-  bool refine_cameras = true;  ///< cam_from_world
-  bool refine_boards = true;   ///< rig_from_board of all boards but the first
-  bool refine_warp = false;    ///< board_warp_m
-  bool refine_stretch = false;  ///< board_stretch
-  bool refine_time = false;    ///< time_offset_frames of all cameras but `time_reference`
-  int time_reference = 0;      ///< the camera whose capture times are those of the frames
+  bool refine_cameras = true;              ///< cam_from_world
+  bool refine_boards = true;               ///< rig_from_board of all boards but the first
+  bool refine_warp = false;                ///< board_warp_m
+  bool refine_stretch = false;             ///< board_stretch
+  bool refine_time = false;                ///< time_offset_frames of all cameras but `time_reference`
+  bool refine_rate = false;                ///< with refine_time: time_rate, too
+  int time_reference = 0;                  ///< the camera whose capture times are those of the frames
   std::vector<bool> fix_lens, fix_camera;  ///< per camera; empty: none
   std::vector<bool> fix_board;             ///< per board: rig_from_board stays; empty: the first alone
   std::vector<LensPrior> lens_prior;       ///< per camera; empty, or with empty vectors: none
   bool reject_outliers = true;             ///< also estimate the cameras' noise; if false, weights stay unchanged
   bool each_camera_noise = true;           ///< a noise level per camera; false: one for all
-  double reject_sigmas = 5.5;  ///< a corner farther than this many standard deviations (per coordinate) is rejected
+  double reject_sigmas = 5.5;              ///< a corner farther than this many standard deviations (per coordinate) is rejected
   double spline_size_weight = 1e-3, spline_smooth_weight = 1e-3;  ///< of the prior on splined lenses, per px
-  double cost_tolerance = 1e-13;  ///< relative decrease at which the last adjustment stops
-  double first_damping = 1e-4;    ///< of the last adjustment, see SchurLmOptions
+  double cost_tolerance = 1e-13;                                  ///< relative decrease at which the last adjustment stops
+  double first_damping = 1e-4;                                    ///< of the last adjustment, see SchurLmOptions
   int max_iterations = 100;
   int num_threads = 1;
 };
@@ -47,7 +48,8 @@ struct BundleOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, BundleOptions& o) {
   visit("reject-outliers", o.reject_outliers, "reject single corners that disagree with the solution");
-  visit("each-camera-noise", o.each_camera_noise, "estimate every camera's noise and weigh and reject by it; without, one noise for all");
+  visit("each-camera-noise", o.each_camera_noise,
+        "estimate every camera's noise and weigh and reject by it; without, one noise for all");
   visit("reject-sigmas", o.reject_sigmas, "standard deviations (per coordinate) beyond which a corner is rejected");
 }
 
@@ -66,10 +68,10 @@ struct BundleReport {
 /// last pass is without robust weights. Triggs et al., "Bundle adjustment - a modern synthesis", 1999.
 BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options);
 
-/// Estimates the boards' velocity and acceleration per frame, from the nearest observed frames before and after, at most
-/// two frames away. Otherwise from the frame itself and one neighbour, or from two neighbours on one side; zero without
-/// them. A frame between two neighbours has the velocity and acceleration of the parabola through the three poses. Frames
-/// without observation get the pose interpolated from their neighbours.
+/// Estimates the boards' velocity and acceleration per frame, from the polynomial through its pose and those of the nearest
+/// observed frames before and after (RigState::motion): a parabola through three, a quartic through five. With neighbours
+/// on one side alone, from those; zero without any. Frames without observation get the pose interpolated from their
+/// neighbours.
 void EstimateMotion(const std::vector<View>& views, RigState* state);
 
 /// Residuals (2, N) of every view at `state`, px, projected minus observed; infinite where a corner does not project.

@@ -48,6 +48,7 @@ RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, co
   columns.lens.assign(cameras, -1), columns.first_param.assign(cameras, 0), columns.camera.assign(cameras, -1);
   columns.board.assign(boards, -1), columns.warp.assign(boards, -1), columns.stretch.assign(boards, -1),
       columns.time.assign(cameras, -1);
+  columns.num_time = options.refine_rate ? 2 : 1;
   std::vector<bool> camera_seen(cameras, false), board_seen(boards, false), motion_seen(cameras, false);
   for (const View& view : views) {
     if (!(view.weights.array() > 0).any()) continue;
@@ -67,7 +68,7 @@ RigColumns MakeColumns(const std::vector<View>& views, const RigState& state, co
     const bool gauge = options.gauge.kind == Gauge::Kind::kCamera && options.gauge.index == static_cast<int>(c);
     if (options.refine_cameras && !gauge && !Flag(options.fix_camera, c)) columns.camera[c] = columns.total, columns.total += 6;
     if (options.refine_time && static_cast<int>(c) != options.time_reference && motion_seen[c])
-      columns.time[c] = columns.total++;
+      columns.time[c] = columns.total, columns.total += columns.num_time;
   }
   for (size_t b = 0; b < boards; ++b) {
     if (!board_seen[b]) continue;
@@ -103,7 +104,7 @@ RigProblem::RigProblem(const std::vector<View>& views, const RigState& state, co
     };
     for (const View* view : list) {
       use(columns_.lens[view->camera_idx], columns_.num_lens(view->camera_idx, state));
-      use(columns_.camera[view->camera_idx], 6), use(columns_.time[view->camera_idx], 1);
+      use(columns_.camera[view->camera_idx], 6), use(columns_.time[view->camera_idx], columns_.num_time);
       use(columns_.board[view->board], 6), use(columns_.warp[view->board], 2), use(columns_.stretch[view->board], 2);
     }
     std::vector<int> columns, position(columns_.total, -1);
@@ -133,6 +134,7 @@ void RigProblem::Try(const Eigen::VectorXd& global, const Eigen::MatrixXd& block
     if (columns_.camera[c] >= 0)
       trial_.cam_from_world[c] = geometry::Perturb(global.segment<6>(columns_.camera[c]), state_.cam_from_world[c]);
     if (columns_.time[c] >= 0) trial_.time_offset_frames[c] += global[columns_.time[c]];
+    if (columns_.time[c] >= 0 && columns_.num_time > 1) trial_.time_rate[c] += global[columns_.time[c] + 1];
   }
   for (size_t b = 0; b < trial_.rig_from_board.size(); ++b) {
     if (columns_.board[b] >= 0)
@@ -278,12 +280,12 @@ void RigProblem::Expand(const View& view, int block, SchurSystem* system, Partia
   const bool moved = !trial_.time_offset_frames.empty();
   Matrix6 motion = Matrix6::Identity();  // of the moved board by the one in the frame
   if (moved) {
-    const geometry::Vector6d step = BoardStep(view.frame, trial_.time_offset_frames[c], trial_);
+    const geometry::Vector6d step = BoardStep(view.frame, LateFrames(c, view.frame, trial_), trial_);
     world_from_board = geometry::Perturb(step, world_from_board);
     motion.topLeftCorner<3, 3>() = geometry::RotationExp(step.head<3>()).toRotationMatrix();
   }
   const Matrix6 by_moved_board = FactorToProduct(cam, world_from_board, rig);
-  Eigen::MatrixXd map(num_rest, 6 + 6 + 6 + 1 + 2 + 2);  // eliminated board first, then the global unknowns
+  Eigen::MatrixXd map(num_rest, 6 + 6 + 6 + 2 + 2 + 2);  // eliminated board first, then the global unknowns
   map.setZero();
   std::vector<int> ids;
   map.topLeftCorner<6, 6>() = by_moved_board * motion;
@@ -297,8 +299,7 @@ void RigProblem::Expand(const View& view, int block, SchurSystem* system, Partia
   append(columns_.camera[c], FactorToProduct(Rigid3(), cam, world_from_board * rig));
   append(columns_.board[b], FactorToProduct(cam * world_from_board, rig, Rigid3()));
   if (moved) {
-    const geometry::Vector6d rate = BoardStepRate(view.frame, trial_.time_offset_frames[c], trial_);
-    append(columns_.time[c], Eigen::Matrix<double, 6, 1>(by_moved_board * rate));
+    append(columns_.time[c], Eigen::MatrixXd(by_moved_board * BoardStepByTime(c, view.frame, trial_, columns_.num_time)));
   }
   int row = 6;
   for (int column : {columns_.warp[b], columns_.stretch[b]}) {

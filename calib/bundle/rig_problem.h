@@ -17,7 +17,8 @@ struct RigColumns {
   std::vector<int> board;        ///< per board: first of six of rig_from_board; -1 for the first board
   std::vector<int> warp;         ///< per board: first of two
   std::vector<int> stretch;      ///< per board: first of two
-  std::vector<int> time;         ///< per camera: its time offset
+  std::vector<int> time;         ///< per camera: first of num_time, its time offset and then its rate
+  int num_time = 1;
   int total = 0;
 
   int num_lens(int camera_idx, const RigState& state) const {

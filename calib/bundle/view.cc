@@ -89,10 +89,17 @@ namespace {
 Rigid3 MovedBoard(int camera_idx, int frame, const RigState& state) {
   const Rigid3& world_from_board = state.world_from_board[frame];
   if (state.time_offset_frames.empty()) return world_from_board;
-  return geometry::Perturb(BoardStep(frame, state.time_offset_frames[camera_idx], state), world_from_board);
+  return geometry::Perturb(BoardStep(frame, LateFrames(camera_idx, frame, state), state), world_from_board);
 }
 
 }  // namespace
+
+double LateFrames(int camera_idx, int frame, const RigState& state) {
+  const auto c = static_cast<size_t>(camera_idx);
+  if (state.time_offset_frames.empty()) return 0;
+  const double since = static_cast<double>(state.frames[static_cast<size_t>(frame)]) - state.clock_frame;
+  return state.time_offset_frames[c] + (state.time_rate.empty() ? 0 : state.time_rate[c] * since);
+}
 
 geometry::Vector6d BoardStep(int frame, double late_frames, const RigState& state) {
   geometry::Vector6d step = late_frames * state.board_velocity[frame];
@@ -100,10 +107,13 @@ geometry::Vector6d BoardStep(int frame, double late_frames, const RigState& stat
   return step;
 }
 
-geometry::Vector6d BoardStepRate(int frame, double late_frames, const RigState& state) {
-  geometry::Vector6d rate = state.board_velocity[frame];
-  if (!state.board_acceleration.empty()) rate += late_frames * state.board_acceleration[frame];
-  return rate;
+Eigen::MatrixXd BoardStepByTime(int camera_idx, int frame, const RigState& state, int num_time) {
+  Eigen::MatrixXd derivative(6, num_time);
+  derivative.col(0) = state.board_velocity[frame];
+  if (!state.board_acceleration.empty())
+    derivative.col(0) += LateFrames(camera_idx, frame, state) * state.board_acceleration[frame];
+  if (num_time > 1) derivative.col(1) = (static_cast<double>(state.frames[frame]) - state.clock_frame) * derivative.col(0);
+  return derivative;
 }
 
 Rigid3 BoardMotion(int camera_idx, int frame, const RigState& state) {

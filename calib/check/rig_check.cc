@@ -364,7 +364,7 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
     if (seen.cameras.size() < 2 && !findings.unknown.empty())
       throw UsageError("camera " + Join(findings.unknown, ", ") + " is not in the calibration, which has " +
                        Join(geometry::CameraNames(rig), ", "));
-    const std::vector<double> late = StatedLateness(rig, seen);
+    const std::vector<geometry::TimeOffset> late = StatedLateness(rig, seen);
     for (const bool stated : {true, false}) {
       if (stated && late.empty()) continue;
       RigCheck check = CheckSeen(rig, stated ? AtFrameTimes(seen, late) : seen, options, run);

@@ -25,6 +25,8 @@ constexpr size_t kMinCorners = 6;         // of a view with a pose
 /// Places of one camera's corners of one board: frame -> corner -> px.
 using Track = std::map<int64_t, std::map<int, Eigen::Vector2d>>;
 
+bool Matters(const geometry::TimeOffset& offset) { return std::abs(offset.frames) >= kLeastLateness || offset.rate != 0; }
+
 /// Where the corner was `late` frames before its image, by its places in the images next to it.
 Eigen::Vector2d PlaceBefore(const Track& track, Track::const_iterator at, int corner, double late) {
   constexpr int64_t kReach = 2;
@@ -167,23 +169,24 @@ void TurnDetections(const std::vector<bool>& turned, CalibrateInput* input) {
   }
 }
 
-CalibrateInput AtFrameTimes(CalibrateInput input, const std::vector<double>& late_frames) {
+CalibrateInput AtFrameTimes(CalibrateInput input, const std::vector<geometry::TimeOffset>& late) {
   std::map<std::pair<int, int>, Track> tracks;  // by camera and board
-  const auto late = [&](const Detection& d) {
+  const auto is_late = [&](const Detection& d) {
     const auto c = static_cast<size_t>(d.camera_idx);
-    return c < late_frames.size() ? late_frames[c] : 0.0;
+    return c < late.size() && Matters(late[c]);
   };
   for (const Detection& d : input.detections) {
-    if (std::abs(late(d)) < kLeastLateness) continue;
+    if (!is_late(d)) continue;
     auto& places = tracks[{d.camera_idx, d.board_idx}][d.frame_idx];
     for (int i = 0; i < d.num_corners(); ++i) places[d.corner_ids[static_cast<size_t>(i)]] = d.points_px.col(i);
   }
   for (Detection& d : input.detections) {
-    const auto track = tracks.find({d.camera_idx, d.board_idx});
-    if (track == tracks.end()) continue;
-    const auto at = track->second.find(d.frame_idx);
+    if (!is_late(d)) continue;
+    const Track& track = tracks.at({d.camera_idx, d.board_idx});
+    const auto at = track.find(d.frame_idx);
+    const double late_frames = late[static_cast<size_t>(d.camera_idx)].At(static_cast<double>(d.frame_idx));
     for (int i = 0; i < d.num_corners(); ++i)
-      d.points_px.col(i) = PlaceBefore(track->second, at, d.corner_ids[static_cast<size_t>(i)], late(d));
+      d.points_px.col(i) = PlaceBefore(track, at, d.corner_ids[static_cast<size_t>(i)], late_frames);
   }
   return input;
 }
@@ -232,16 +235,15 @@ CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input
 
 bool HasParts(const geometry::Rig& rig, const CalibrateInput& input) { return !PartsIn(rig, input).empty(); }
 
-std::vector<double> StatedLateness(const geometry::Rig& rig, const CalibrateInput& input) {
-  std::vector<double> late;
-  bool matters = false;
+std::vector<geometry::TimeOffset> StatedLateness(const geometry::Rig& rig, const CalibrateInput& input) {
+  std::vector<geometry::TimeOffset> late;
   for (const CameraInput& camera : input.cameras) {
     const int found = rig.Find(camera.name);
     const auto* stated = found >= 0 ? &rig.cameras[static_cast<size_t>(found)].time_offset : nullptr;
-    late.push_back(stated && *stated ? -(*stated)->frames : 0);
-    matters = matters || std::abs(late.back()) >= kLeastLateness;
+    late.push_back(stated && *stated ? **stated : geometry::TimeOffset());
+    late.back().frames = -late.back().frames, late.back().rate = -late.back().rate;
   }
-  return matters ? late : std::vector<double>();
+  return std::any_of(late.begin(), late.end(), Matters) ? late : std::vector<geometry::TimeOffset>();
 }
 
 }  // namespace mvstudio::calib

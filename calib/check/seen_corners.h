@@ -15,10 +15,10 @@ namespace mvstudio::calib {
 /// Numbers the corners of these detections from the board's other end: one flag a detection, all of the first board.
 void TurnDetections(const std::vector<bool>& turned, CalibrateInput* input);
 
-/// Corners as cameras would have seen them at the time of the frame. `late_frames`, per camera: its capture time minus that of
-/// the frame. Each corner follows the parabola through its places in the images before, at and after the frame, up to two
+/// Corners as cameras would have seen them at the time of the frame. `late`, per camera: its capture time minus that of the
+/// frame. Each corner follows the parabola through its places in the images before, at and after the frame, up to two
 /// frames away, or the line through two. One that is seen in no neighbouring frame stays where it is.
-CalibrateInput AtFrameTimes(CalibrateInput input, const std::vector<double>& late_frames);
+CalibrateInput AtFrameTimes(CalibrateInput input, const std::vector<geometry::TimeOffset>& late);
 
 /// The input of some of the cameras.
 CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& cameras);
@@ -45,7 +45,7 @@ CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input
 /// Whether the rig knows one of the cameras in parts.
 bool HasParts(const geometry::Rig& rig, const CalibrateInput& input);
 
-/// Per camera of the input, by how much the rig states it to be late, frames; empty where no offset matters.
-std::vector<double> StatedLateness(const geometry::Rig& rig, const CalibrateInput& input);
+/// Per camera of the input, by how much the rig states it to be late; empty where no offset matters.
+std::vector<geometry::TimeOffset> StatedLateness(const geometry::Rig& rig, const CalibrateInput& input);
 
 }  // namespace mvstudio::calib

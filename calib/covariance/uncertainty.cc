@@ -56,7 +56,7 @@ std::vector<Group> MakeGroups(const RigState& state, const RigColumns& columns) 
       groups.push_back(Range("direction" + of, columns.camera[c], 3, c));
       groups.push_back(Range("position" + of, columns.camera[c] + 3, 3, c));
     }
-    if (columns.time[c] >= 0) groups.push_back(Range("time offset" + of, columns.time[c], 1, c));
+    if (columns.time[c] >= 0) groups.push_back(Range("time offset" + of, columns.time[c], columns.num_time, c));
   }
   for (size_t b = 0; b < columns.board.size(); ++b) {
     const std::string of = " of board " + std::to_string(b);
@@ -207,8 +207,7 @@ void CarryHeld(const std::vector<View>& views, const RigState& state, const Bund
                const Eigen::MatrixXd& inverse, const HeldCovariance& held, RigCovariance* result) {
   const FreedProblem freed = FreeHeld(views, state, options, held);
   const Eigen::MatrixXd normal = ReducedEquations(views, freed.state, freed.options, &result->columns).h;
-  result->joint =
-      CovarianceWithHeld(normal, freed.estimated, freed.held, inverse, result->joint, freed.covariance);
+  result->joint = CovarianceWithHeld(normal, freed.estimated, freed.held, inverse, result->joint, freed.covariance);
 }
 
 }  // namespace

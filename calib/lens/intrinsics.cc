@@ -10,6 +10,7 @@
 #include "calib/lens/focal_evidence.h"
 #include "calib/lens/gross_errors.h"
 #include "calib/lens/resection.h"
+#include "calib/lens/space_points.h"
 #include "core/statistics.h"
 #include "geometry/lens/lens_fit.h"
 
@@ -182,6 +183,9 @@ Start BestStart(const Camera& camera, const std::vector<View>& views) {
   std::vector<double> focals;
   const FocalGuess guess = GuessFocal(views, camera.width_px, camera.height_px);
   if (guess.status == Status::kOk) focals.push_back(guess.focal_px);
+  for (size_t v = 0; v < some.size() && focals.empty(); ++v) {
+    if (const auto focal = FocalInSpace(some[v], camera.width_px, camera.height_px)) focals.push_back(*focal);
+  }
   for (double factor : kStartFocals) focals.push_back(factor * size);
   for (double focal : focals) {
     TryStart(WithModel(pinhole(focal), LensModel::kBrown1), some, &best);
@@ -203,6 +207,7 @@ FocalGuess GuessFocal(const std::vector<View>& views, int width_px, int height_p
   double numerator = 0, denominator = 0, scale = 0;
   int used = 0;
   for (const View& view : views) {
+    if (SpansSpace(view.x_in_board)) continue;  // no homography
     const Eigen::Matrix2Xd centered = (view.px.colwise() - center) / width_px;
     const auto homography = FitHomography(view.x_in_board.topRows<2>(), centered);
     if (!homography) continue;
@@ -337,7 +342,9 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   }
   std::vector<View> screened = views;
   for (View& view : screened) ScreenView(&view);
-  if (views.size() < 2) return Undetermined(camera.name, views.size());
+  const auto in_space = [](const View& view) { return SpansSpace(view.x_in_board, view.weights); };
+  const bool space = std::any_of(screened.begin(), screened.end(), in_space);
+  if (views.size() < 2 && !space) return Undetermined(camera.name, views.size());
   const Start start = BestStart(camera, screened);
   if (!std::isfinite(start.error_px)) {
     return Failed(Status::kDegenerate, "camera " + camera.name + ": no focal length explains its " +
@@ -362,7 +369,7 @@ MonoSolution CalibrateMono(const Camera& camera, const std::vector<View>& views,
   const auto evidence = FocalEvidence(solution);
   if (Usable(solution)) {
     // Tilted boards that say little alone may say enough together with the other cameras.
-    if (options.lens_prior.empty() && evidence && *evidence < kMinFocalEvidence && MedianTiltDeg(solution) < kFlatDeg)
+    if (options.lens_prior.empty() && evidence && *evidence < kMinFocalEvidence && !space && MedianTiltDeg(solution) < kFlatDeg)
       return Undetermined(camera.name, views.size());
   }
   return solution;

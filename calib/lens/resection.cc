@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/lens/space_points.h"
 #include "geometry/solve/least_squares.h"
 
 namespace mvstudio::calib {
@@ -53,24 +54,27 @@ Rigid3 MirroredPose(const Rigid3& cam_from_board, const Eigen::Vector3d& center_
   return pose;
 }
 
-/// Rays (3, N) of the corners with a weight and their places in the board's plane (2, N).
+/// Rays (3, N) of the corners with a weight and their places on the board, in its plane (2, N) and in space (3, N).
 struct Bearings {
   Eigen::Matrix2Xd in_board;
+  Eigen::Matrix3Xd x_in_board;
   Eigen::Matrix3Xd rays;
 };
 
 Bearings UnprojectCorners(const Camera& camera, const View& view) {
   const geometry::Projector projector(camera);
-  Bearings out{Eigen::Matrix2Xd(2, view.size()), Eigen::Matrix3Xd(3, view.size())};
+  Bearings out{Eigen::Matrix2Xd(2, view.size()), Eigen::Matrix3Xd(3, view.size()), Eigen::Matrix3Xd(3, view.size())};
   Eigen::Index n = 0;
   for (Eigen::Index i = 0; i < view.size(); ++i) {
     if (view.weights[i] <= 0) continue;
     const geometry::Unprojection ray = projector.Unproject(view.px.col(i));
     if (ray.status != Status::kOk) continue;
     out.in_board.col(n) = view.x_in_board.col(i).head<2>();
+    out.x_in_board.col(n) = view.x_in_board.col(i);
     out.rays.col(n++) = ray.ray_in_cam;
   }
   out.in_board.conservativeResize(2, n);
+  out.x_in_board.conservativeResize(3, n);
   out.rays.conservativeResize(3, n);
   return out;
 }
@@ -149,9 +153,24 @@ Resection RefinePose(const Camera& camera, const View& view, const Rigid3& start
   return result;
 }
 
+namespace {
+
+/// Points off a plane have one pose.
+Resection ResectSpace(const Camera& camera, const View& view) {
+  const Bearings seen = UnprojectCorners(camera, view);
+  const auto start = PoseInSpace(seen.x_in_board, seen.rays);
+  return start ? RefinePose(camera, view, *start) : Failed(Status::kDegenerate);
+}
+
+}  // namespace
+
 Resection ResectPlane(const Camera& camera, const View& view) {
   if (!view.px.allFinite()) return Failed(Status::kNonFiniteInput);
   if ((view.weights.array() > 0).count() < 4) return Failed(Status::kTooFewViews);
+  if (SpansSpace(view.x_in_board, view.weights)) {
+    const Resection in_space = ResectSpace(camera, view);
+    if (in_space.status == Status::kOk || in_space.status == Status::kNotConverged) return in_space;
+  }
   const auto homography = BearingHomography(UnprojectCorners(camera, view));
   if (!homography) return Failed(Status::kDegenerate);
   const Eigen::Vector3d center = view.x_in_board.rowwise().mean();

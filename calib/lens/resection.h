@@ -14,7 +14,7 @@ struct Resection {
 
 /// Pose of the board from one view and known intrinsics. A homography in undistorted coordinates, then least squares of
 /// the reprojection error from it and from its mirrored orientation, the second one that a plane may have. Returns the
-/// better one.
+/// better one. Of points off a plane (SpansSpace), from their direct linear transformation.
 Resection ResectPlane(const geometry::Camera& camera, const View& view);
 
 /// Least squares of the reprojection error from a start.

@@ -145,6 +145,25 @@ CommandResult RunOnScene(const Arguments& arguments, CommandContext& context) {
   return RunScene(arguments.scene, lenses, arguments.corners.boards, arguments.out, context, std::move(result));
 }
 
+/// Marked points alone, without any lens: they say what the lenses are, as the corners of a board in one picture do.
+bool FindsLenses(const Arguments& arguments) {
+  return !arguments.scene.scene_points.empty() && arguments.scene.from_scene.empty() && arguments.start.empty() &&
+         arguments.lenses.empty();
+}
+
+constexpr char kBoardOfPoints[] = "board in frame 0";
+
+app::CornerInput PointsAsCorners(Arguments* arguments, CommandResult* result) {
+  if (arguments->scene.rigid) throw UsageError("--rigid places a rig that is known: give it with --start");
+  const calib::ScenePoints points = calib::ReadScenePoints(arguments->scene.scene_points);
+  for (const std::string& path : arguments->scene.scene_points) result->inputs.push_back(path);
+  app::CornerInput corners;
+  corners.input = PointsAsBoard(points, arguments->corners.corner_files.sizes);
+  if (!arguments->calibrate.world.board_frame && arguments->calibrate.world.camera.empty())
+    arguments->calibrate.world.board_frame = 0;
+  return corners;
+}
+
 bool SeesNoBoard(const std::string& name, const calib::CalibrateInput& input) {
   return std::none_of(input.detections.begin(), input.detections.end(),
                       [&](const calib::Detection& d) { return input.cameras[static_cast<size_t>(d.camera_idx)].name == name; });
@@ -224,21 +243,24 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   std::vector<std::string> names = {"calibration.json", app::kBoardViewsFolder};
   if (!arguments.scene.from_scene.empty()) names.push_back("colmap");
   const OutputFolder place(arguments.out, InputsOf(arguments), names);
-  if (UsesScene(arguments.scene)) return RunOnScene(arguments, context);
+  const bool from_points = FindsLenses(arguments);
+  if (UsesScene(arguments.scene) && !from_points) return RunOnScene(arguments, context);
   CommandResult result;
   const bool from_session =
       !arguments.session.session.empty() && arguments.corners.cameras.empty() && arguments.corners.corners.empty();
-  app::FillCorners(arguments.session, &arguments.corners, &result);
+  if (!from_points) app::FillCorners(arguments.session, &arguments.corners, &result);
   const std::vector<std::string> not_filmed =
       from_session ? app::CamerasWithoutBoard(arguments.session) : std::vector<std::string>{};
   arguments.corners.footage.all_cameras = false;
   const auto start = std::chrono::steady_clock::now();
-  app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, &result);
-  RequireSizes(corners, arguments.corners.corners);
+  app::CornerInput corners =
+      from_points ? PointsAsCorners(&arguments, &result) : app::ReadCornerInput(arguments.corners, context.run, &result);
+  RequireSizes(corners, from_points ? arguments.scene.scene_points[0] : arguments.corners.corners);
   if (!arguments.save_corners.empty()) SaveCorners(corners, arguments.save_corners, &result);
   FillStart(&arguments, &corners.input, &result);
   FillWorld(corners, &arguments, &result);
-  const calib::SolvableCalibration solved = CalibrateSolvable(corners.input, arguments.calibrate, context.run);
+  calib::SolvableCalibration solved = CalibrateSolvable(corners.input, arguments.calibrate, context.run);
+  if (from_points && solved.report.gauge == kBoardOfPoints) solved.report.gauge = solved.report.rig.gauge = "the marked points";
   const calib::CalibrateReport& report = solved.report;
   if (report.status != Status::kOk) {
     CommandResult unsolved = Unsolved(report);

@@ -212,6 +212,33 @@ CommandResult RunFromScene(const SceneArguments& arguments, const geometry::Rig&
 
 }  // namespace
 
+calib::CalibrateInput PointsAsBoard(const calib::ScenePoints& points, const std::vector<calib::CameraSize>& sizes) {
+  calib::CalibrateInput input;
+  input.boards.resize(1);
+  input.boards[0].kind = calib::Board::Kind::kPoints;
+  input.boards[0].points = points.x_in_world;
+  for (const std::string& name : points.cameras) {
+    calib::CameraInput camera{name};
+    for (const calib::CameraSize& size : sizes) {
+      if (size.camera.empty() || size.camera == name) camera.width_px = size.width_px, camera.height_px = size.height_px;
+    }
+    std::vector<calib::PointClick> clicks;
+    for (const calib::PointClick& click : points.clicks) {
+      if (points.cameras[static_cast<size_t>(click.camera_idx)] == name) clicks.push_back(click);
+    }
+    calib::Detection seen;
+    seen.camera_idx = static_cast<int>(input.cameras.size());
+    seen.points_px.resize(2, static_cast<Eigen::Index>(clicks.size()));
+    for (size_t i = 0; i < clicks.size(); ++i) {
+      seen.corner_ids.push_back(clicks[i].point_idx);
+      seen.points_px.col(static_cast<Eigen::Index>(i)) = clicks[i].px;
+    }
+    input.cameras.push_back(camera);
+    input.detections.push_back(std::move(seen));
+  }
+  return input;
+}
+
 CommandResult RunScene(const SceneArguments& arguments, const geometry::Rig& lenses, const std::vector<calib::Board>& boards,
                        const std::string& out, CommandContext& context, CommandResult result) {
   if (arguments.from_scene.empty() && !boards.empty())

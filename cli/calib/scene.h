@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "calib/board/observations.h"
+#include "calib/corners/corner_options.h"
 #include "calib/points/from_scene.h"
 #include "calib/points/scene_points.h"
 #include "cli/program/command.h"
@@ -37,6 +39,9 @@ void VisitFields(Visitor&& visit, SceneArguments& o) {
 inline bool UsesScene(const SceneArguments& arguments) {
   return !arguments.from_scene.empty() || !arguments.scene_points.empty();
 }
+
+/// Marked points as a board of points that every camera saw in frame 0. Sizes of images are 0 where `sizes` do not state them.
+calib::CalibrateInput PointsAsBoard(const calib::ScenePoints& points, const std::vector<calib::CameraSize>& sizes);
 
 /// --from-scene when it is given, else --scene-points alone. `lenses` are those that are known, `boards` what --board named:
 /// with

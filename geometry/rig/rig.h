@@ -10,11 +10,15 @@
 
 namespace mvstudio::geometry {
 
-/// Frame `f` of the rig and frame `f + frames` of the camera show the same time step, as in sync.json. Valid for the
-/// recording of the calibration; for another one only if the cameras kept their clocks.
+/// Frame `f` of the rig and frame `f + frames + rate * f` of the camera show the same time step, as in sync.json. Valid for
+/// the recording of the calibration; for another one only if the cameras kept their clocks.
 struct TimeOffset {
   double frames = 0;
   double sigma_frames = 0;
+  double rate = 0;  ///< frames per frame: of a clock that runs at another rate than the others
+  double sigma_rate = 0;
+
+  double At(double frame) const { return frames + rate * frame; }
 };
 
 /// A camera with its pose and its uncertainty. An absent covariance is unknown, not zero.

@@ -161,8 +161,13 @@ void ReadLens(const Node& node, Camera* camera) {
 
 TimeOffset ReadTimeOffset(const Node& node) {
   constexpr double kMaxFrames = 1e6;  // as in sync.json
-  node.RequireObject({"frames", "sigma_frames"});
-  const TimeOffset offset{node.At("frames").Number(), node.At("sigma_frames").Number()};
+  constexpr double kMaxRate = 0.5;    // frames per frame
+  node.RequireObject({"frames", "sigma_frames", "rate", "sigma_rate"});
+  TimeOffset offset{node.At("frames").Number(), node.At("sigma_frames").Number()};
+  if (node.Has("rate")) offset.rate = node.At("rate").Number();
+  if (node.Has("sigma_rate")) offset.sigma_rate = node.At("sigma_rate").Number();
+  if (std::abs(offset.rate) > kMaxRate) node.At("rate").Fail("must lie within 0.5 frames per frame");
+  if (offset.sigma_rate < 0) node.At("sigma_rate").Fail("must not be negative");
   if (std::abs(offset.frames) > kMaxFrames) node.At("frames").Fail("must lie within 1e6 frames");
   if (offset.sigma_frames < 0) node.At("sigma_frames").Fail("must not be negative");
   return offset;

@@ -29,6 +29,12 @@ Json MatrixToJson(const Eigen::MatrixXd& matrix) {
   return json;
 }
 
+Json TimeOffsetToJson(const TimeOffset& offset) {
+  Json json = {{"frames", offset.frames}, {"sigma_frames", offset.sigma_frames}};
+  if (offset.rate != 0) json["rate"] = offset.rate, json["sigma_rate"] = offset.sigma_rate;
+  return json;
+}
+
 /// One line for each entry, so that files can be read and compared by eye.
 std::string CameraToText(const RigCamera& camera) {
   const bool splined = camera.camera.model == LensModel::kSplined;
@@ -49,8 +55,7 @@ std::string CameraToText(const RigCamera& camera) {
                             {"translation", VectorToJson(camera.cam_from_world.translation)}};
   if (camera.params_covariance) json["intrinsics_covariance"] = MatrixToJson(*camera.params_covariance);
   if (camera.cam_from_world_covariance) json["cam_from_world_covariance"] = MatrixToJson(*camera.cam_from_world_covariance);
-  if (camera.time_offset)
-    json["time_offset"] = {{"frames", camera.time_offset->frames}, {"sigma_frames", camera.time_offset->sigma_frames}};
+  if (camera.time_offset) json["time_offset"] = TimeOffsetToJson(*camera.time_offset);
   std::string text;
   for (const auto& [key, value] : json.items()) {
     text += (text.empty() ? "    {\n      " : ",\n      ") + Json(key).dump() + ": " + value.dump();
@@ -101,7 +106,8 @@ void ValidateForWriting(const Rig& rig) {
     MVS_CHECK(!camera.cam_from_world_covariance || camera.cam_from_world_covariance->allFinite(),
               who << "the covariance of cam_from_world is not finite");
     const TimeOffset offset = camera.time_offset.value_or(TimeOffset());
-    MVS_CHECK(std::isfinite(offset.frames) && offset.sigma_frames >= 0 && std::isfinite(offset.sigma_frames),
+    MVS_CHECK(std::isfinite(offset.frames) && offset.sigma_frames >= 0 && std::isfinite(offset.sigma_frames) &&
+                  std::isfinite(offset.rate) && offset.sigma_rate >= 0 && std::isfinite(offset.sigma_rate),
               who << "the time offset is not finite");
   }
   for (const RigBoard& board : rig.boards)

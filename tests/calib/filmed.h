@@ -18,8 +18,9 @@ inline geometry::Rigid3 Waved(double t) {
   return cam0_from_board;
 }
 
-/// Camera c takes frame f at the instant f + late[c].
-inline Scene Film(const std::vector<double>& late, int num_frames, double noise_px, uint64_t seed = 1) {
+/// Camera c takes picture f, whose number is 10 + stride * f, at the instant stride * f * (1 + rate[c]) + late[c].
+inline Scene Film(const std::vector<double>& late, int num_frames, double noise_px, uint64_t seed = 1,
+                  const std::vector<double>& rate = {}, int stride = 1) {
   SceneOptions options;
   options.num_cameras = static_cast<int>(late.size()), options.num_frames = num_frames;
   Scene scene = MakeScene(options);
@@ -28,13 +29,14 @@ inline Scene Film(const std::vector<double>& late, int num_frames, double noise_
   Rng rng(seed);
   for (size_t c = 0; c < late.size(); ++c) {
     for (int f = 0; f < num_frames; ++f) {
-      scene.truth.frames[f] = f + 10;
-      scene.truth.world_from_board[f] = world_from_cam0 * Waved(f + late[c]);
+      scene.truth.frames[f] = stride * f + 10;
+      const double instant = stride * f * (1 + (rate.empty() ? 0 : rate[c])) + late[c];
+      scene.truth.world_from_board[f] = world_from_cam0 * Waved(instant);
       const Detection seen = Observe(scene, static_cast<int>(c), f, noise_px, &rng);
       if (seen.num_corners() > 0) scene.detections.push_back(seen);
     }
   }
-  for (int f = 0; f < num_frames; ++f) scene.truth.world_from_board[f] = world_from_cam0 * Waved(f);
+  for (int f = 0; f < num_frames; ++f) scene.truth.world_from_board[f] = world_from_cam0 * Waved(stride * f);
   return scene;
 }
 

@@ -35,7 +35,7 @@ TEST(AtFrameTimes, FollowsTheParabolaThroughNeighboursUpToTwoFramesAway) {
   const auto x = [](double f) { return 100 + 7 * f - 0.3 * f * f; };
   const std::vector<int64_t> frames = {0, 1, 2, 4, 5};
   for (const double late : {0.4, -0.3}) {
-    const CalibrateInput seen = AtFrameTimes(Moving(frames, x), {0, late});
+    const CalibrateInput seen = AtFrameTimes(Moving(frames, x), {{0}, {late}});
     for (size_t i = 1; i + 1 < frames.size(); ++i)
       EXPECT_NEAR(seen.detections[i].points_px(0, 0), x(static_cast<double>(frames[i]) - late), 1e-9)
           << late << " " << frames[i];
@@ -45,9 +45,9 @@ TEST(AtFrameTimes, FollowsTheParabolaThroughNeighboursUpToTwoFramesAway) {
 
 TEST(AtFrameTimes, LeavesWhatNoNeighbourMovesAndCamerasInTime) {
   const auto x = [](double f) { return 9 * f; };
-  const CalibrateInput alone = AtFrameTimes(Moving({0, 3, 6}, x), {0, 0.5});
+  const CalibrateInput alone = AtFrameTimes(Moving({0, 3, 6}, x), {{0}, {0.5}});
   for (const Detection& d : alone.detections) EXPECT_EQ(d.points_px(0, 0), x(static_cast<double>(d.frame_idx)));
-  const CalibrateInput in_time = AtFrameTimes(Moving({0, 1, 2}, x), {0.5, 0});
+  const CalibrateInput in_time = AtFrameTimes(Moving({0, 1, 2}, x), {{0.5}, {0}});
   for (const Detection& d : in_time.detections) EXPECT_EQ(d.points_px(0, 0), x(static_cast<double>(d.frame_idx)));
 }
 

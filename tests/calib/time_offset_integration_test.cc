@@ -47,6 +47,29 @@ TEST(EstimateMotion, ConstantMotionIsExactAlsoWhereABoardIsNotSeen) {
   }
 }
 
+TEST(EstimateMotion, FourNeighboursFollowAQuartic) {
+  Scene scene = testing::MakeScene({});
+  RigState& state = scene.truth;
+  const std::vector<View> views = MakeViews({scene.board}, scene.detections, &state.frames);
+  const geometry::Rigid3 first = state.world_from_board[0];
+  const auto pose_at = [&](double t) {
+    geometry::Rigid3 pose = first;
+    pose.translation += Eigen::Vector3d(1e-3 * t + 1e-6 * t * t * t, -2e-5 * t * t, 1e-8 * t * t * t * t);
+    return pose;
+  };
+  for (size_t f = 0; f < state.frames.size(); ++f) {
+    state.frames[f] = static_cast<int64_t>(8 * f);
+    state.world_from_board[f] = pose_at(static_cast<double>(state.frames[f]));
+  }
+  state.motion = {16, 2};
+  EstimateMotion(views, &state);
+  for (size_t f = 2; f + 2 < state.frames.size(); ++f) {
+    const double t = static_cast<double>(state.frames[f]);
+    const Eigen::Vector3d velocity(1e-3 + 3e-6 * t * t, -4e-5 * t, 4e-8 * t * t * t);
+    EXPECT_LT((state.board_velocity[f].tail<3>() - velocity).norm(), 1e-10) << f;
+  }
+}
+
 TEST(EstimateMotion, ConstantAccelerationIsExactAlsoWithAFrameMissing) {
   Scene scene = testing::MakeScene({});
   RigState& state = scene.truth;
@@ -115,6 +138,53 @@ TEST(TimeOffset, IsLeftOutWhereCamerasAreSynchronous) {
     ASSERT_EQ(report.status, Status::kOk) << report.message;
     EXPECT_NE(report.time_reason.find("left out"), std::string::npos) << report.time_reason;
     for (const CameraReport& camera : report.cameras) EXPECT_EQ(camera.time_offset_frames, 0);
+  }
+}
+
+bool Said(const CalibrateReport& report, const std::string& code) {
+  const auto& reasons = report.verdict.reasons;
+  return std::any_of(reasons.begin(), reasons.end(), [&](const auto& reason) { return reason.code == code; });
+}
+
+/// A clock that falls behind by `rate`: found, counted, named, and taken for no motion.
+void ExpectDriftFound(const Scene& scene, double rate) {
+  CalibrateOptions options = Given();
+  options.motions = true;
+  const CalibrateReport report = Calibrate(testing::ToInput(scene), options, RunContext());
+  ASSERT_EQ(report.status, Status::kOk) << report.message;
+  EXPECT_NEAR(report.cameras[1].time_rate, rate, 0.1 * rate) << report.time_reason;
+  EXPECT_NEAR(report.cameras[1].focal_px, scene.truth.cameras[1].fx() * 1.001, 3);
+  EXPECT_TRUE(Said(report, "CAL-CLOCK"));
+  for (const char* code : {"CAL-MOVED", "CAL-LENSCHANGED", "CAL-UNEXPLAINED", "CAL-LATE"})
+    EXPECT_FALSE(Said(report, code)) << code;
+  const geometry::TimeOffset stated = report.rig.cameras[1].time_offset.value();
+  const geometry::TimeOffset reference = report.rig.cameras[0].time_offset.value();
+  for (const int64_t frame : {scene.truth.frames.front(), scene.truth.frames.back()}) {
+    const double late = rate * static_cast<double>(frame - 10);
+    EXPECT_NEAR(stated.At(static_cast<double>(frame)) - reference.At(static_cast<double>(frame)), -late, 0.05) << frame;
+  }
+  EXPECT_GT(stated.sigma_rate, 0);
+}
+
+TEST(TimeOffset, AClockThatDriftsIsFoundByItself) { ExpectDriftFound(Film({0, 0, 0}, 48, 0.2, 1, {0, 0.01, 0}), 0.01); }
+
+TEST(TimeOffset, AClockThatDriftsIsFoundInEveryFourthFrame) {
+  ExpectDriftFound(Film({0, 0, 0}, 48, 0.2, 1, {0, 0.005, 0}, 4), 0.005);
+}
+
+/// Boards that were put down say nothing of clocks, whatever their frames' numbers.
+TEST(TimeOffset, BoardsAtRestHaveNone) {
+  for (const int stride : {1, 8}) {
+    testing::SceneOptions options;
+    options.num_cameras = 2, options.num_frames = 24, options.noise_px = 0.3, options.model = geometry::LensModel::kBrown2;
+    Scene scene = testing::MakeScene(options);
+    for (Detection& d : scene.detections) d.frame_idx *= stride;
+    CalibrateOptions automatic = testing::PlainOptions();
+    automatic.time_offset = LatenessChoice::kAuto;
+    const CalibrateReport report = Calibrate(testing::ToInput(scene), automatic, RunContext());
+    ASSERT_EQ(report.status, Status::kOk) << report.message;
+    for (const CameraReport& camera : report.cameras)
+      EXPECT_TRUE(camera.time_offset_frames == 0 && camera.time_rate == 0) << report.time_reason;
   }
 }
 

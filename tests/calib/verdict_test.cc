@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "tests/calib/synthetic.h"
 
@@ -52,7 +53,59 @@ TEST(Verdict, ALateCameraIsSaidWhereTheBoardsMotionDoesNotExplainIt) {
   EXPECT_EQ(said(0.4, 0.31, 0), "");
   EXPECT_EQ(said(0.01, 0.9, 0), "");
   EXPECT_NE(said(0.4, 0.5, 0).find(camera.name), std::string::npos);
-  EXPECT_NE(said(-0.4, 0.3, camera.num_corners), "");
+  EXPECT_NE(said(-0.4, 0.3, camera.num_corners).find("0.40 frames early"), std::string::npos);
+  EXPECT_NE(said(0.4, 0.5, 0).find("0.40 frames late"), std::string::npos);
+}
+
+TEST(Verdict, FiguresThatCannotBeAreNotSaid) {
+  CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
+  CameraReport& camera = report.cameras[0];
+  camera.readout.frames = 12.5, camera.readout.sigma_frames = 0.1, camera.readout.shift_px = 1;
+  report.verdict = Judge(report);
+  EXPECT_EQ(Said(report, "CAL-ROLLING"), "");
+  camera.readout.frames = 0.5;
+  camera.covers_image = false, camera.valid_radius = std::numeric_limits<double>::infinity();
+  report.verdict = Judge(report);
+  EXPECT_NE(Said(report, "CAL-ROLLING"), "");
+  EXPECT_NE(Said(report, "CAL-FOLD"), "");
+  EXPECT_EQ(Said(report, "CAL-FOLD").find("inf"), std::string::npos);
+}
+
+TEST(Verdict, CellsThatAreNotSquareAreNamedWithTheirSides) {
+  CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
+  report.rig.boards = {{"chessboard:9x6:30mm", Eigen::Vector2d::Zero(), Eigen::Vector2d(0, -0.04)}};
+  report.verdict = Judge(report);
+  EXPECT_NE(Said(report, "CAL-LENGTHS").find("8.3 % higher than wide"), std::string::npos) << Said(report, "CAL-LENGTHS");
+  for (const Verdict::Reason& reason : report.verdict.reasons) {
+    if (reason.code != "CAL-LENGTHS") continue;
+    EXPECT_NE(reason.hint.find("option 'board' chessboard:9x6:30x32.5mm"), std::string::npos) << reason.hint;
+  }
+  report.rig.boards[0].stretch = Eigen::Vector2d(0, 0.002);  // a printer's
+  report.verdict = Judge(report);
+  EXPECT_EQ(Said(report, "CAL-LENGTHS"), "");
+}
+
+TEST(Verdict, OneCameraIsNotToldOfOthers) {
+  testing::SceneOptions options;
+  options.num_cameras = 1;
+  CalibrateReport report = Calibrate(testing::ToInput(testing::MakeScene(options)), testing::PlainOptions(), {});
+  CameraReport& camera = report.cameras[0];
+  camera.num_lost_views = 9, camera.num_rejected = camera.num_corners, camera.holdout_rms_px = 5;
+  report.verdict = Judge(report);
+  EXPECT_NE(Said(report, "CAL-LOST"), "");
+  for (const Verdict::Reason& reason : report.verdict.reasons) {
+    EXPECT_EQ(reason.hint.find("same time"), std::string::npos) << reason.code;
+    EXPECT_EQ(reason.hint.find("synchron"), std::string::npos) << reason.code;
+    EXPECT_EQ(reason.hint.find("cameras"), std::string::npos) << reason.code << ": " << reason.hint;
+  }
+}
+
+TEST(Verdict, WhatNoCauseExplainsIsSaid) {
+  CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
+  report.unexplained = "none of the known causes explains it", report.unexplained_px = 0.5;
+  EXPECT_EQ(Judge(report).status, "warn");
+  report.unexplained_px = 5;
+  EXPECT_EQ(Judge(report).status, "fail");
 }
 
 TEST(Verdict, WhereThereIsNoSolutionACameraOfFewBoardsIsNamed) {

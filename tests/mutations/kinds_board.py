@@ -164,6 +164,14 @@ def stretched_board(rng):
     return shaped(rng, stretch=(rng.normal(0, 0.001), rng.uniform(0.0005, 0.005) * rng.choice([-1, 1])))
 
 
+@kind("board", [r"CAL-LENGTHS.*cells"])
+def cells_not_square(rng):
+    """The cells are printed 2 to 12 % higher than wide (or wider than high), and told as squares."""
+    scene = make_scene(rng)
+    scene.board.stretch = (0.0, rng.uniform(0.01, 0.06) * rng.choice([-1, 1]))
+    return Recording(scene, observe(rng, scene))
+
+
 @kind("board", [r"bent", r"bend", r"flat", r"warp", r"CAL-LENGTHS"])
 def limp_board(rng):
     """The board bends from one picture to the next, by up to 0.5 % of its width."""

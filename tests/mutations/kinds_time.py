@@ -22,9 +22,10 @@ def of_camera(rec, c):
     return sorted(frame for k, frame in rec.corners if k == c)
 
 
-def retimed(rng, time_of_frame, **options):
+def retimed(rng, time_of_frame, stride=1):
     """A camera whose frame i shows time_of_frame(i)."""
-    scene = make_scene(rng, **(options or VIDEO))
+    scene = make_scene(rng, **VIDEO)
+    scene.stride = stride
     c = someone(rng, scene)
     corners = observe(rng, scene, time_of=lambda k, i: time_of_frame(i) if k == c else float(i))
     return Recording(scene, corners, culprits=[scene.cameras[c].name])
@@ -68,6 +69,41 @@ def drifting_clock(rng):
     """A camera's clock runs 1 to 3 % fast: one to two frames by the end."""
     rate = rng.uniform(0.01, 0.03) * rng.choice([-1, 1])
     return retimed(rng, lambda i: i * (1 + rate))
+
+
+CLOCK = FRAMES + [r"drift", r"clock"]
+
+
+@kind("frames", CLOCK)
+def slow_clock(rng):
+    """A camera's clock is slower or faster by 0.1 to 0.8 %: less than half a frame by the end of a short video."""
+    rate = rng.uniform(0.001, 0.008) * rng.choice([-1, 1])
+    return retimed(rng, lambda i: i * (1 + rate))
+
+
+@kind("frames", CLOCK)
+def slow_clock_and_late(rng):
+    """The same, and the camera is late by 0.1 to 0.4 frames from the start."""
+    rate, late = rng.uniform(0.002, 0.008) * rng.choice([-1, 1]), rng.uniform(0.1, 0.4)
+    return retimed(rng, lambda i: i * (1 + rate) - late)
+
+
+@kind("frames", CLOCK)
+def slow_clock_sparse(rng):
+    """Every eighth frame of a video was looked at; a camera's clock is off by 0.05 to 0.3 %: up to one frame by the end."""
+    rate = rng.uniform(0.004, 0.024) * rng.choice([-1, 1])  # of the 49 pictures; an eighth in frames
+    return retimed(rng, lambda i: i * (1 + rate), stride=8)
+
+
+@kind("frames", CLOCK + [r"frames a second", r"twice", r"half", r"\bratio\b"])
+def half_rate(rng):
+    """A camera films at half the rate of the others, and its frames are numbered one by one."""
+    scene = make_scene(rng, **VIDEO)
+    c = someone(rng, scene)
+    corners = observe(rng, scene)
+    slow = {(c, frame // 2): px for (k, frame), px in corners.items() if k == c and frame % 2 == 0}
+    corners = {key: px for key, px in corners.items() if key[0] != c}
+    return Recording(scene, {**corners, **slow}, culprits=[scene.cameras[c].name])
 
 
 @kind("frames", FRAMES + [r"drop"])
