@@ -17,6 +17,7 @@
 #include "calib/judgement.h"
 #include "calib/rig/init.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -368,6 +369,7 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
 }  // namespace
 
 CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run) {
+  if (!(options.need_px >= 0)) throw UsageError("option 'need' " + Format("%g", options.need_px) + ": px must be 0 or more");
   CalibrateInput input = given;
   for (const CameraSplit& split : options.split_at) internal::SplitCamera(split, &input);
   internal::CheckInput(input);
@@ -385,6 +387,7 @@ CalibrateReport Calibrate(const CalibrateInput& given, const CalibrateOptions& o
   const std::vector<int> order = internal::ByName(input);
   report = CalibrateSorted(internal::Permuted(input, order), named, run);
   internal::RestoreOrder(order, &report);
+  report.need_px = options.need_px;
   if (report.status != Status::kOk) internal::AddLikelyCauses(input, &report);
   report.verdict = Judge(report);
   return report;

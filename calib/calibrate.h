@@ -13,6 +13,7 @@
 #include "calib/check/camera_motion.h"
 #include "calib/check/verdict.h"
 #include "calib/covariance/projection_uncertainty.h"
+#include "calib/lens/lens_limits.h"
 #include "calib/rig/bending.h"
 #include "calib/rig/board_metrics.h"
 #include "calib/rig/free_boards.h"
@@ -70,6 +71,8 @@ struct CameraReport {
   double valid_radius = 0;                ///< of the lens model, see geometry::Projector
   bool points_in_space = false;           ///< held out were single points, which do not lie in a plane, and not whole boards
   bool covers_image = true;               ///< all image corners lie within the valid radius
+  FoldedPlaces folds;                     ///< where the lens model has no ray
+  std::string lens_beyond;                ///< LensChoice::beyond
 };
 
 /// One line of the table of lens models that were compared, for one camera.
@@ -122,6 +125,7 @@ struct CalibrateReport {
   UncertaintySummary uncertainty;
   std::vector<Eigen::MatrixXd> uncertainty_maps;  ///< per camera (8, 12) px at the median distance of its boards; may be empty
   double rejected_fraction = 0;
+  double need_px = 0;  ///< CalibrateOptions::need_px
   double solve_s = 0;  ///< wall time of the joint adjustment
   int num_corners = 0, num_frames = 0;
   std::string gauge;

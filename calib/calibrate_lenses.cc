@@ -14,7 +14,7 @@ namespace {
 using geometry::LensModel;
 using geometry::Rigid3;
 
-constexpr double kSameKind = 1.25;       // ratio of focal lengths up to which cameras may have one lens model
+constexpr double kSameKind = 1.25;  // ratio of focal lengths up to which cameras may have one lens model
 
 /// Cameras that are judged together, and what is assumed of their lenses.
 struct Kind {
@@ -156,6 +156,7 @@ SelectionOptions SelectionFor(const CalibrateInput& input, const CalibrateOption
   selection.max_views = options.holdout_views;
   selection.sharing = (options.share_intrinsics.kind == LensSharing::Kind::kAuto && !fixed) || kind.forced_sharing;
   selection.separate = !kind.forced_sharing;
+  selection.need_px = options.need_px;
   const geometry::Camera& first = kind.pool.state.cameras[0];
   const auto model = options.model;
   if (fixed || Given(input, first.name)) {
@@ -172,6 +173,7 @@ void ReportKind(const Kind& kind, CalibrateReport* report) {
   for (size_t k = 0; k < kind.cameras.size(); ++k) {
     CameraReport& camera = report->cameras[kind.cameras[k]];
     camera.model_reason = kind.choice.reason;
+    camera.lens_beyond = kind.choice.beyond;
     camera.holdout_rms_px = camera.holdout_median_px = camera.holdout_gross_fraction = std::numeric_limits<double>::quiet_NaN();
     for (size_t i = 0; i < kind.choice.candidates.size(); ++i) {
       const LensCandidate& candidate = kind.choice.candidates[i];
@@ -244,7 +246,8 @@ void JudgeKind(const CalibrateInput& input, const CalibrateOptions& options, con
     if (!selection.models.empty() && kind->choice.candidates.size() < 2) kind->choice.reason = fixed ? "fixed" : "given";
     return;
   }
-  LensConfig config = selection.models.empty() ? LensConfig{kind->pool.config.model, {}, false, false} : selection.models.back();
+  LensConfig config =
+      selection.models.empty() ? LensConfig{kind->pool.config.model, {}, false, false} : selection.models.back();
   config.shared = kind->forced_sharing && kind->cameras.size() > 1;
   config.warp = shape.bent, config.stretch = shape.stretched;
   kind->pool = FitPool(kind->pool, config, bundle);
@@ -262,10 +265,10 @@ bool Decide(AutoOnOff option, Judge&& judge, std::string* reason) {
 }
 
 /// The boards' shape, judged on the kind with most views, which comes first: its shape is the start of the rig's.
-BoardShape JudgeBoards(const CalibrateOptions& options, const RunContext& run, std::vector<Kind>* kinds, CalibrateReport* report) {
-  const auto largest = std::max_element(kinds->begin(), kinds->end(), [](const Kind& a, const Kind& b) {
-    return a.pool.views.size() < b.pool.views.size();
-  });
+BoardShape JudgeBoards(const CalibrateOptions& options, const RunContext& run, std::vector<Kind>* kinds,
+                       CalibrateReport* report) {
+  const auto largest = std::max_element(kinds->begin(), kinds->end(),
+                                        [](const Kind& a, const Kind& b) { return a.pool.views.size() < b.pool.views.size(); });
   std::iter_swap(kinds->begin(), largest);
   const LensPool& pool = kinds->front().pool;
   SelectionOptions selection;
@@ -290,7 +293,8 @@ void AssumeFor(int camera, Work* work, CalibrateReport* report) {
   const geometry::Camera& lens = work->state.cameras[camera];
   work->bundle.lens_prior.resize(work->monos.size());
   work->bundle.lens_prior[camera] = PriorOf(work->lens_step[camera], lens, SigmaOf(work->monos[camera]));
-  report->cameras[camera].given_up = ToString(work->lens_step[camera], lens) + ", since by itself " + work->alone_failed[camera];
+  report->cameras[camera].given_up =
+      ToString(work->lens_step[camera], lens) + ", since by itself " + work->alone_failed[camera];
   report->cameras[camera].assumes = true;
 }
 

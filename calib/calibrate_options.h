@@ -84,6 +84,7 @@ struct CalibrateOptions {
   bool intrinsics_only = false;       ///< lenses alone: cameras are not placed
   int holdout_folds = 10;             ///< folds of the held-out error; 0 leaves it out
   int holdout_views = 60;             ///< maximum number of views per camera in the held-out error
+  double need_px = 0;                 ///< of projections at the image's sides, see PixelLimitsOf
   std::vector<CameraSplit> split_at;  ///< cameras that moved, each split in two
   bool motions = true;                ///< look for cameras that moved or whose lens changed
   std::vector<HeldPart> fix;
@@ -115,6 +116,10 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   StartGroup(visit, "Held-out boards");
   visit("holdout-folds", o.holdout_folds, "folds of the held-out error; 0 leaves it out");
   visit("holdout-views", o.holdout_views, "maximum number of views per camera in the held-out error");
+  StartGroup(visit, "Lenses");
+  visit("need", o.need_px,
+        "px by which projections at the image's sides may be uncertain without a warning (0: 0.2 % of the image's diagonal, at "
+        "least 1 px)");
   StartGroup(visit, "Rig");
   visit("split-at", o.split_at,
         "CAMERA:FRAME: from this frame on the camera stands elsewhere and counts as another one, CAMERA@FRAME, with the same "

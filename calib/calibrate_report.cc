@@ -142,6 +142,7 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
     camera.outside_fraction = OutsideFraction(work.views, static_cast<int>(c), input.cameras[c]);
     camera.valid_radius = projector.valid_radius();
     camera.covers_image = CoversImage(projector);
+    camera.folds = FindFolds(lens);
     camera.lens_held = work.bundle.fix_lens[c];
     if (camera.lens_held) ReportHeldLens(work, static_cast<int>(c), &camera);
     if (!camera.lens_held && !std::isfinite(camera.holdout_rms_px)) ReportLeftOutPoints(work, static_cast<int>(c), &camera);

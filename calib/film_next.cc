@@ -102,7 +102,7 @@ void HintFew(const std::string& camera, int camera_idx, const Seen& seen, std::v
   std::ostringstream text;
   text << "camera " << camera << ": " << seen.num_views << (seen.num_views == 1 ? " board" : " boards") << " only: show "
        << kEnoughViews << " or more, in different places, distances and tilts";
-  hints->push_back({2000 - static_cast<double>(seen.num_views), {"FILM-FEW", camera_idx, text.str()}});
+  hints->push_back({2000 - static_cast<double>(seen.num_views), {"FILM-FEW", camera_idx, text.str(), ""}});
 }
 
 void HintCoverage(const std::string& camera, int camera_idx, const Seen& seen, std::vector<Weighted>* hints) {
@@ -128,7 +128,8 @@ void HintCoverage(const std::string& camera, int camera_idx, const Seen& seen, s
     text << ", tilted about its " << AxisName(axis) << " axis";
   }
   if (seen.farthest_m > 0) text << "; the nearest board was " << Metres(seen.nearest_m) << " away";
-  hints->push_back({100 + static_cast<double>(empty), {"FILM-COVERAGE", camera_idx, text.str()}});
+  hints->push_back({100 + static_cast<double>(empty),
+                    {"FILM-COVERAGE", camera_idx, text.str(), "show the board at " + List(names) + " of the image"}});
 }
 
 void HintTilt(const std::string& camera, int camera_idx, const Seen& seen, std::vector<Weighted>* hints) {
@@ -139,7 +140,7 @@ void HintTilt(const std::string& camera, int camera_idx, const Seen& seen, std::
          << " boards are tilted by 15 degrees or more about the " << AxisName(axis) << " axis (the largest tilt is "
          << std::lround(seen.largest_tilt_rad[axis] * 180 / M_PI) << "): tilt the board 30 to 45 degrees "
          << (axis == 0 ? "to the left and to the right" : "up and down");
-    hints->push_back({90 - 10.0 * seen.num_tilted[axis] / seen.num_posed, {"FILM-TILT", camera_idx, text.str()}});
+    hints->push_back({90 - 10.0 * seen.num_tilted[axis] / seen.num_posed, {"FILM-TILT", camera_idx, text.str(), ""}});
   }
 }
 
@@ -148,7 +149,8 @@ void HintRange(const std::string& camera, int camera_idx, const Seen& seen, std:
   hints->push_back({70,
                     {"FILM-RANGE", camera_idx,
                      "camera " + camera + ": all boards are " + Metres(seen.nearest_m) + " to " + Metres(seen.farthest_m) +
-                         " away: show the board nearer, so that it fills half of the image, and twice as far"}});
+                         " away: show the board nearer, so that it fills half of the image, and twice as far",
+                     ""}});
 }
 
 /// Frames in which both cameras see a board.
@@ -190,7 +192,7 @@ void HintLinks(const std::vector<geometry::Camera>& cameras, const std::vector<F
              : frames == 1 ? "1 frame"
                            : std::to_string(frames) + " frames")
          << ", their strongest link to each other: show it to both at once in " << kEnoughShared << " places or more";
-    hints->push_back({3000 - static_cast<double>(frames), {"FILM-LINK", pair.second, text.str()}});
+    hints->push_back({3000 - static_cast<double>(frames), {"FILM-LINK", pair.second, text.str(), ""}});
   }
 }
 

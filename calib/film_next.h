@@ -27,6 +27,7 @@ struct FilmHint {
   std::string code;     ///< FILM-LINK, FILM-FEW, FILM-COVERAGE, FILM-TILT or FILM-RANGE
   int camera_idx = -1;  ///< FILM-LINK: one of the two
   std::string text;
+  std::string brief;  ///< FILM-COVERAGE: what to do, in half a line
 };
 
 /// Boards from the weighted corners at a solution; `range_m` is that of their mean.

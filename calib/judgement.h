@@ -33,6 +33,10 @@ constexpr double kContradictsRatio = 1.5, kContradictsPx = 0.3;
 /// Factor on limits in pixels: 1 up to a full-HD image, in proportion to the diagonal beyond.
 double PixelScale(const CalibrateReport& report, size_t camera);
 
+/// Share of all corners, or of one camera's, that were rejected although they are nowhere off by more than a sharp detector is:
+/// where corners are nearly perfect, the limit of so many standard deviations is a few hundredths of a pixel.
+double SlightlyRejected(const CalibrateReport& report, int camera_idx);
+
 /// Judges the contradictions of a camera's boards with those of the others, or with each other.
 void JudgeEvidence(const CalibrateReport& report, Judgement* out);
 

@@ -21,10 +21,6 @@ constexpr double kWarnCoverage = 0.40;
 constexpr int kWarnViews = 5;  // fewer leave no fold to hold out and judge the rest by
 // Held-out corners beyond 5 px: one in 200 is a slip of the detector, one in 20 a lens or a board that is wrong.
 constexpr double kWarnGross = 0.005, kFailGross = 0.05;
-// At the image's sides: as uncertain as a good held-out error may be, and as a corner that counts as a gross error. Only warned
-// of in the corners, where boards seldom reach and little is filmed, and where they add little to what is known of any lens
-// (omitted_terms.h).
-constexpr double kWarnEdgePx = 1.0, kFailEdgePx = 5.0, kWarnCornerPx = 10.0;
 // Of triangulated points over the distance of the boards: 2 mm and 2 cm at 1 m.
 constexpr double kWarnVolume = 0.002, kFailVolume = 0.02;
 
@@ -69,33 +65,56 @@ void JudgeGross(const CameraReport& camera, Judgement* out) {
   fail ? out->Fail("CAL-GROSS", text, hint) : out->Warn("CAL-GROSS", text, hint);
 }
 
-/// The first of the hints of one kind for a camera (-1: for any), else `otherwise`.
-std::string HintOf(const std::vector<FilmHint>& hints, const char* code, int camera_idx, const std::string& otherwise) {
+/// The first of the hints of one kind, else `otherwise`.
+std::string HintOf(const std::vector<FilmHint>& hints, const char* code, const std::string& otherwise) {
+  const auto found = std::find_if(hints.begin(), hints.end(), [&](const FilmHint& hint) { return hint.code == code; });
+  return found == hints.end() ? otherwise : found->text;
+}
+
+/// The parts of a camera's image that lack boards, else `otherwise`. film_next says more of them.
+std::string BriefHint(const std::vector<FilmHint>& hints, int camera_idx, const std::string& otherwise) {
   for (const FilmHint& hint : hints) {
-    if (hint.code == code && (camera_idx < 0 || hint.camera_idx == camera_idx)) return hint.text;
+    if (hint.camera_idx == camera_idx && !hint.brief.empty()) return hint.brief;
   }
   return otherwise;
 }
 
-/// In the corners of the image: 1 % of its diagonal, what is known of lenses without a board there.
-double CornerLimit(const geometry::Camera& camera) {
-  return std::max(kWarnCornerPx, 0.01 * std::hypot(camera.width_px, camera.height_px));
+/// Limits for a camera of the result, those of an ordinary image where it has none.
+PixelLimits LimitsOf(const CalibrateReport& report, size_t camera) {
+  return camera < report.rig.cameras.size() ? PixelLimitsOf(report.rig.cameras[camera].camera, report.need_px) : PixelLimits();
 }
 
-void JudgePixels(const CameraUncertainty& camera, double corner_limit, double scale, const std::string& hint, Judgement* out) {
-  const char* name = camera.name.c_str();
-  const std::string edge = Format("camera %s: projections at the image's sides are uncertain by %.2f px (good is below %.1f)",
-                                  name, camera.edge_px, kWarnEdgePx * scale);
-  if (!std::isfinite(camera.edge_px)) {
-    out->Warn("CAL-UNCERTAIN", Format("camera %s: how uncertain its projections are cannot be said", name), hint);
-  } else if (camera.edge_px > kFailEdgePx * scale) {
-    out->Fail("CAL-UNCERTAIN", edge, hint);
-  } else if (camera.edge_px > kWarnEdgePx * scale) {
-    out->Warn("CAL-UNCERTAIN", edge, hint);
-  } else if (camera.corner_px > corner_limit) {
-    out->Warn("CAL-UNCERTAIN",
-              Format("camera %s: projections in the image's corners are uncertain by %.1f px", name, camera.corner_px), hint);
-  }
+/// How uncertain its projections are; "": not worth a word. The level goes to `fails`.
+std::string Uncertain(const CameraUncertainty& camera, const PixelLimits& limits, bool wide, bool* fails) {
+  *fails = camera.edge_px > limits.fail_side_px;
+  if (!std::isfinite(camera.edge_px)) return "how uncertain its projections are cannot be said";
+  if (camera.edge_px > limits.side_px)
+    return Format("projections at the image's sides are uncertain by %.2f px (good is below %.1f)", camera.edge_px,
+                  limits.side_px);
+  // Beyond the circle of a wide lens there is no picture.
+  if (!wide && camera.corner_px > limits.corner_px)
+    return Format("projections in the image's corners are uncertain by %.1f px", camera.corner_px);
+  return "";
+}
+
+/// What boards did not reach, in one line a camera.
+void JudgeReach(const CalibrateReport& report, size_t c, const std::vector<FilmHint>& hints, Judgement* out) {
+  const CameraReport& camera = report.cameras[c];
+  const auto& all = report.uncertainty.cameras;
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const CameraUncertainty& other) { return other.name == camera.name; });
+  bool fails = false;
+  std::string text;
+  if (found != all.end()) text = Uncertain(*found, LimitsOf(report, c), geometry::IsWide(camera.model), &fails);
+  const char* const code = text.empty() ? "CAL-LOWCOV" : "CAL-UNCERTAIN";
+  if (camera.coverage < kWarnCoverage && !camera.lens_held)
+    text += (text.empty() ? "" : "; ") + Format("boards cover %.0f %% of the image (coverage)", 100 * camera.coverage);
+  if (text.empty()) return;
+  const std::string more = "show the board near the image's edges, tilted, and in more places";
+  const std::string hint =
+      BriefHint(hints, static_cast<int>(c), more) + (camera.lens_beyond.empty() ? "" : "; " + camera.lens_beyond);
+  text = "camera " + camera.name + ": " + text;
+  fails ? out->Fail(code, text, hint) : out->Warn(code, text, hint);
 }
 
 void JudgeVolume(const UncertaintySummary& uncertainty, const std::string& hint, Judgement* out) {
@@ -151,7 +170,7 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
              "check that the cameras are synchronised and did not move while the boards were filmed");
 }
 
-void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Judgement* out) {
+void JudgeData(const CameraReport& camera, Judgement* out) {
   const char* name = camera.name.c_str();
   if (camera.num_places < kWarnViews && !camera.lens_held && !camera.points_in_space) {
     const bool repeated = camera.num_places < camera.num_views;
@@ -160,15 +179,24 @@ void JudgeData(const CameraReport& camera, const std::string& coverage_hint, Jud
                   (repeated ? Format(" in %d places", camera.num_places) : ""),
               Format("%d places or more are better", kWarnViews));
   }
-  if (camera.coverage < kWarnCoverage && !camera.lens_held) {
-    out->Warn("CAL-LOWCOV", Format("camera %s: boards cover %.0f %% of the image", name, 100 * camera.coverage), coverage_hint);
-  }
   // Beyond the circle of a wide lens there is no picture.
-  if (!camera.covers_image && !geometry::IsWide(camera.model)) {
-    const std::string radius = std::isfinite(camera.valid_radius) ? Format(" (valid radius %.2f)", camera.valid_radius) : "";
-    out->Warn("CAL-FOLD", Format("camera %s: the lens model folds over inside the image corners", name) + radius,
-              "choose a simpler option 'model' or show the board in the corners");
+  if (camera.folds.share > kFoldSlack && !geometry::IsWide(camera.model)) {
+    out->Warn(
+        "CAL-FOLD",
+        Format(
+            "camera %s: its lens (%s) folds over in %.0f %% of the image: no rays in %s, from %.0f px off the principal point",
+            name, std::string(geometry::ToString(camera.model)).c_str(), 100 * camera.folds.share, camera.folds.where.c_str(),
+            camera.folds.nearest_px),
+        "choose a simpler option 'model' or show the board there" +
+            (camera.lens_beyond.empty() ? "" : "; " + camera.lens_beyond));
   }
+}
+
+void JudgeRejected(const CalibrateReport& report, Judgement* out) {
+  const double share = std::max(0.0, report.rejected_fraction - internal::SlightlyRejected(report, -1));
+  const std::string text = Format("%.0f %% of the corners were rejected", 100 * share);
+  const char* const hint = "check the board's description and that it is flat and sharp in the images";
+  out->Limit(share, kWarnRejected, kFailRejected, "CAL-REJECTED", text, hint);
 }
 
 }  // namespace
@@ -183,32 +211,17 @@ Verdict Judge(const CalibrateReport& report) {
     return judgement.verdict;
   }
   if (!HasFigures(report)) judgement.Fail("CAL-UNSOLVED", "the solution has figures that are no numbers", "check the input");
-  const std::string rejected = Format("%.0f %% of the corners were rejected", 100 * report.rejected_fraction);
-  if (report.rejected_fraction > kFailRejected) {
-    judgement.Fail("CAL-REJECTED", rejected, "check the board's description and that it is flat and sharp in the images");
-  } else if (report.rejected_fraction > kWarnRejected) {
-    judgement.Warn("CAL-REJECTED", rejected, "check the board's description and that it is flat and sharp in the images");
-  }
+  JudgeRejected(report, &judgement);
   const std::vector<FilmHint> hints = FilmNext(report);
-  const std::string at_edges = "the lens is extrapolated elsewhere: move the board to the image's edges";
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     JudgeError(report.cameras[c], internal::PixelScale(report, c), report.cameras.size() > 1, &judgement);
     JudgeGross(report.cameras[c], &judgement);
     JudgeFocal(report.cameras[c], &judgement);
-    JudgeData(report.cameras[c], HintOf(hints, "FILM-COVERAGE", static_cast<int>(c), at_edges), &judgement);
-  }
-  for (const CameraUncertainty& camera : report.uncertainty.cameras) {
-    const auto found = std::find_if(report.cameras.begin(), report.cameras.end(),
-                                    [&](const CameraReport& other) { return other.name == camera.name; });
-    const int index = found == report.cameras.end() ? -2 : static_cast<int>(found - report.cameras.begin());
-    const char* const more = "show the board near the image's edges, tilted, and in more places";
-    const bool known = index >= 0 && index < static_cast<int>(report.rig.cameras.size());
-    JudgePixels(camera, known ? CornerLimit(report.rig.cameras[static_cast<size_t>(index)].camera) : kWarnCornerPx,
-                index < 0 ? 1 : internal::PixelScale(report, static_cast<size_t>(index)),
-                index < 0 ? more : HintOf(hints, "FILM-COVERAGE", index, more), &judgement);
+    JudgeData(report.cameras[c], &judgement);
+    JudgeReach(report, c, hints, &judgement);
   }
   JudgeVolume(report.uncertainty,
-              HintOf(hints, "FILM-LINK", -1, "show the board to several cameras at once, in more places of the volume"),
+              HintOf(hints, "FILM-LINK", "show the board to several cameras at once, in more places of the volume"),
               &judgement);
   JudgeFrames(report, &judgement);
   internal::JudgeEvidence(report, &judgement);

@@ -74,7 +74,9 @@ void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
   out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED", text, hint);
 }
 
-void JudgeRejected(const CameraReport& camera, bool in_rig, Judgement* out) {
+void JudgeRejected(const CalibrateReport& report, int camera_idx, Judgement* out) {
+  const CameraReport& camera = report.cameras[static_cast<size_t>(camera_idx)];
+  const bool in_rig = report.cameras.size() > 1;
   const char* name = camera.name.c_str();
   const int all = camera.num_corners + camera.num_rejected;
   if (camera.num_corners == 0) {
@@ -83,7 +85,7 @@ void JudgeRejected(const CameraReport& camera, bool in_rig, Judgement* out) {
               HintFor(in_rig));
     return;
   }
-  const double share = static_cast<double>(camera.num_rejected) / all;
+  const double share = static_cast<double>(camera.num_rejected) / all - SlightlyRejected(report, camera_idx);
   out->Limit(share, kWarnRejected, kFailRejected, "CAL-REJECTED",
              Format("camera %s: %.0f %% of its corners were rejected", name, 100 * share), HintFor(in_rig));
   const double lost = static_cast<double>(camera.num_lost_views) / std::max(1, camera.num_views + camera.num_lost_views);
@@ -277,6 +279,16 @@ double PixelScale(const CalibrateReport& report, size_t camera) {
   return std::max(1.0, std::hypot(lens.width_px, lens.height_px) / std::hypot(1920.0, 1080.0));
 }
 
+double SlightlyRejected(const CalibrateReport& report, int camera_idx) {
+  constexpr double kSlightPx = 0.3;
+  double slight = 0, all = 0;
+  for (const CornerResidual& corner : report.residuals) {
+    if (camera_idx >= 0 && corner.camera_idx != camera_idx) continue;
+    all += 1, slight += corner.rejected && corner.residual_px.norm() < kSlightPx;
+  }
+  return slight / std::max(1.0, all);
+}
+
 void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
   double largest = 1;
   const auto [first, last] = std::minmax_element(report.frames.begin(), report.frames.end());
@@ -285,7 +297,7 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
     const CameraReport& camera = report.cameras[c];
     const double scale = PixelScale(report, c);
     largest = std::max(largest, scale);
-    JudgeRejected(camera, report.cameras.size() > 1, out);
+    JudgeRejected(report, static_cast<int>(c), out);
     if (report.cameras.size() > 1) JudgeContradiction(camera, scale, out);
     JudgeLate(camera, out);
     JudgeClock(camera, span, out);

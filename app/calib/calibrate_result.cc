@@ -50,6 +50,7 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   json["coverage"] = FiniteOrNull(camera.coverage);
   json["valid_radius"] = FiniteOrNull(camera.valid_radius);
   json["covers_image"] = camera.covers_image;
+  json["folded_share"] = FiniteOrNull(camera.folds.share);
   if (found) json["boards_not_used"] = found->reasons;
   return json;
 }

@@ -111,17 +111,4 @@ std::vector<LensConfig> SplinedConfigs(const LensPool& pool) {
   return configs;
 }
 
-double FoldedShare(const geometry::Camera& camera) {
-  constexpr int kCells = 16;
-  const geometry::Projector projector(camera);
-  int folded = 0;
-  for (int row = 0; row <= kCells; ++row) {
-    for (int col = 0; col <= kCells; ++col) {
-      const Eigen::Vector2d px(col * (camera.width_px - 1.0) / kCells, row * (camera.height_px - 1.0) / kCells);
-      folded += projector.Unproject(px).status != Status::kOk;
-    }
-  }
-  return folded / static_cast<double>((kCells + 1) * (kCells + 1));
-}
-
 }  // namespace mvstudio::calib

@@ -18,7 +18,4 @@ std::vector<int> ClustersOfCameras(const LensPool& pool);
 /// allow. If `few`, only those with few parameters. Fewest parameters first.
 std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOptions& options, bool few);
 
-/// Fraction of the image (a grid including its border) where the lens model folds over and has no ray.
-double FoldedShare(const geometry::Camera& camera);
-
 }  // namespace mvstudio::calib

@@ -44,13 +44,13 @@ std::vector<int> Spread(const LensPool& pool, int camera_idx, int max_views) {
   return spread;
 }
 
-constexpr int kLeftOut = -1, kAlwaysTrained = -2;
+constexpr int kNotScored = -1;
 constexpr int kMinClusters = 3;  // of a camera whose boards are held out
 
-/// Fold of every view; the views of a cluster are held out together, cameras with too few clusters are trained on in every
-/// fold. Returns the number of folds, 0 when no camera has enough.
+/// Fold of every view that is scored; the views of a cluster are held out together, cameras with too few clusters are trained on
+/// in every fold. Returns the number of folds, 0 when no camera has enough.
 int AssignFolds(const LensPool& fit, int num_folds, int max_views, std::vector<int>* fold_of) {
-  fold_of->assign(fit.views.size(), kLeftOut);
+  fold_of->assign(fit.views.size(), kNotScored);
   int fewest = std::numeric_limits<int>::max();
   for (size_t c = 0; c < fit.state.cameras.size(); ++c) {
     const std::vector<int> spread = Spread(fit, static_cast<int>(c), max_views);
@@ -62,12 +62,21 @@ int AssignFolds(const LensPool& fit, int num_folds, int max_views, std::vector<i
     }
     if (rank + 1 >= kMinClusters) fewest = std::min(fewest, rank + 1);
     for (int v : spread) {
-      if (rank + 1 < kMinClusters) (*fold_of)[v] = kAlwaysTrained;
+      if (rank + 1 < kMinClusters) (*fold_of)[v] = kNotScored;
     }
   }
   if (fewest == std::numeric_limits<int>::max()) return 0;
   const int folds = std::min(num_folds, fewest);
   for (int& fold : *fold_of) fold = fold < 0 ? fold : fold % folds;
+  return folds;
+}
+
+/// Fold in which a cluster of views is held out: with it those that are not scored.
+std::vector<int> FoldsOfClusters(const LensPool& fit, const std::vector<int>& fold_of) {
+  std::vector<int> folds(fit.views.size(), kNotScored);
+  for (size_t v = 0; v < fit.views.size(); ++v) {
+    if (fold_of[v] >= 0) folds[static_cast<size_t>(fit.cluster[v])] = fold_of[v];
+  }
   return folds;
 }
 
@@ -143,6 +152,7 @@ PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, con
     result.status = Status::kTooFewViews;
     return result;
   }
+  const std::vector<int> fold_of_cluster = FoldsOfClusters(fit, fold_of);
   BundleOptions bundle = options;
   bundle.reject_outliers = false;
   bundle.cost_tolerance = 1e-6;
@@ -150,7 +160,7 @@ PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, con
   for (int fold = 0; fold < folds; ++fold) {
     LensPool train = fit;
     for (size_t v = 0; v < train.views.size(); ++v) {
-      if (fold_of[v] == fold || fold_of[v] == kLeftOut) train.views[v].weights.setZero();
+      if (fold_of_cluster[static_cast<size_t>(fit.cluster[v])] == fold) train.views[v].weights.setZero();
     }
     const Status status = SolvePool(bundle, &train);
     for (size_t v = 0; v < fit.views.size(); ++v) {

@@ -50,8 +50,8 @@ struct PoolHoldout {
 };
 
 /// K-fold cross-validation over the clusters of views: lenses from the other folds, errors as from AppendHeldOutErrors.
-/// Corners that a solution rejected count too. At most `max_views` views per camera, evenly spaced, are used; the others
-/// have no errors.
+/// Corners that a solution rejected count too. At most `max_views` views per camera, evenly spaced, are held out and have errors;
+/// the others are trained on, unless one of the same cluster is held out.
 PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, const BundleOptions& options);
 
 inline constexpr double kGrossPx = 5;  ///< held-out corners beyond this are gross errors

@@ -22,6 +22,7 @@ struct LensChoice {
   int index = -1;                         ///< of the chosen candidate; -1 when none has a solution
   std::vector<LensCandidate> candidates;  ///< fewest parameters first
   std::string reason;
+  std::string beyond;  ///< the lens does not pass where no board was: which simpler one comes nearest; empty: it passes
 };
 
 inline constexpr double kNegligibleGain = 0.01;  ///< of the held-out error: not worth a parameter …
@@ -34,6 +35,7 @@ struct SelectionOptions {
   bool separate = true;            ///< also try a lens for each camera
   bool warp = false;               ///< boards may be warped, under every lens
   bool stretch = false;            ///< boards may be stretched, under every lens
+  double need_px = 0;              ///< of projections where no board was, see PixelLimitsOf
   std::vector<LensConfig> models;  ///< to compare; empty: all that the field of view and the number of corners allow
   std::vector<LensConfig> only;    ///< exactly these, whatever the other options say (except warp and stretch)
 };
@@ -45,6 +47,10 @@ struct SelectionOptions {
 /// candidate wins, preferably one that does not fold inside the image. A richer one wins if it lowers the residuals on all
 /// boards by more than its parameters cost (Schwarz's criterion), and not only on one or two boards. With boards in fewer
 /// than 6 places, Schwarz's criterion alone decides among the simpler lenses.
+///
+/// Where the lens so chosen folds inside the image or is uncertain beyond what the verdict accepts, the simplest lens takes its
+/// place that passes and is within one standard error, or 2 %, of the best. Lenses that cannot win are not held out and are
+/// no candidates (TryLenses).
 ///
 /// All cameras of a pool get one model: the views of a single camera are too few to detect a decentring that shifts its
 /// principal point, and hence its direction, by a pixel.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "calib/lens/intrinsics.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {
@@ -106,6 +107,62 @@ TEST(Verdict, WhatNoCauseExplainsIsSaid) {
   EXPECT_EQ(Judge(report).status, "warn");
   report.unexplained_px = 5;
   EXPECT_EQ(Judge(report).status, "fail");
+}
+
+/// One camera's corners without an error, of which a fifth is rejected by `off_px`.
+CalibrateReport WithRejected(double off_px) {
+  CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
+  int rejected = 0;
+  for (size_t i = 0; i < report.residuals.size(); i += 5) {
+    CornerResidual& corner = report.residuals[i];
+    ++report.cameras[static_cast<size_t>(corner.camera_idx)].num_rejected, ++rejected;
+    corner.rejected = true, corner.residual_px = {off_px, 0};
+  }
+  report.rejected_fraction = static_cast<double>(rejected) / static_cast<double>(report.residuals.size());
+  report.verdict = Judge(report);
+  return report;
+}
+
+TEST(Verdict, RejectedCornersCountFromThreeTenthsOfAPixelOn) {
+  EXPECT_EQ(Said(WithRejected(0.1), "CAL-REJECTED"), "");
+  EXPECT_NE(Said(WithRejected(2), "CAL-REJECTED"), "");
+}
+
+TEST(Verdict, WhatBoardsDidNotReachIsOneLineACamera) {
+  CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
+  ASSERT_EQ(Said(report, "CAL-UNCERTAIN"), "");
+  const auto side_px = [&](double sigma_px, double need_px) {
+    report.uncertainty.cameras[0].edge_px = sigma_px, report.need_px = need_px;
+    report.verdict = Judge(report);
+    return Said(report, "CAL-UNCERTAIN");
+  };
+  const double limit_px = PixelLimitsOf(report.rig.cameras[0].camera, 0).side_px;
+  EXPECT_EQ(side_px(0.95 * limit_px, 0), "");
+  EXPECT_NE(side_px(0.95 * limit_px, 0.5), "") << "a need of half a pixel";
+  EXPECT_EQ(side_px(1.05 * limit_px, 5), "");
+  report.cameras[0].coverage = 0.3, report.cameras[0].lens_beyond = "of the simpler lenses brown1 comes nearest";
+  EXPECT_NE(side_px(1.05 * limit_px, 0).find("cover 30 %"), std::string::npos);
+  EXPECT_EQ(Said(report, "CAL-LOWCOV"), "") << "said once";
+  const auto& reasons = report.verdict.reasons;
+  const auto line = std::find_if(reasons.begin(), reasons.end(), [](const auto& r) { return r.code == "CAL-UNCERTAIN"; });
+  EXPECT_NE(line->hint.find("brown1 comes nearest"), std::string::npos) << line->hint;
+}
+
+TEST(Verdict, AFoldIsNamedByItsPlaces) {
+  CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
+  geometry::Camera folding = report.rig.cameras[0].camera;
+  folding = WithModel(folding, geometry::LensModel::kBrown1, {});
+  folding.params[4] = -0.9;
+  report.cameras[0].folds = FindFolds(folding);
+  ASSERT_GT(report.cameras[0].folds.share, kFoldSlack);
+  report.verdict = Judge(report);
+  const std::string text = Said(report, "CAL-FOLD");
+  for (const char* part : {"top-left corner", "bottom-right corner", "from "})
+    EXPECT_NE(text.find(part), std::string::npos) << text;
+  EXPECT_EQ(text.find("middle"), std::string::npos) << text;
+  EXPECT_EQ(text.find("inf"), std::string::npos) << text;
+  report.cameras[0].folds = FindFolds(report.rig.cameras[0].camera);
+  EXPECT_EQ(report.cameras[0].folds.share, 0);
 }
 
 TEST(Verdict, WhereThereIsNoSolutionACameraOfFewBoardsIsNamed) {

@@ -1,0 +1,101 @@
+#include "calib/lens/lens_beyond.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/bundle/view_clusters.h"
+#include "calib/covariance/omitted_terms.h"
+#include "calib/covariance/projection_uncertainty.h"
+#include "calib/lens/lens_configs.h"
+#include "core/format.h"
+
+namespace mvstudio::calib {
+namespace {
+
+using Level = BeyondBoards::Level;
+
+/// The views as evidence: boards that were held still count for what they are worth.
+std::vector<View> EvidenceOf(const LensPool& fit) {
+  const auto correlation =
+      RepeatCorrelation(fit.views, fit.cluster, BundleResiduals(fit.views, fit.state), fit.state.cameras.size());
+  return DiscountRepeats(fit.views, fit.cluster, correlation);
+}
+
+UncertaintySummary UncertaintyOf(const LensPool& fit, const BundleOptions& options) {
+  BundleOptions bundle = options;
+  bundle.gauge = {Gauge::Kind::kNone, 0};
+  bundle.refine_cameras = bundle.refine_boards = bundle.refine_time = false;
+  bundle.refine_warp = fit.config.warp, bundle.refine_stretch = fit.config.stretch;
+  bundle.fix_lens.clear(), bundle.fix_camera.clear();
+  const std::vector<bool> chosen(fit.state.cameras.size(), true);
+  const WithOmitted considered = AddOmittedTerms(fit.state, bundle, chosen, fit.bundle.sigma_px);
+  return ProjectionUncertainty(EvidenceOf(fit), considered.state, considered.options, fit.bundle.sigma_px).Summarize();
+}
+
+Level LevelOf(const CameraUncertainty& camera, const PixelLimits& limits, bool wide) {
+  if (!(camera.edge_px <= limits.fail_side_px)) return std::isnan(camera.edge_px) ? Level::kWarn : Level::kFail;
+  if (camera.edge_px > limits.side_px || (!wide && camera.corner_px > limits.corner_px)) return Level::kWarn;
+  return Level::kPass;
+}
+
+std::string Loss(const LensCandidate& candidate, double best_error) {
+  if (!std::isfinite(candidate.relative_error) || !std::isfinite(best_error)) return "";
+  return Format(", held-out error %+.1f %%", 100 * (candidate.relative_error / best_error - 1));
+}
+
+std::string Figures(const LensCandidate& candidate, const BeyondBoards& beyond, double best_error) {
+  return ToString(candidate.config) + " (" + ToString(beyond) + Loss(candidate, best_error) + ")";
+}
+
+}  // namespace
+
+BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, double need_px) {
+  BeyondBoards beyond;
+  const UncertaintySummary uncertainty = UncertaintyOf(fit, options);
+  beyond.side_px = uncertainty.edge_px;
+  for (size_t c = 0; c < fit.state.cameras.size(); ++c) {
+    const geometry::Camera& camera = fit.state.cameras[c];
+    const bool wide = geometry::IsWide(camera.model);
+    beyond.level = std::max(beyond.level, LevelOf(uncertainty.cameras[c], PixelLimitsOf(camera, need_px), wide));
+    if (wide) continue;
+    beyond.folded = std::max(beyond.folded, FindFolds(camera).share);
+    if (beyond.folded > kFoldSlack) beyond.level = std::max(beyond.level, Level::kWarn);
+  }
+  return beyond;
+}
+
+std::string ToString(const BeyondBoards& beyond) {
+  const std::string sides = Format("%.2f px uncertain at the image's sides", beyond.side_px);
+  return beyond.folded > kFoldSlack ? sides + Format(", folded in %.0f %% of the image", 100 * beyond.folded) : sides;
+}
+
+int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<bool>& near, int chosen,
+                const BundleOptions& options, double need_px, std::string* note) {
+  const LensCandidate& of_chosen = candidates[static_cast<size_t>(chosen)];
+  const BeyondBoards wanted = JudgeBeyond(of_chosen.fit, options, need_px);
+  if (wanted.level == Level::kPass) return chosen;
+  const double best_error = of_chosen.relative_error;
+  int taken = chosen, closest = -1;
+  BeyondBoards of_taken = wanted, of_closest;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const int cameras = static_cast<int>(candidates[i].fit.state.cameras.size());
+    if (NumLensParams(candidates[i].config, cameras) >= NumLensParams(of_chosen.config, cameras)) continue;
+    const BeyondBoards beyond = JudgeBeyond(candidates[i].fit, options, need_px);
+    if (near[i] && beyond.level < of_taken.level) taken = static_cast<int>(i), of_taken = beyond;
+    const bool nearer = closest < 0 || beyond.level < of_closest.level ||
+                        (beyond.level == of_closest.level &&
+                         candidates[i].relative_error < candidates[static_cast<size_t>(closest)].relative_error);
+    if (nearer) closest = static_cast<int>(i), of_closest = beyond;
+  }
+  if (taken != chosen) {
+    *note = Figures(candidates[static_cast<size_t>(taken)], of_taken, best_error) + " in place of " +
+            Figures(of_chosen, wanted, best_error);
+  } else if (closest >= 0) {
+    *note =
+        "of the simpler lenses " + Figures(candidates[static_cast<size_t>(closest)], of_closest, best_error) + " comes nearest";
+  }
+  return taken;
+}
+
+}  // namespace mvstudio::calib

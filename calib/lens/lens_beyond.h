@@ -1,0 +1,30 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/lens/lens_limits.h"
+#include "calib/lens/model_selection.h"
+
+/// What a lens says of the image where no board was: it may fold there, or be uncertain. The verdict judges lenses by these
+/// figures, so ChooseLens does, too.
+namespace mvstudio::calib {
+
+/// A pool's lenses where no board was, the worst camera.
+struct BeyondBoards {
+  enum class Level { kPass, kWarn, kFail };
+  Level level = Level::kPass;
+  double side_px = 0;  ///< uncertainty at the image's sides; NaN: cannot be said
+  double folded = 0;   ///< share of the image
+};
+BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, double need_px);
+/// "31.8 px uncertain at the image's sides", "folded in 12 % of the image".
+std::string ToString(const BeyondBoards& beyond);
+
+/// The lens to take for `chosen`: of those that held-out boards do not tell from the best (`near`, one flag a candidate), the
+/// simplest that passes better where no board was. `chosen` itself where none does. `note` then says which simpler lens comes
+/// nearest, or why the other was taken.
+int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<bool>& near, int chosen,
+                const BundleOptions& options, double need_px, std::string* note);
+
+}  // namespace mvstudio::calib

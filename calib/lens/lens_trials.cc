@@ -1,0 +1,214 @@
+#include "calib/lens/lens_trials.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "calib/bundle/camera_noise.h"
+#include "calib/lens/lens_configs.h"
+#include "calib/lens/lens_judge.h"
+#include "calib/lens/smooth_error.h"
+#include "core/choice/heldout_choice.h"
+#include "core/parallel.h"
+
+namespace mvstudio::calib {
+namespace {
+
+constexpr int kManyCorners = 5000, kFewFolds = 3;  // large problems lose little by fewer folds
+constexpr double kSureLoss = 0.02, kSureStandardErrors = 2;
+constexpr double kAtNoise = 1.02;  // residuals over those that are not smooth over the boards
+
+bool Fitted(const LensCandidate& candidate) {
+  return candidate.fit.status == Status::kOk || candidate.fit.status == Status::kNotConverged;
+}
+
+int NumParams(const LensCandidate& candidate) {
+  return NumLensParams(candidate.config, static_cast<int>(candidate.fit.state.cameras.size()));
+}
+
+bool IsGrid(const LensConfig& config) { return config.model == geometry::LensModel::kSplined; }
+
+/// Kannala and Brandt's lens stands for its family whatever it gains (JudgeLenses).
+bool IsStandard(const LensConfig& config) {
+  return config.model == geometry::LensModel::kKannalaBrandt4 || config.model == geometry::LensModel::kKannalaBrandt4P;
+}
+
+/// Errors on the very boards of the fit, px, of all corners that held-out errors count.
+std::vector<std::vector<double>> OwnErrors(const LensPool& fit) {
+  const std::vector<Eigen::VectorXd> distances = CornerDistances(fit.views, fit.state);
+  std::vector<std::vector<double>> errors(fit.views.size());
+  for (size_t v = 0; v < fit.views.size(); ++v) {
+    for (Eigen::Index k = 0; k < distances[v].size(); ++k) {
+      if (fit.prior[v][k] > 0) errors[v].push_back(distances[v][k]);
+    }
+  }
+  return errors;
+}
+
+/// Whether the candidate's residuals on its own boards already exceed the held-out errors of `best`.
+bool LosesSurely(const LensCandidate& candidate, const LensCandidate& best) {
+  const std::vector<double> medians = BestMedians({best}, static_cast<int>(best.fit.state.cameras.size()));
+  const std::vector<double> of_best = ClusterScores(best.fit, best.holdout.view_errors_px, medians);
+  const std::vector<double> own = ClusterScores(candidate.fit, OwnErrors(candidate.fit), medians);
+  const UnitMean worse_by = DifferenceOverUnits(own, of_best);
+  const double loss = MeanLoss(of_best);
+  return worse_by.num_units > 1 && worse_by.mean > 2 * kSureLoss * loss &&
+         worse_by.mean > kSureStandardErrors * worse_by.standard_error;
+}
+
+/// How much more of the boards' residuals the candidate explains, in variances of a coordinate.
+double GainOver(const LensCandidate& candidate, const LensCandidate& best, double sigma_px) {
+  const std::vector<double> a = ClusterSquares(best.fit, sigma_px), b = ClusterSquares(candidate.fit, sigma_px);
+  return std::accumulate(a.begin(), a.end(), 0.0) - std::accumulate(b.begin(), b.end(), 0.0);
+}
+
+bool CanWin(const LensCandidate& candidate, const LensCandidate& best, double sigma_px) {
+  if (LosesSurely(candidate, best)) return false;
+  const int more = NumParams(candidate) - NumParams(best);
+  return more <= 0 || IsStandard(candidate.config) || GainOver(candidate, best, sigma_px) > more;
+}
+
+/// Whether a smoother lens could still explain something: what varies smoothly over a board, in any camera. Boards of few
+/// corners do not say.
+bool LeavesSmoothErrors(const LensPool& fit) {
+  const auto residuals = BundleResiduals(fit.views, fit.state);
+  const std::vector<double> sigmas =
+      CameraSigmas(fit.views, fit.prior, fit.bundle.sigma_px, static_cast<int>(fit.state.cameras.size()));
+  for (size_t c = 0; c < fit.state.cameras.size(); ++c) {
+    const double noise = SmoothErrorPx(fit.views, residuals, static_cast<int>(c));
+    if (!(std::sqrt(2.0) * sigmas[c] <= kAtNoise * noise)) return true;
+  }
+  return false;
+}
+
+class Trials {
+ public:
+  Trials(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run)
+      : pool_(pool), options_(options), bundle_(bundle), run_(run) {
+    bundle_.num_threads = 1;
+  }
+
+  /// Fits them, appended in order; those without a solution are left out.
+  std::vector<size_t> Fit(const std::vector<LensConfig>& configs) {
+    std::vector<LensCandidate> fits(configs.size());
+    ParallelFor(static_cast<int64_t>(configs.size()), run_.num_threads, [&](int64_t i) {
+      fits[static_cast<size_t>(i)] = FitCandidate(pool_, configs[static_cast<size_t>(i)], bundle_);
+    });
+    std::vector<size_t> added;
+    for (LensCandidate& fit : fits) {
+      if (!Fitted(fit)) continue;
+      added.push_back(candidates_.size());
+      candidates_.push_back(std::move(fit));
+      held_out_.push_back(false);
+    }
+    return added;
+  }
+
+  void HoldOutThese(const std::vector<size_t>& indices) {
+    ParallelFor(static_cast<int64_t>(indices.size()), run_.num_threads,
+                [&](int64_t i) { HoldOut(options_, bundle_, &candidates_[indices[static_cast<size_t>(i)]]); });
+    for (const size_t i : indices) held_out_[i] = true;
+  }
+
+  /// Of those that are not held out yet, the ones that can win against `best`.
+  std::vector<size_t> Hopeful(const std::vector<size_t>& of, size_t best) const {
+    const double sigma_px = SmallestSigma(candidates_);
+    std::vector<size_t> hopeful;
+    for (const size_t i : of) {
+      if (!held_out_[i] && CanWin(candidates_[i], candidates_[best], sigma_px)) hopeful.push_back(i);
+    }
+    return hopeful;
+  }
+
+  /// The one with the smallest held-out error.
+  size_t Best() const {
+    std::vector<LensCandidate> scored;
+    size_t best = 0;
+    double smallest = std::numeric_limits<double>::infinity();
+    const std::vector<double> medians = BestMedians(candidates_, static_cast<int>(pool_.state.cameras.size()));
+    for (size_t i = 0; i < candidates_.size(); ++i) {
+      if (!held_out_[i] || candidates_[i].holdout.status != Status::kOk) continue;
+      const double loss = MeanLoss(ClusterScores(candidates_[i].fit, candidates_[i].holdout.view_errors_px, medians));
+      if (loss < smallest) smallest = loss, best = i;
+    }
+    return best;
+  }
+
+  const std::vector<LensCandidate>& candidates() const { return candidates_; }
+
+  std::vector<LensCandidate> Take() {
+    std::vector<LensCandidate> taken;
+    for (size_t i = 0; i < candidates_.size(); ++i) {
+      if (held_out_[i] && candidates_[i].holdout.status == Status::kOk) taken.push_back(std::move(candidates_[i]));
+    }
+    std::stable_sort(taken.begin(), taken.end(),
+                     [](const LensCandidate& a, const LensCandidate& b) { return NumParams(a) < NumParams(b); });
+    return taken;
+  }
+
+ private:
+  const LensPool& pool_;
+  SelectionOptions options_;
+  BundleOptions bundle_;
+  RunContext run_;
+  std::vector<LensCandidate> candidates_;
+  std::vector<bool> held_out_;
+};
+
+/// Grids from coarse to fine, shared like the best lens, until a finer one explains no more than its numbers cost.
+void TryGrids(const std::vector<LensConfig>& grids, Trials* trials) {
+  size_t best = trials->Best();
+  if (!LeavesSmoothErrors(trials->candidates()[best].fit)) return;
+  double before = std::numeric_limits<double>::infinity();
+  for (const LensConfig& grid : grids) {
+    if (grid.shared != trials->candidates()[best].config.shared) continue;
+    const std::vector<size_t> fitted = trials->Fit({grid});
+    if (fitted.empty()) return;
+    const LensCandidate& fit = trials->candidates()[fitted[0]];
+    if (!(fit.fit.bundle.sigma_px < before)) return;
+    before = fit.fit.bundle.sigma_px;
+    trials->HoldOutThese(trials->Hopeful(fitted, best));
+    const size_t now = trials->Best();
+    if (now == best && IsGrid(trials->candidates()[best].config)) return;
+    best = now;
+  }
+}
+
+}  // namespace
+
+LensCandidate FitCandidate(const LensPool& pool, const LensConfig& config, const BundleOptions& bundle) {
+  LensCandidate candidate;
+  candidate.config = config;
+  candidate.fit = FitPool(pool, config, bundle);
+  candidate.holdout.status = candidate.fit.status;
+  candidate.holdout.view_errors_px.resize(pool.views.size());
+  return candidate;
+}
+
+void HoldOut(const SelectionOptions& options, const BundleOptions& bundle, LensCandidate* candidate) {
+  if (!Fitted(*candidate)) return;
+  const int folds = LargestNumCorners(candidate->fit) > kManyCorners ? std::min(options.folds, kFewFolds) : options.folds;
+  candidate->holdout = HoldoutErrors(candidate->fit, folds, options.max_views, bundle);
+}
+
+std::vector<LensCandidate> TryLenses(const LensPool& pool, const std::vector<LensConfig>& configs,
+                                     const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
+  std::vector<LensConfig> formulas, grids;
+  for (const LensConfig& config : configs) (IsGrid(config) ? grids : formulas).push_back(config);
+  Trials trials(pool, options, bundle, run);
+  const bool asked = formulas.empty() || !options.models.empty();
+  const std::vector<size_t> fitted = trials.Fit(asked ? configs : formulas);
+  if (fitted.empty()) return {};
+  if (asked) {
+    trials.HoldOutThese(fitted);
+    return trials.Take();
+  }
+  const int first = std::max(0, CheapestByEvidence(trials.candidates()));
+  trials.HoldOutThese({static_cast<size_t>(first)});
+  trials.HoldOutThese(trials.Hopeful(fitted, static_cast<size_t>(first)));
+  if (!grids.empty()) TryGrids(grids, &trials);
+  return trials.Take();
+}
+
+}  // namespace mvstudio::calib
