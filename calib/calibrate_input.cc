@@ -23,13 +23,16 @@ void NormalizeWeights(std::vector<View>* views) {
 }
 
 /// Turns views whose poses are known; counts them by camera.
-void TurnSome(const Eigen::Matrix3Xd& board, std::vector<View>* views, std::vector<geometry::Rigid3>* poses,
+void TurnSome(const Board& board, std::vector<View>* views, std::vector<geometry::Rigid3>* poses,
               std::vector<TurnedCamera>* counts) {
-  const std::vector<bool> turned = FindTurnedViews(*views, *poses);
-  TurnViews(board, turned, views, poses);
+  Board points = board;  // corner files may number a chessboard against its colours
+  if (board.kind == Board::Kind::kChessboard) points.kind = Board::Kind::kGrid;
+  const Eigen::Matrix3Xd corners = CornersInBoard(board);
+  const std::vector<int> turned = FindTurnedViews(corners, NumLikeTurns(points), *views, *poses);
+  TurnViews(corners, turned, views, poses);
   for (size_t v = 0; v < views->size(); ++v) {
     TurnedCamera& count = (*counts)[static_cast<size_t>((*views)[v].camera_idx)];
-    count.num_turned += turned[v], ++count.num_views;
+    count.num_turned += turned[v] != 0, ++count.num_views;
   }
 }
 
@@ -40,9 +43,9 @@ bool ShowsBack(const CalibrateInput& input, const View& view) {
 }  // namespace
 
 void TurnNumbering(const CalibrateInput& input, Work* work, CalibrateReport* report) {
-  const Board::Kind kind = input.boards[0].kind;
-  if (input.boards.size() > 1 || (kind != Board::Kind::kChessboard && kind != Board::Kind::kGrid)) return;
-  const Eigen::Matrix3Xd board = CornersInBoard(input.boards[0]);
+  const Board& board = input.boards[0];
+  const bool in_rows = board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kGrid || board.is_round();
+  if (input.boards.size() > 1 || !in_rows) return;
   std::vector<TurnedCamera> counts;
   for (const CameraInput& camera : input.cameras) counts.push_back({camera.name});
   TurnSome(board, &work->views, &work->cam_from_board, &counts);

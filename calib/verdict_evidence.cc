@@ -242,7 +242,7 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
   }
   for (const TurnedCamera& camera : report.turned)
     out->Warn("CAL-NUMBERING",
-              Format("camera %s numbers the board's corners from the other end in %d of %d views; they were turned round",
+              Format("camera %s numbers the board's corners from another end in %d of %d views; they were turned round",
                      camera.camera.c_str(), camera.num_turned, camera.num_views),
               "use a board with an odd and an even number of corners, or one with markers");
   for (const NumberingFault& fault : report.numbering)

@@ -30,16 +30,20 @@ struct Grid {
   double step = 0;
 };
 
+Grid NoGrid() {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  return {Eigen::Vector2d::Constant(kInfinity), Eigen::Vector2d::Constant(-kInfinity), kInfinity};
+}
+
+void Widen(const Eigen::Matrix3Xd& x_in_board, Grid* grid) {
+  const Eigen::Matrix2Xd xy = x_in_board.topRows<2>();
+  grid->low = grid->low.cwiseMin(xy.rowwise().minCoeff()), grid->high = grid->high.cwiseMax(xy.rowwise().maxCoeff());
+  for (Eigen::Index i = 0; i + 1 < xy.cols(); ++i) grid->step = std::min(grid->step, (xy.col(i + 1) - xy.col(i)).norm());
+}
+
 Grid GridOf(const std::vector<View>& views) {
-  Grid grid;
-  grid.low.setConstant(std::numeric_limits<double>::infinity());
-  grid.high = -grid.low;
-  grid.step = std::numeric_limits<double>::infinity();
-  for (const View& view : views) {
-    const Eigen::Matrix2Xd xy = view.x_in_board.topRows<2>();
-    grid.low = grid.low.cwiseMin(xy.rowwise().minCoeff()), grid.high = grid.high.cwiseMax(xy.rowwise().maxCoeff());
-    for (Eigen::Index i = 0; i + 1 < xy.cols(); ++i) grid.step = std::min(grid.step, (xy.col(i + 1) - xy.col(i)).norm());
-  }
+  Grid grid = NoGrid();
+  for (const View& view : views) Widen(view.x_in_board, &grid);
   return grid;
 }
 
@@ -49,16 +53,25 @@ struct Hypothesis {
   Rigid3 renumber;
 };
 
-/// About the middle of a board whose least and greatest coordinates sum up to `ends`.
-Rigid3 HalfTurn(const Eigen::Vector2d& ends) {
+/// By `quarters` quarter turns about the middle of a board whose least and greatest coordinates sum up to `ends`.
+Rigid3 Turn(const Eigen::Vector2d& ends, int quarters) {
+  const Eigen::Vector3d middle(ends.x() / 2, ends.y() / 2, 0);
   Rigid3 turn;
-  turn.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0, kPi));
-  turn.translation << ends, 0;
+  turn.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0, quarters * kPi / 2));
+  turn.translation = middle - turn.rotation * middle;
   return turn;
 }
 
+bool IsSquare(const Grid& grid) {
+  const Eigen::Vector2d extent = grid.high - grid.low;
+  return std::abs(extent.x() - extent.y()) < 1e-6 * grid.step;
+}
+
 std::vector<Hypothesis> Hypotheses(const Grid& grid) {
-  std::vector<Hypothesis> all = {{"turned by half a turn", HalfTurn(grid.low + grid.high)}};
+  std::vector<Hypothesis> all = {{"turned by half a turn", Turn(grid.low + grid.high, 2)}};
+  if (IsSquare(grid)) {
+    for (const int quarters : {1, 3}) all.push_back({"turned by a quarter turn", Turn(grid.low + grid.high, quarters)});
+  }
   const auto shift = [&](const char* what, double columns, double rows) {
     Rigid3 by;
     by.translation << grid.step * columns, grid.step * rows, 0;
@@ -141,35 +154,44 @@ std::vector<int> Culprits(const std::vector<PairFault>& faults, const std::map<i
 /// A frame that two cameras share.
 struct SharedFrame {
   size_t a = 0, b = 0;  ///< views
-  int turned = -1;      ///< 1: they number the board from different ends, 0: from the same; -1: cannot be said
+  int turn = -1;  ///< of the likenesses of the board, the one by which b's numbering is turned against a's; -1: cannot be said
 };
 
-/// Distances of the boards from where a relative pose puts them: as numbered, and with one of the two turned.
-struct TurnDistances {
-  double same = 0, turned = 0;
-  double least() const { return std::min(same, turned); }
-};
+/// The likenesses of a board: the turns after which it looks the same, the first of them none.
+using Turns = std::vector<Rigid3>;
+
+/// Distances of a board from where a relative pose puts it, one for each likeness.
+using TurnDistances = std::vector<double>;
 
 std::vector<TurnDistances> DistancesFor(const Rigid3& a_from_b, const std::vector<SharedFrame>& frames,
-                                        const std::vector<Rigid3>& poses, const Rigid3& turn, const Grid& grid) {
+                                        const std::vector<Rigid3>& poses, const Turns& turns, const Grid& grid) {
   std::vector<TurnDistances> distances;
   for (const SharedFrame& frame : frames) {
     const Rigid3 from_b = a_from_b * poses[frame.b];
-    distances.push_back({Apart(poses[frame.a], from_b, grid), Apart(poses[frame.a] * turn, from_b, grid)});
+    TurnDistances& apart = distances.emplace_back();
+    for (const Rigid3& turn : turns) apart.push_back(Apart(poses[frame.a] * turn, from_b, grid));
   }
   return distances;
 }
 
 double MedianOfLeast(const std::vector<TurnDistances>& distances) {
   std::vector<double> least;
-  for (const TurnDistances& d : distances) least.push_back(d.least());
+  for (const TurnDistances& d : distances) least.push_back(*std::min_element(d.begin(), d.end()));
   return UpperMedian(std::move(least));
 }
 
+/// The likeness that brings the board clearly nearer than every other; -1: none.
+int ClearTurn(const TurnDistances& distances) {
+  const auto best = std::min_element(distances.begin(), distances.end());
+  bool clear = *best < kMaxMended;
+  for (auto other = distances.begin(); other != distances.end(); ++other) clear &= other == best || kClear * *best < *other;
+  return clear ? static_cast<int>(best - distances.begin()) : -1;
+}
+
 /// The frames that two cameras share, with what the relative pose that most of them agree on says. Frames as they are
-/// numbered come first: a board that does not move agrees with either.
+/// numbered come first: a board that does not move agrees with any.
 std::vector<SharedFrame> CompareTurns(const std::map<int, size_t>& views_a, const std::map<int, size_t>& views_b,
-                                      const std::vector<Rigid3>& poses, const Grid& grid) {
+                                      const std::vector<Rigid3>& poses, const Turns& turns, const Grid& grid) {
   constexpr size_t kMinFrames = 3, kCandidates = 20;
   std::vector<SharedFrame> frames;
   for (const auto& [frame, a] : views_a) {
@@ -177,93 +199,113 @@ std::vector<SharedFrame> CompareTurns(const std::map<int, size_t>& views_a, cons
     if (b != views_b.end()) frames.push_back({a, b->second, -1});
   }
   if (frames.size() < kMinFrames) return {};
-  const Rigid3 turn = HalfTurn(grid.low + grid.high), none;
   std::vector<TurnDistances> best;
   double median = std::numeric_limits<double>::infinity();
-  for (const Rigid3& by : {none, turn}) {
+  for (const Rigid3& by : turns) {
     const double limit = median / (best.empty() ? 1 : kClear);
     const size_t count = std::min(kCandidates, frames.size());
     for (size_t i = 0; i < count; ++i) {
       const SharedFrame& frame = frames[i * frames.size() / count];
-      auto distances = DistancesFor(poses[frame.a] * by * Inverse(poses[frame.b]), frames, poses, turn, grid);
+      auto distances = DistancesFor(poses[frame.a] * by * Inverse(poses[frame.b]), frames, poses, turns, grid);
       const double at = MedianOfLeast(distances);
       if (at < std::min(limit, median)) median = at, best = std::move(distances);
     }
   }
   if (!(median < kMaxMended)) return {};
-  for (size_t i = 0; i < frames.size(); ++i) {
-    const TurnDistances& d = best[i];
-    const bool clear = d.least() < kMaxMended && kClear * d.least() < std::max(d.same, d.turned);
-    if (clear) frames[i].turned = d.turned < d.same;
-  }
+  for (size_t i = 0; i < frames.size(); ++i) frames[i].turn = ClearTurn(best[i]);
   return frames;
 }
 
-/// The views of one frame that are linked to `first`, with 1 for those that are numbered from the other end than it; empty
-/// when the links contradict each other.
-std::map<size_t, int> LinkedTo(size_t first, const std::vector<SharedFrame>& links) {
+/// The views of one frame that are linked to `first`, with the likeness that brings each to its numbering; empty when the
+/// links contradict each other.
+std::map<size_t, int> LinkedTo(size_t first, const std::vector<SharedFrame>& links, int num_turns) {
   std::map<size_t, int> ends = {{first, 0}};
   for (bool grown = true; grown;) {
     grown = false;
     for (const SharedFrame& link : links) {
-      if (link.turned < 0) continue;
+      if (link.turn < 0) continue;
       const auto a = ends.find(link.a), b = ends.find(link.b);
-      if (a != ends.end() && b != ends.end() && (a->second ^ b->second) != link.turned) return {};
+      if (a != ends.end() && b != ends.end() && (a->second - b->second + num_turns) % num_turns != link.turn) return {};
       if ((a == ends.end()) == (b == ends.end())) continue;
       grown = true;
-      a == ends.end() ? ends[link.a] = b->second ^ link.turned : ends[link.b] = a->second ^ link.turned;
+      if (a == ends.end()) {
+        ends[link.a] = (b->second + link.turn) % num_turns;
+      } else {
+        ends[link.b] = (a->second - link.turn + num_turns) % num_turns;
+      }
     }
   }
   return ends;
 }
 
-/// Of the views of one frame, the fewer that are numbered from one end; the later camera's where they are as many.
-void MarkTurned(const std::vector<View>& views, const std::vector<SharedFrame>& links, std::vector<bool>* turned) {
+/// The numbering of most of the views; of the first camera where there are as many.
+int CommonEnd(const std::map<size_t, int>& ends, int num_turns) {
+  std::vector<int> count(static_cast<size_t>(num_turns), 0);
+  for (const auto& [view, end] : ends) ++count[static_cast<size_t>(end)];
+  return static_cast<int>(std::max_element(count.begin(), count.end()) - count.begin());
+}
+
+/// Turns the views of one frame to the numbering of most of them.
+void MarkTurned(const std::vector<View>& views, const std::vector<SharedFrame>& links, int num_turns,
+                std::vector<int>* turned) {
   std::map<int, size_t> by_camera;
   for (const SharedFrame& link : links)
     by_camera[views[link.a].camera_idx] = link.a, by_camera[views[link.b].camera_idx] = link.b;
   std::set<size_t> done;
   for (const auto& [camera, view] : by_camera) {
-    if (done.count(view) > 0) continue;
-    const std::map<size_t, int> ends = LinkedTo(view, links);
-    size_t others = 0;
-    for (const auto& [linked, end] : ends) others += static_cast<size_t>(end), done.insert(linked);
-    const int fewer = 2 * others > ends.size() ? 0 : 1;
-    for (const auto& [linked, end] : ends) (*turned)[linked] = end == fewer;
-    done.insert(view);
+    if (!done.insert(view).second) continue;
+    const std::map<size_t, int> ends = LinkedTo(view, links, num_turns);
+    const int common = CommonEnd(ends, num_turns), quarters = 4 / num_turns;
+    for (const auto& [linked, end] : ends) {
+      (*turned)[linked] = quarters * ((end - common + num_turns) % num_turns);
+      done.insert(linked);
+    }
   }
 }
 
 }  // namespace
 
-std::vector<bool> FindTurnedViews(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board) {
-  std::vector<bool> turned(views.size(), false);
-  if (views.empty()) return turned;
-  const Grid grid = GridOf(views);
+std::vector<int> FindTurnedViews(const Eigen::Matrix3Xd& board, int num_turns, const std::vector<View>& views,
+                                 const std::vector<Rigid3>& cam_from_board) {
+  std::vector<int> turned(views.size(), 0);
+  if (views.empty() || num_turns < 2) return turned;
+  Grid grid = NoGrid();
+  Widen(board, &grid);
   if (!(grid.step > 0) || !std::isfinite(grid.step)) return turned;
+  Turns turns;
+  for (int k = 0; k < num_turns; ++k) turns.push_back(Turn(grid.low + grid.high, k * 4 / num_turns));
   std::map<int, std::map<int, size_t>> of_camera;  // camera -> frame -> view
   for (size_t v = 0; v < views.size(); ++v) of_camera[views[v].camera_idx][views[v].frame] = v;
   std::map<int, std::vector<SharedFrame>> of_frame;
   for (auto a = of_camera.begin(); a != of_camera.end(); ++a) {
     for (auto b = std::next(a); b != of_camera.end(); ++b) {
-      for (const SharedFrame& shared : CompareTurns(a->second, b->second, cam_from_board, grid))
+      for (const SharedFrame& shared : CompareTurns(a->second, b->second, cam_from_board, turns, grid))
         of_frame[views[shared.a].frame].push_back(shared);
     }
   }
-  for (const auto& [frame, shared] : of_frame) MarkTurned(views, shared, &turned);
+  for (const auto& [frame, shared] : of_frame) MarkTurned(views, shared, num_turns, &turned);
   return turned;
 }
 
-void TurnViews(const Eigen::Matrix3Xd& board, const std::vector<bool>& turned, std::vector<View>* views,
+int TurnedCorner(int id, int num_corners, int quarters) {
+  if (quarters % 2 == 0) return quarters == 0 ? id : num_corners - 1 - id;
+  const int side = static_cast<int>(std::lround(std::sqrt(num_corners)));
+  const int row = id / side, col = id % side;
+  return quarters == 1 ? (side - 1 - col) * side + row : col * side + side - 1 - row;
+}
+
+void TurnViews(const Eigen::Matrix3Xd& board, const std::vector<int>& turned, std::vector<View>* views,
                std::vector<Rigid3>* cam_from_board) {
-  Eigen::Vector2d ends = board.topRows<2>().rowwise().minCoeff() + board.topRows<2>().rowwise().maxCoeff();
-  Rigid3 turn = HalfTurn(ends);
+  const Eigen::Vector2d ends = board.topRows<2>().rowwise().minCoeff() + board.topRows<2>().rowwise().maxCoeff();
   for (size_t v = 0; v < views->size(); ++v) {
-    if (!turned[v]) continue;
+    if (turned[v] == 0) continue;
     View& view = (*views)[v];
-    for (int& id : view.corner_ids) id = static_cast<int>(board.cols()) - 1 - id;
-    view.x_in_board.topRows<2>() = (-view.x_in_board.topRows<2>()).colwise() + ends;
-    (*cam_from_board)[v] = (*cam_from_board)[v] * turn;
+    for (size_t i = 0; i < view.corner_ids.size(); ++i) {
+      int& id = view.corner_ids[i];
+      id = TurnedCorner(id, static_cast<int>(board.cols()), turned[v]);
+      view.x_in_board.col(static_cast<Eigen::Index>(i)) = board.col(id);
+    }
+    (*cam_from_board)[v] = (*cam_from_board)[v] * Turn(ends, turned[v]);
   }
 }
 
