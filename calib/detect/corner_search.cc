@@ -100,7 +100,8 @@ bool Orient(const Board& board, const Image& grey, Grid* grid) {
   const auto rightward = [](const Grid& g) { return (g.At(g.cols - 1, 0) - g.At(0, 0)).normalized().x(); };
   std::vector<Grid> fitting;
   for (const Grid& turned : turns) {
-    if (Brighter(board, grey, turned) >= 0) fitting.push_back(turned);
+    const double brighter = Brighter(board, grey, turned);
+    if (board.inverted ? brighter <= 0 : brighter >= 0) fitting.push_back(turned);
   }
   const std::vector<Grid>& chosen = fitting.empty() ? turns : fitting;
   *grid = *std::max_element(chosen.begin(), chosen.end(),

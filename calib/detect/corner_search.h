@@ -22,7 +22,6 @@ struct ChessboardFind {
   std::vector<CornerGuess> guesses;
   bool exchanged = false;  ///< in no turn the squares have the board's colours: black and white are exchanged
 };
-/// `grey` shows the colours of IsBlack.
 ChessboardFind SearchChessboard(const Board& board, const Image& grey, ChessboardSearch how);
 
 /// Markers or tags found in an image.

@@ -109,9 +109,13 @@ std::vector<BoardDetection> DetectLayouts(const Board& board, const DetectOption
 /// One result for each of the board's layouts.
 std::vector<BoardDetection> DetectChessboard(const Board& board, const DetectOptions& options, MarkedImage* image) {
   const std::vector<Board> layouts = LayoutsOf(board);
-  const Image& grey = image->For(board);
-  const ChessboardFind found =
-      SearchChessboard(board, grey, options.detector == Detector::kExact ? ChessboardSearch::kExact : ChessboardSearch::kFast);
+  const bool exact = options.detector == Detector::kExact;
+  ChessboardFind found = SearchChessboard(board, image->grey(), exact ? ChessboardSearch::kExact : ChessboardSearch::kFast);
+  if (found.guesses.empty() && exact) {  // light squares that run into a light ground
+    Board inverted = board, exchanged = board;
+    inverted.inverted = true, exchanged.inverted = !board.inverted;
+    found = SearchChessboard(exchanged, image->For(inverted), ChessboardSearch::kExact);
+  }
   std::vector<BoardDetection> result(layouts.size(), NotDetected(Status::kTooFewViews, "no chessboard found"));
   if (!found.guesses.empty()) {
     const size_t fitting = found.exchanged ? 1 : 0;
