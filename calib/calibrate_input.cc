@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <map>
 #include <numeric>
 #include <set>
 #include <tuple>
@@ -33,29 +34,34 @@ bool ShowsBack(const CalibrateInput& input, const View& view) {
 }  // namespace
 
 void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report) {
-  if (!CanBeTurned(input->boards)) return;
+  const int num_turns = NumNumberings(input->boards);
+  if (num_turns < 2) return;
+  const Eigen::Matrix3Xd board = CornersInBoard(input->boards[0]);
   std::vector<View> views = work->views;
   std::vector<geometry::Rigid3> poses = work->cam_from_board;
   for (const View& view : work->held_out) {
     views.push_back(view);
     poses.push_back(ResectPlane(work->state.cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
   }
-  const std::vector<bool> turned = FindTurnedViews(views, poses);
-  TurnViews(CornersInBoard(input->boards[0]), turned, &views, &poses);
+  const std::vector<int> turned = FindTurnedViews(board, num_turns, views, poses);
+  TurnViews(board, turned, &views, &poses);
   const auto kept = static_cast<std::ptrdiff_t>(work->views.size());
   work->views.assign(views.begin(), views.begin() + kept), work->held_out.assign(views.begin() + kept, views.end());
   work->cam_from_board.assign(poses.begin(), poses.begin() + kept);
-  std::set<std::pair<int, int64_t>> seen;  // by camera and frame
+  std::map<std::pair<int, int64_t>, int> seen;  // by camera and frame: quarter turns
   for (const CameraInput& camera : input->cameras) report->turned.push_back({camera.name});
   for (size_t v = 0; v < views.size(); ++v) {
     TurnedCamera& count = report->turned[static_cast<size_t>(views[v].camera_idx)];
-    count.num_turned += turned[v], ++count.num_views;
-    if (turned[v]) seen.insert({views[v].camera_idx, work->frames[static_cast<size_t>(views[v].frame)]});
+    count.num_turned += turned[v] != 0, ++count.num_views;
+    if (turned[v] != 0) seen[{views[v].camera_idx, work->frames[static_cast<size_t>(views[v].frame)]}] = turned[v];
   }
   const auto none = [](const TurnedCamera& camera) { return camera.num_turned == 0; };
   report->turned.erase(std::remove_if(report->turned.begin(), report->turned.end(), none), report->turned.end());
-  std::vector<bool> detections;
-  for (const Detection& d : input->detections) detections.push_back(seen.count({d.camera_idx, d.frame_idx}) > 0);
+  std::vector<int> detections;
+  for (const Detection& d : input->detections) {
+    const auto found = seen.find({d.camera_idx, d.frame_idx});
+    detections.push_back(found == seen.end() ? 0 : found->second);
+  }
   TurnDetections(detections, input);
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/board/print.h"
+
 namespace mvstudio::synth {
 namespace {
 
@@ -15,7 +17,7 @@ constexpr float kInk = 18, kPaper = 222;  // grey levels, so that nothing satura
 
 BoardPainter::BoardPainter(const calib::Board& board)
     : board_(board), print_(calib::DrawBoard(board, kPxPerSquare, kMarginSquares)), px_per_m_(kPxPerSquare / board.square_m) {
-  low_m_ = Eigen::Vector2d::Constant(-(1 + kMarginSquares) * board.square_m);
+  low_m_ = calib::PrintOf(board).low_m - Eigen::Vector2d::Constant(kMarginSquares * board.square_m);
   high_m_ = low_m_ + Eigen::Vector2d(print_.width, print_.height) / px_per_m_;
 }
 

@@ -145,7 +145,7 @@ geometry::Rigid3 BoardPose(const calib::Board& board, int frame_idx, int num_fra
   Vector3d place(2.2 * s(4, 1.7 * t), 2.2 * s(5, 1.7 * t), 0);
   place *= std::min(1.0, 1.05 / std::max(1e-9, place.norm()));
   place[2] = 1.05 + std::clamp(1.4 * s(6, 1.7 * t), -0.45, 0.55);
-  const Vector3d middle(0.5 * (board.cols - 1) * board.square_m, 0.5 * (board.rows - 1) * board.square_m, 0);
+  const Vector3d middle(0.5 * (board.cols - 1) * board.square_m, 0.5 * (board.rows - 1) * board.row_step(), 0);
   return {world_from_board.normalized(), place - world_from_board.normalized() * middle};
 }
 

@@ -10,7 +10,7 @@ namespace mvstudio::app {
 namespace {
 
 calib::Footage OpenOne(const std::string& name, const std::string& path) {
-  const std::shared_ptr<dataset::FrameSource> source = dataset::OpenFrames(path, {false, true});
+  const std::shared_ptr<dataset::FrameSource> source = dataset::OpenFrames(path, {false, true, true});
   calib::Footage footage;
   footage.camera = name;
   footage.path = path;

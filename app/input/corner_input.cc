@@ -6,6 +6,7 @@
 #include "app/input/board_pairing.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "core/some_of.h"
 
 namespace mvstudio::app {
 namespace {
@@ -62,6 +63,25 @@ void RequireDistinct(const std::vector<calib::Board>& boards) {
   }
 }
 
+/// Images without a board, where they are more than a tenth.
+void SayUnused(const calib::FootageDetections& camera, CommandResult* result) {
+  constexpr size_t kMostNamed = 8;
+  size_t count = 0;
+  std::vector<std::string> parts;
+  for (const auto& [reason, steps] : camera.unused) {
+    if (steps.empty()) continue;
+    count += steps.size();
+    std::vector<std::string> names;
+    for (const int64_t step : steps) names.push_back(std::to_string(step));
+    parts.push_back(reason + ": " + SomeOf(names, kMostNamed));
+  }
+  if (!camera.failure.empty() || 10 * count <= static_cast<size_t>(camera.num_images)) return;
+  result->warnings.push_back({"CAL-UNUSED",
+                              "camera " + camera.camera.name + ": " + std::to_string(count) + " of " +
+                                  std::to_string(camera.num_images) + " images are not used (" + Join(parts, "; ") + ")",
+                              "look at some of them: the board whole, sharp and large enough"});
+}
+
 CornerInput Detect(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
   if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
   const std::vector<calib::Board>& boards = arguments.boards;
@@ -70,13 +90,17 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
   if (arguments.timeline) PairByTime(*arguments.timeline, &footage, result);
   MarkMirrored(arguments.mirrored, &footage);
   for (const calib::Board& board : boards) {
-    if (calib::HasUniqueNumbering(board) || footage.size() < 2) continue;
-    result->warnings.push_back({"CAL-AMBIGUOUS", "the board " + calib::ToString(board) + " looks the same after half a turn",
-                                "use a chessboard with one odd and one even number of corners, or ChArUco"});
+    const int turns = calib::NumLikeTurns(board);
+    if (turns == 1 || footage.size() * boards.size() < 2) continue;
+    result->warnings.push_back(
+        {"CAL-AMBIGUOUS",
+         "the board " + calib::ToString(board) + " looks the same after " + (turns == 4 ? "a quarter turn" : "half a turn"),
+         "use a chessboard with one odd and one even number of corners, or ChArUco"});
   }
   CornerInput corners;
   corners.found = calib::DetectFootage(boards, footage, arguments.footage, run);
   for (const calib::FootageDetections& camera : corners.found) {
+    SayUnused(camera, result);
     for (const std::string& note : camera.notes) {
       result->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
     }

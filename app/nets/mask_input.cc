@@ -22,9 +22,6 @@ namespace {
 
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-/// -1: none.
-int NumberOfName(const std::string& path) { return static_cast<int>(dataset::NumberInName(path).value_or(-1)); }
-
 /// The camera as its footage shows it.
 geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::RigCamera& camera, const MaskCamera& taken,
                               const std::map<int, People>& poses, CommandResult* result) {
@@ -164,9 +161,11 @@ std::vector<MaskBackend> MaskBackends(const MaskArguments& arguments, CommandRes
 TruthScore CompareWithTruth(const std::string& truth, const std::string& folder, const std::string& camera) {
   TruthScore score;
   std::map<int, std::string> exact;
-  for (const std::string& path : FilesMatching(truth)) exact[NumberOfName(path)] = path;
+  const std::vector<std::string> files = FilesMatching(truth);
+  const std::vector<int64_t> numbers = dataset::NumberFrames(truth, files).numbers;
+  for (size_t i = 0; i < files.size(); ++i) exact[static_cast<int>(numbers[i])] = files[i];
   if (exact.empty()) throw IoError(truth, "no exact mask is there");
-  score.masks = dataset::MeaningOfMasks(FilesMatching(truth));
+  score.masks = dataset::MeaningOfMasks(files);
   for (const auto& [frame, path] : exact) {
     const std::string own = MaskPath(folder, camera, frame);
     if (!fs::exists(own)) {

@@ -48,7 +48,7 @@ std::vector<Person2d> Poses(const std::vector<detect::TrackedPerson>& people) {
 void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, const PoseBackend& backend,
                   const std::function<void()>& on_frame, CameraPoses* camera) {
   const Instants instants(footage);
-  const std::unique_ptr<dataset::FrameSource> source = dataset::OpenFrames(footage.path, {true});
+  const std::unique_ptr<dataset::FrameSource> source = dataset::OpenFrames(footage.path, {true, false, true});
   detect::PoseTracker tracker(*backend.net, backend.finder.get(), job.options, backend.plan);
   const int64_t between = std::max<int64_t>(1, source->num_frames() / std::max(1, job.overlays));
   for (int64_t position = 0;; ++position) {

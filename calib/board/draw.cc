@@ -108,9 +108,22 @@ std::string EscapeXml(const std::string& text) {
   return escaped;
 }
 
+/// Four Bezier curves, 0.03 % of the radius off.
+std::string PdfDisc(const BoardPage::Disc& d) {
+  const double k = 0.5522847498 * d.radius, r = d.radius;
+  std::string out = Format("%.5f %.5f m\n", d.x + r, d.y);
+  const auto curve = [&](double x1, double y1, double x2, double y2, double x3, double y3) {
+    out += Format("%.5f %.5f %.5f %.5f %.5f %.5f c\n", d.x + x1, d.y + y1, d.x + x2, d.y + y2, d.x + x3, d.y + y3);
+  };
+  curve(r, k, k, r, 0, r), curve(-k, r, -r, k, -r, 0), curve(-r, -k, -k, -r, 0, -r), curve(k, -r, r, -k, r, 0);
+  return out;
+}
+
 std::string PdfContent(const BoardPage& page) {
   std::string out = Format("q\n%.9f 0 0 %.9f 0 %.6f cm\n", kPtPerMm, -kPtPerMm, page.height * kPtPerMm);
   for (const auto& r : page.rects) out += Format("%.5f %.5f %.5f %.5f re\n", r.x, r.y, r.width, r.height);
+  out += page.white_discs ? "f\n1 g\n" : "";
+  for (const auto& d : page.discs) out += PdfDisc(d);
   out += "f\nQ\nBT\n";
   for (const auto& t : page.texts) {
     out += Format("/F1 %.4f Tf\n1 0 0 1 %.4f %.4f Tm\n", t.size * kPtPerMm, t.x * kPtPerMm, (page.height - t.y) * kPtPerMm);
@@ -161,6 +174,22 @@ void Darken(const BoardPage::Rect& rect, double px_per_mm, cv::Mat* page) {
   }
 }
 
+/// Sets the pixels of the disc to its colour by the share that it covers, of its edge from 16 x 16 samples.
+void Cover(const BoardPage::Disc& disc, double px_per_mm, float colour, cv::Mat* page) {
+  constexpr int kSamples = 16;
+  const double x = disc.x * px_per_mm, y = disc.y * px_per_mm, radius = disc.radius * px_per_mm;
+  for (int v = std::max(0, static_cast<int>(y - radius)); v < std::min<double>(page->rows, y + radius); ++v) {
+    float* row = page->ptr<float>(v);
+    for (int u = std::max(0, static_cast<int>(x - radius)); u < std::min<double>(page->cols, x + radius); ++u) {
+      int inside = 0;
+      for (int i = 0; i < kSamples * kSamples; ++i)
+        inside += std::hypot(u + (i % kSamples + 0.5) / kSamples - x, v + (i / kSamples + 0.5) / kSamples - y) <= radius;
+      const float share = static_cast<float>(inside) / (kSamples * kSamples);
+      row[u] = (1 - share) * row[u] + share * colour;
+    }
+  }
+}
+
 }  // namespace
 
 std::string_view ToString(Paper paper) { return WordOf(kPapers, paper); }
@@ -191,6 +220,11 @@ BoardPage LayOutBoard(const Board& board, const BoardDrawOptions& options) {
     const double x = options.back ? size.x() - low.x() - extent.x() : low.x();
     page.rects.push_back({page.board_x + x, page.board_y + low.y(), extent.x(), extent.y()});
   }
+  for (const PrintDisc& d : print.discs) {
+    const Eigen::Vector2d at = (d.centre - print.low_m) * 1e3;
+    page.discs.push_back({page.board_x + at.x(), page.board_y + at.y(), 1e3 * d.radius});
+  }
+  page.white_discs = print.white_discs;
   const double left = (page.width - width) / 2 + 3, below = page.board_y + size.y() + quiet;
   AddRuler(left, below, &page);
   AddLine(ToString(board) + (options.back ? ", back" : ""), left, below + 9, width - 6, &page);
@@ -222,6 +256,9 @@ std::string ToSvg(const BoardPage& page) {
   svg += Format("<rect width=\"%.4f\" height=\"%.4f\" fill=\"#fff\"/>\n<path fill=\"#000\" d=\"", page.width, page.height);
   for (const auto& r : page.rects) svg += Format("M%.5f %.5fh%.5fv%.5fh%.5fz\n", r.x, r.y, r.width, r.height, -r.width);
   svg += "\"/>\n";
+  for (const auto& d : page.discs)
+    svg += Format("<circle cx=\"%.5f\" cy=\"%.5f\" r=\"%.5f\" fill=\"%s\"/>\n", d.x, d.y, d.radius,
+                  page.white_discs ? "#fff" : "#000");
   for (const auto& t : page.texts) {
     svg +=
         Format("<text x=\"%.4f\" y=\"%.4f\" font-family=\"Helvetica,Arial,sans-serif\" font-size=\"%.4f\">", t.x, t.y, t.size);
@@ -239,6 +276,7 @@ std::string ToPng(const BoardPage& page, double dpi) {
     throw UsageError(Format("%.0f x %.0f pixels are too many; lower option 'dpi'", width, height));
   cv::Mat ink(static_cast<int>(height), static_cast<int>(width), CV_32F, cv::Scalar(255)), grey;
   for (const auto& rect : page.rects) Darken(rect, px_per_mm, &ink);
+  for (const auto& disc : page.discs) Cover(disc, px_per_mm, page.white_discs ? 255 : 0, &ink);
   ink.convertTo(grey, CV_8U);
   constexpr double kCapHeight = 22;  // px of the font at scale 1
   for (const auto& t : page.texts) {

@@ -46,7 +46,12 @@ struct BoardPage {
   };
   double width = 0, height = 0;
   double board_x = 0, board_y = 0;  ///< top left corner of the print (BoardPrint::low_m)
+  struct Disc {
+    double x = 0, y = 0, radius = 0;
+  };
   std::vector<Rect> rects;
+  std::vector<Disc> discs;
+  bool white_discs = false;  ///< over the rectangles
   std::vector<Text> texts;
 };
 

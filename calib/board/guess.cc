@@ -124,6 +124,40 @@ int RowsFor(int cols, bool shifted, int largest_id) {
   return shifted && rows % 2 == 1 ? rows + 1 : rows;  // only boards with even rows are shifted
 }
 
+struct GridGuess {
+  int num_placed = 0;
+  std::optional<Board> board;
+};
+
+/// The first tag to count columns from, and the one below which no rows are added.
+struct FirstTag {
+  int columns_from = 0, rows_from = 0;
+};
+
+/// AprilGrids whose columns are counted from a tag. Rows that lie below `rows_from` as a whole are left out: the smallest grid
+/// that explains the ids.
+void TryGrids(const std::string& family, const std::vector<MarkersOfImage>& images, const FirstTag& from, int smallest,
+              GridGuess* best) {
+  const int first = from.columns_from;
+  if (first > smallest) return;
+  for (int cols = 2; cols <= kMaxCols; ++cols) {
+    const LayoutFit fit =
+        FitLayout(images, [&](int id) { return Eigen::Vector2d((id - first) % cols, -((id - first) / cols)); });
+    if (fit.num_placed <= best->num_placed) continue;
+    const double side = UpperMedian(fit.marker_sides, 0);
+    if (side <= 0.1 || side >= 0.99) continue;
+    Board board;
+    board.kind = Board::Kind::kAprilGrid;
+    board.dictionary = family;
+    board.cols = cols;
+    board.first_tag = first + std::max(0, from.rows_from - first) / cols * cols;
+    board.rows = (fit.largest_id - board.first_tag) / cols + 1;
+    board.square_m = 1;
+    board.tag_spacing = RoundRatio(1 / side - 1);
+    *best = {fit.num_placed, board};
+  }
+}
+
 }  // namespace
 
 std::optional<Board> GuessCharuco(const std::string& dictionary, const std::vector<MarkersOfImage>& all_images,
@@ -164,31 +198,18 @@ std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector
     if (!markers.empty()) smallest = std::min(smallest, markers.begin()->first);
   }
   const std::vector<MarkersOfImage> images = WithoutStrayIds(all_images, smallest);
-  std::vector<int> firsts = {0, smallest};
-  if (hint && hint->has_tags()) firsts.insert(firsts.begin(), hint->first_tag);
-  int best_placed = 0;
-  std::optional<Board> best;
-  for (const int first : firsts) {
-    if (first > smallest) continue;
-    for (int cols = 2; cols <= kMaxCols; ++cols) {
-      const LayoutFit fit =
-          FitLayout(images, [&](int id) { return Eigen::Vector2d((id - first) % cols, -((id - first) / cols)); });
-      if (fit.num_placed <= best_placed) continue;
-      const double side = UpperMedian(fit.marker_sides, 0);
-      if (side <= 0.1 || side >= 0.99) continue;
-      best_placed = fit.num_placed;
-      Board board;
-      board.kind = Board::Kind::kAprilGrid;
-      board.dictionary = family;
-      board.cols = cols;
-      board.rows = (fit.largest_id - first) / cols + 1;
-      board.square_m = 1;
-      board.tag_spacing = RoundRatio(1 / side - 1);
-      board.first_tag = first;
-      best = board;
-    }
-  }
-  return best;
+  size_t num_markers = 0;
+  for (const MarkersOfImage& markers : images) num_markers += markers.size();
+  GridGuess best;
+  const bool told =
+      hint && hint->has_tags() && hint->first_tag <= smallest && LargestId(images) < hint->first_tag + hint->cols * hint->rows;
+  if (told) TryGrids(family, images, {hint->first_tag, hint->first_tag}, smallest, &best);
+  for (const int first : {0, smallest}) TryGrids(family, images, {first, smallest}, smallest, &best);
+  // The first tags of the first row are hidden: the columns begin before the smallest id.
+  for (int hidden = 1; hidden < kMaxCols && hidden <= smallest && 5 * static_cast<size_t>(best.num_placed) < 4 * num_markers;
+       ++hidden)
+    TryGrids(family, images, {smallest - hidden, smallest - hidden}, smallest, &best);
+  return best.board;
 }
 
 std::optional<std::pair<int, int>> GuessChessboard(const Image& grey) {

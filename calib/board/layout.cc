@@ -16,7 +16,8 @@ constexpr int kMaxCols = 60;
 constexpr double kClear = 5, kMaxShare = 0.02;
 
 bool IsRowByRow(const Board& board) {
-  return board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kCharuco || board.kind == Board::Kind::kGrid;
+  return board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kCharuco || board.kind == Board::Kind::kGrid ||
+         board.kind == Board::Kind::kCircles;
 }
 
 /// Up to kMaxViews of the front, evenly: the back has the same columns and rows.

@@ -46,16 +46,18 @@ void AddMarker(const cv::Mat& bits, const Board& board, const Eigen::Vector2d& l
 
 BoardPrint SquaresPrint(const Board& board) {
   BoardPrint print;
-  const double side = board.square_m;
-  print.low_m = {-side, -side};
-  print.high_m = {board.cols * side, board.rows * side};
-  print.quiet_m = 0.5 * side;
+  const double side = board.square_m, height = board.row_step();
+  const bool charuco = board.kind == Board::Kind::kCharuco;
+  print.low_m = {-side, -height};
+  print.high_m = {board.cols * side, board.rows * height};
+  print.quiet_m = 0.5 * std::max(side, height);
   for (int row = 0; row <= board.rows; ++row) {
     for (int col = 0; col <= board.cols; ++col) {
-      if (IsBlack(board, {col, row}) && !board.inverted) Add((col - 1) * side, (row - 1) * side, side, side, &print);
+      const bool black = IsBlack(board, {col, row}) ? !board.inverted : board.inverted && !charuco;  // AddMarker blackens those
+      if (black) Add((col - 1) * side, (row - 1) * height, side, height, &print);
     }
   }
-  if (board.kind != Board::Kind::kCharuco) return print;
+  if (!charuco) return print;
   const auto dictionary = cv::aruco::getPredefinedDictionary(DictionaryIndex(board.dictionary));
   const std::vector<Square> squares = MarkerSquares(board);
   for (size_t n = 0; n < squares.size(); ++n) {
@@ -111,12 +113,45 @@ void Cover(double x0, double y0, double x1, double y1, int width, int height, st
   }
 }
 
+BoardPrint CirclesPrint(const Board& board) {
+  BoardPrint print;
+  const Eigen::Matrix3Xd centres = CornersInBoard(board);
+  const double step = std::min(board.square_m, board.row_step());
+  for (const auto& centre : centres.colwise()) print.discs.push_back({centre.head<2>(), board.circle_m / 2});
+  const double around = board.circle_m / 2 + (board.inverted ? step / 2 : 0);
+  print.low_m = centres.topRows<2>().rowwise().minCoeff().array() - around;
+  print.high_m = centres.topRows<2>().rowwise().maxCoeff().array() + around;
+  print.quiet_m = step / 2;
+  print.white_discs = board.inverted;
+  if (board.inverted) print.black.push_back({print.low_m, print.high_m});
+  return print;
+}
+
+/// Adds `sign` times 255 times the share of every pixel that the disc covers, of its edge from 16 x 16 samples.
+void CoverDisc(const Eigen::Vector2d& centre, double radius, double sign, int width, int height, std::vector<float>* grey) {
+  constexpr int kSamples = 16;
+  const auto low = [&](double at) { return std::max(0, static_cast<int>(std::floor(at - radius))); };
+  for (int v = low(centre.y()); v < std::min<double>(height, centre.y() + radius); ++v) {
+    for (int u = low(centre.x()); u < std::min<double>(width, centre.x() + radius); ++u) {
+      const double distance = (Eigen::Vector2d(u + 0.5, v + 0.5) - centre).norm();
+      if (distance > radius + 0.8) continue;
+      int inside = distance < radius - 0.8 ? kSamples * kSamples : 0;
+      for (int i = inside; i < kSamples * kSamples && distance >= radius - 0.8; ++i) {
+        const Eigen::Vector2d at(u + (i % kSamples + 0.5) / kSamples, v + (i / kSamples + 0.5) / kSamples);
+        inside += (at - centre).squaredNorm() <= radius * radius;
+      }
+      (*grey)[static_cast<size_t>(v) * width + u] += static_cast<float>(sign * 255 * inside / (kSamples * kSamples));
+    }
+  }
+}
+
 }  // namespace
 
 BoardPrint PrintOf(const Board& board) {
   if (board.kind == Board::Kind::kGrid || board.kind == Board::Kind::kPoints) {
     throw UsageError("board " + ToString(board) + " has no print: it stands for corners that another program found");
   }
+  if (board.is_round()) return CirclesPrint(board);
   return board.has_tags() ? TagsPrint(board) : SquaresPrint(board);
 }
 
@@ -134,7 +169,12 @@ Image DrawBoard(const Board& board, int px_per_square, double margin_squares) {
     const Eigen::Vector2d high = (r.high - print.low_m) * scale + Eigen::Vector2d::Constant(margin);
     Cover(snap(low.x()), snap(low.y()), snap(high.x()), snap(high.y()), image.width, image.height, &ink);
   }
-  for (size_t i = 0; i < ink.size(); ++i) image.pixels[i] = static_cast<uint8_t>(std::lround(255 - std::min(255.f, ink[i])));
+  for (const PrintDisc& disc : print.discs) {
+    const Eigen::Vector2d at = (disc.centre - print.low_m) * scale + Eigen::Vector2d::Constant(margin);
+    CoverDisc(at, disc.radius * scale, print.white_discs ? -1 : 1, image.width, image.height, &ink);
+  }
+  for (size_t i = 0; i < ink.size(); ++i)
+    image.pixels[i] = static_cast<uint8_t>(std::lround(255 - std::clamp(ink[i], 0.f, 255.f)));
   return image;
 }
 

@@ -24,6 +24,8 @@ constexpr Shape kShapes[] = {
 
 Board WithSide(const Board& shape, double side_mm) {
   Board board = shape;
+  const double scale = shape.square_m > 0 ? side_mm / 1e3 / shape.square_m : 1;
+  board.row_step_m *= scale, board.circle_m *= scale;
   const double ratio = shape.square_m > 0 ? shape.marker_m / shape.square_m : 0;
   board.square_m = side_mm / 1e3;
   // Markers in whole mm where that changes their share little: such lengths can be measured with a ruler.

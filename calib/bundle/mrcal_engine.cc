@@ -117,9 +117,10 @@ std::string WhyNotBoards(const std::vector<View>& views, const MrcalOptions& opt
   if (used.empty()) return "";
   MVS_CHECK(*used.begin() >= 0 && *used.begin() < static_cast<int>(options.boards.size()), "board " << *used.begin());
   const Board& board = options.boards[*used.begin()];
-  const bool grid =
-      board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kCharuco || board.kind == Board::Kind::kGrid;
-  if (grid && board.cols > 1 && board.rows > 1 && board.num_corners() == board.cols * board.rows) return "";
+  const bool grid = board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kCharuco ||
+                    board.kind == Board::Kind::kGrid || board.kind == Board::Kind::kCircles;
+  if (grid && board.row_step_m == 0 && board.cols > 1 && board.rows > 1 && board.num_corners() == board.cols * board.rows)
+    return "";
   return "mrcal knows full grids of equally spaced corners only; the board is " + ToString(board);
 }
 

@@ -139,33 +139,34 @@ PosedViews PoseViews(const geometry::Rig& rig, const CalibrateInput& input) {
 /// Turns views that number the board from the other end, poses with them.
 void TurnSeen(const geometry::Rig& rig, CalibrateInput* input, PosedViews* posed, CornerFindings* findings) {
   findings->turned.clear();
-  if (!CanBeTurned(input->boards)) return;
+  const int num_turns = NumNumberings(input->boards);
+  if (num_turns < 2) return;
+  const Eigen::Matrix3Xd board = CornersInBoard(input->boards[0]);
   std::vector<Rigid3> cam_from_world;
   for (const CameraInput& camera : input->cameras)
     cam_from_world.push_back(rig.cameras[static_cast<size_t>(rig.Find(camera.name))].cam_from_world);
-  const std::vector<bool> views = FindTurnedViews(posed->views, posed->cam_from_board, &cam_from_world);
-  std::vector<bool> detections(input->detections.size(), false);
+  const std::vector<int> views = FindTurnedViews(board, num_turns, posed->views, posed->cam_from_board, &cam_from_world);
+  std::vector<int> detections(input->detections.size(), 0);
   std::vector<TurnedCamera> counts;
   for (const CameraInput& camera : input->cameras) counts.push_back({camera.name});
   for (size_t v = 0; v < views.size(); ++v) {
     detections[posed->detection[v]] = views[v];
     TurnedCamera& count = counts[static_cast<size_t>(posed->views[v].camera_idx)];
-    count.num_turned += views[v], ++count.num_views;
+    count.num_turned += views[v] != 0, ++count.num_views;
   }
   for (const TurnedCamera& camera : counts) {
     if (camera.num_turned > 0) findings->turned.push_back(camera);
   }
   TurnDetections(detections, input);
-  TurnViews(CornersInBoard(input->boards[0]), views, &posed->views, &posed->cam_from_board);
+  TurnViews(board, views, &posed->views, &posed->cam_from_board);
 }
 
 }  // namespace
 
-void TurnDetections(const std::vector<bool>& turned, CalibrateInput* input) {
-  const int last = input->boards.at(0).num_corners() - 1;
+void TurnDetections(const std::vector<int>& turned, CalibrateInput* input) {
+  const int num_corners = input->boards.at(0).num_corners();
   for (size_t d = 0; d < turned.size(); ++d) {
-    if (!turned[d]) continue;
-    for (int& id : input->detections[d].corner_ids) id = last - id;
+    for (int& id : input->detections[d].corner_ids) id = TurnedCorner(id, num_corners, turned[d]);
   }
 }
 

@@ -12,8 +12,8 @@
 /// is found about the input is applied to it here, once; every later step reads corners that need no more correction.
 namespace mvstudio::calib {
 
-/// Numbers the corners of these detections from the board's other end: one flag a detection, all of the first board.
-void TurnDetections(const std::vector<bool>& turned, CalibrateInput* input);
+/// Numbers the corners of these detections from another end of the board: quarter turns of each, all of the first board.
+void TurnDetections(const std::vector<int>& turned, CalibrateInput* input);
 
 /// Corners as cameras would have seen them at the time of the frame. `late`, per camera: its capture time minus that of the
 /// frame. Each corner follows the parabola through its places in the images before, at and after the frame, up to two

@@ -123,7 +123,7 @@ bool Unmirror(int board_idx, CornerFile* file) {
     board.points.row(0) *= -1;
     return true;
   }
-  if (board.kind == Board::Kind::kAprilGrid || board.kind == Board::Kind::kTag) return false;
+  if (board.has_tags() || board.kind == Board::Kind::kAsymmetricCircles) return false;
   for (Detection& detection : file->detections) {
     if (detection.board_idx != board_idx) continue;
     std::vector<std::pair<int, int>> order;  // new id, old position
@@ -250,22 +250,26 @@ Board BoardFromPoints(const Eigen::Matrix3Xd& points) {
   const double step = along_row.norm();
   for (int cols = 2; step > 0 && cols <= n / 2; ++cols) {
     const Eigen::Vector3d along_column = points.col(cols) - points.col(0);
-    if (n % cols != 0 || std::abs(along_column.norm() - step) > 1e-4 * step ||
-        std::abs(along_row.dot(along_column)) > 1e-4 * step * step) {
-      continue;
-    }
+    const double row_step = along_column.norm();
+    if (n % cols != 0 || !(row_step > 0) || std::abs(along_row.dot(along_column)) > 1e-4 * step * row_step) continue;
     double worst = 0;
     for (int i = 0; i < n; ++i) {
       const Eigen::Vector3d expected = points.col(0) + i % cols * along_row + i / cols * along_column;
       worst = std::max(worst, (points.col(i) - expected).norm() / (1 + i % cols + i / cols));
     }
-    if (worst > 1e-4 * step) continue;
-    const double square = (points.col(n - 1) - points.col(0)).norm() / std::hypot(cols - 1, n / cols - 1);
-    const double rounded = std::round(square * 1e6) / 1e6;
+    if (worst > 1e-4 * std::min(step, row_step)) continue;
+    const auto rounded = [](double length) {
+      const double micrometres = std::round(length * 1e6) / 1e6;
+      return std::abs(micrometres - length) < 1e-6 * length ? micrometres : length;
+    };
+    const double width = (points.col(cols - 1) - points.col(0)).norm() / (cols - 1);
+    const double height = (points.col(n - cols) - points.col(0)).norm() / (n / cols - 1);
+    const bool square = std::abs(width - height) <= 1e-4 * width;
     board = Board();
     board.kind = Board::Kind::kGrid;
     board.cols = cols, board.rows = n / cols;
-    board.square_m = std::abs(rounded - square) < 1e-6 * square ? rounded : square;
+    board.square_m = rounded(square ? (points.col(n - 1) - points.col(0)).norm() / std::hypot(cols - 1, n / cols - 1) : width);
+    if (!square) board.row_step_m = rounded(height);
     return board;
   }
   return board;

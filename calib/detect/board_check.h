@@ -50,7 +50,8 @@ struct BoardCheckReport {
 
 /// Identifies the board in the images (grey or RGB). Tried besides `given`, if any: rows and columns exchanged, squares
 /// counted instead of inner corners and the reverse, legacy layout, black and white exchanged, and mirrored images. Also
-/// every dictionary and AprilTag family, layouts derived from marker positions, and sizes of visible chessboards.
+/// every dictionary and AprilTag family, layouts derived from marker positions, sizes of visible chessboards, and grids of
+/// circles.
 BoardCheckReport CheckBoard(const std::optional<Board>& given, const std::vector<Image>& images, const RunContext& run);
 
 /// ToString, with SQUARE or SIDE in place of lengths when the scale is not known.

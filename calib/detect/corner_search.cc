@@ -59,8 +59,8 @@ double MeanGrey(const Image& grey, const Eigen::Vector2d& center) {
   return count ? sum / count : 0;
 }
 
-/// True when the squares that should be black on `board` are darker than those that should be white.
-bool ColoursFit(const Board& board, const Image& grey, const Grid& grid) {
+/// How much brighter the squares that should be white on `board` are than those that should be black, grey levels.
+double Brighter(const Board& board, const Image& grey, const Grid& grid) {
   double black = 0, white = 0;
   int num_black = 0, num_white = 0;
   for (int row = 0; row + 1 < grid.rows; ++row) {
@@ -71,18 +71,42 @@ bool ColoursFit(const Board& board, const Image& grey, const Grid& grid) {
       IsBlack(board, {col + 1, row + 1}) ? (black += value, ++num_black) : (white += value, ++num_white);
     }
   }
-  return black * num_white <= white * num_black;
+  return white / std::max(1, num_white) - black / std::max(1, num_black);
 }
 
-/// Renumbers so that x cross y points away from the viewer and the colours are those of the board.
-void Orient(const Board& board, const Image& grey, Grid* grid) {
+/// Corner (col, row) is the one that was (row, rows - 1 - col): a quarter turn of a grid of as many columns as rows.
+Grid QuarterTurned(const Grid& grid) {
+  Grid turned = grid;
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int col = 0; col < grid.cols; ++col) turned.px[row * grid.cols + col] = grid.At(row, grid.rows - 1 - col);
+  }
+  return turned;
+}
+
+/// Renumbers so that x cross y points away from the viewer, the colours are those of the board, and x points to the right as
+/// far as both allow. False when the colours are those of the board in no turn.
+bool Orient(const Board& board, const Image& grey, Grid* grid) {
   const Eigen::Vector2d x = grid->At(grid->cols - 1, 0) - grid->At(0, 0), y = grid->At(0, grid->rows - 1) - grid->At(0, 0);
   if (x.x() * y.y() - x.y() * y.x() < 0) {
     for (int row = 0; row < grid->rows; ++row) {
       std::reverse(grid->px.begin() + row * grid->cols, grid->px.begin() + (row + 1) * grid->cols);
     }
   }
-  if (!ColoursFit(board, grey, *grid)) std::reverse(grid->px.begin(), grid->px.end());
+  std::vector<Grid> turns = {*grid, *grid};
+  std::reverse(turns[1].px.begin(), turns[1].px.end());
+  if (grid->cols == grid->rows) {
+    for (int half = 0; half < 2; ++half) turns.push_back(QuarterTurned(turns[static_cast<size_t>(half)]));
+  }
+  const auto rightward = [](const Grid& g) { return (g.At(g.cols - 1, 0) - g.At(0, 0)).normalized().x(); };
+  std::vector<Grid> fitting;
+  for (const Grid& turned : turns) {
+    const double brighter = Brighter(board, grey, turned);
+    if (board.inverted ? brighter <= 0 : brighter >= 0) fitting.push_back(turned);
+  }
+  const std::vector<Grid>& chosen = fitting.empty() ? turns : fitting;
+  *grid = *std::max_element(chosen.begin(), chosen.end(),
+                            [&](const Grid& a, const Grid& b) { return rightward(a) < rightward(b); });
+  return !fitting.empty();
 }
 
 /// Corners of one marker or tag, with where they lie on the board in squares from corner (0, 0).
@@ -289,19 +313,19 @@ void GuessCharucoCorners(const Board& board, const std::vector<Marker>& markers,
 
 }  // namespace
 
-std::vector<CornerGuess> SearchChessboard(const Board& board, const Image& grey, ChessboardSearch how) {
+ChessboardFind SearchChessboard(const Board& board, const Image& grey, ChessboardSearch how) {
   std::vector<cv::Point2f> corners;
   if (!FindChessboard(Wrap(grey), {board.cols, board.rows}, how, &corners)) return {};
   if (static_cast<int>(corners.size()) != board.num_corners()) return {};
   Grid grid{board.cols, board.rows, {}};
   for (const cv::Point2f& corner : corners) grid.px.push_back(ToEigen(corner));
-  Orient(board, grey, &grid);
-  std::vector<CornerGuess> guesses;
+  ChessboardFind found;
+  found.exchanged = !Orient(board, grey, &grid);
   for (int i = 0; i < board.num_corners(); ++i) {
     const int col = i % board.cols, row = i / board.cols;
-    guesses.push_back({i, grid.px[i], AlongX(grid, col, row), AlongY(grid, col, row)});
+    found.guesses.push_back({i, grid.px[i], AlongX(grid, col, row), AlongY(grid, col, row)});
   }
-  return guesses;
+  return found;
 }
 
 std::string MarkerKey(const Board& board) {

@@ -16,8 +16,13 @@ enum class ChessboardSearch {
   kSectors,  ///< OpenCV's sector-based search alone; sometimes reports success with errors of many pixels
 };
 
-/// Initial positions of all corners of a chessboard, numbered as on the board; empty when it is not visible as a whole.
-std::vector<CornerGuess> SearchChessboard(const Board& board, const Image& grey, ChessboardSearch how);
+struct ChessboardFind {
+  /// Initial positions of all corners, numbered as on the board; of a board that looks alike in several turns in the one whose
+  /// x axis points most to the right. Empty: the board is not visible as a whole.
+  std::vector<CornerGuess> guesses;
+  bool exchanged = false;  ///< in no turn the squares have the board's colours: black and white are exchanged
+};
+ChessboardFind SearchChessboard(const Board& board, const Image& grey, ChessboardSearch how);
 
 /// Markers or tags found in an image.
 struct FoundMarkers {

@@ -42,21 +42,22 @@ struct BoardDetection {
   int num_found = 0;            ///< corners before each is checked
   double sigma_px = 0;          ///< robust distance from the smooth image of a plane, per coordinate
   int num_markers = 0;          ///< markers or tags at their positions on the board; 0 for a chessboard
-  bool legacy = false, inverted = false;  ///< the ChArUco layout that fits, see LayoutsOf
+  bool legacy = false, inverted = false;  ///< the layout that fits, see LayoutsOf
 };
 
 /// Detects the board in a grey or RGB image. Every corner is located by RefineCorner and checked against the smooth image
 /// of a plane (PlaneToImage). A chessboard must be visible as a whole; other boards may be partly hidden.
 ///
 /// The numbering of a chessboard is unique only when one of its two numbers of corners is odd and the other even (see
-/// HasUniqueNumbering). For a ChArUco board with an ambiguous layout (see LayoutsOf), the layout that fits better is
+/// NumLikeTurns). For a ChArUco board with an ambiguous layout (see LayoutsOf), the layout that fits better is
 /// taken. AprilGrids are read with either border width. A mirrored image is refused with that reason, but a mirrored
 /// chessboard cannot be recognised. Of a two-sided board the side in view is found.
 BoardDetection DetectBoard(const Board& board, const Image& image, const DetectOptions& options = {});
 
 /// The layouts that `board` may stand for. ChArUco: itself, with the legacy layout when that differs, and both with black
-/// and white exchanged; without those that the board already specifies. Other boards: themselves. Corner ids and positions
-/// are the same in all.
+/// and white exchanged; without those that the board already specifies. Chessboards with two odd or two even numbers:
+/// themselves, and with black and white exchanged, unless that is a turn of the same print. Other boards: themselves. Corner
+/// ids and positions are the same in all.
 std::vector<Board> LayoutsOf(const Board& board);
 
 /// DetectBoard for several boards and each of their layouts: result[b][l] belongs to LayoutsOf(boards[b])[l]. Markers are
@@ -81,7 +82,7 @@ Image FlippedLeftRight(const Image& image);
 /// Converts RGB to brightness; a grey image is returned unchanged.
 Image ToGrey(const Image& image);
 
-/// False for a chessboard that looks the same after a rotation by 180 degrees.
-bool HasUniqueNumbering(const Board& board);
+/// Throws UsageError for a board that cannot be searched in images, with the reason.
+void RequireSearchable(const Board& board);
 
 }  // namespace mvstudio::calib

@@ -77,9 +77,11 @@ void CheckFrame(const Footage& footage, const FootageFrame& frame, std::set<int6
                           "; a camera's images must all have one size");
   }
   if (!seen->insert(frame.frame_idx).second) {
-    throw FormatError(footage.path, frame.label,
-                      "camera " + footage.camera + " has number " + std::to_string(frame.frame_idx) +
-                          " twice; images of several cameras are paired by the last number in their names");
+    throw FormatError(
+        footage.path, frame.label,
+        "camera " + footage.camera + " has number " + std::to_string(frame.frame_idx) +
+            " twice; images of several cameras are paired by the number in their names: a pattern in quotes, whose "
+            "`*` stands for the frame, takes those of one camera ('both/*_0.jpg')");
   }
 }
 
@@ -88,6 +90,7 @@ std::string HintFor(const Board& board, Detector detector) {
     return "the numbers of INNER corners, that the whole board is visible and sharp" +
            std::string(detector == Detector::kFast ? ", or try option 'detector' exact" : "");
   }
+  if (board.is_round()) return "the numbers of circles, and that the whole grid is visible and sharp";
   if (board.has_tags()) return "the family, the ids and the numbers of tags";
   return "the numbers of squares, the dictionary, and whether the layout is legacy";
 }
@@ -307,6 +310,7 @@ void Collect(const CameraResults& results, const Footage& footage, size_t b, siz
     BoardDetection result = picture.boards[b][layout];
     if (result.status != Status::kOk) {
       ++found->reasons[prefix + result.reason];
+      if (b == 0) found->unused[result.reason].push_back(*step);
       continue;
     }
     result.detection.camera_idx = camera_idx;
@@ -315,6 +319,14 @@ void Collect(const CameraResults& results, const Footage& footage, size_t b, siz
     found->num_corners_dropped += result.num_found - result.detection.num_corners();
     found->detections.push_back(std::move(result.detection));
   }
+}
+
+/// Leaves the time steps without a detection.
+void DropUsed(FootageDetections* found) {
+  std::set<int64_t> used;
+  for (const Detection& detection : found->detections) used.insert(detection.frame_idx);
+  for (auto& [reason, steps] : found->unused)
+    steps.erase(std::remove_if(steps.begin(), steps.end(), [&](int64_t step) { return used.count(step) > 0; }), steps.end());
 }
 
 std::string LayoutNote(const Board& board, const Board& layout) {
@@ -351,6 +363,7 @@ std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, s
     found[c].camera.name = footage[c].camera;
     found[c].num_images = static_cast<int>(results[c].pictures.size());
     found[c].cached = results[c].cached;
+    DropUsed(&found[c]);
     std::stable_sort(found[c].detections.begin(), found[c].detections.end(),
                      [](const Detection& a, const Detection& d) { return a.frame_idx < d.frame_idx; });
     if (!found[c].detections.empty()) continue;

@@ -62,9 +62,11 @@ struct FootageDetections {
   int num_corners_dropped = 0;         ///< located, but rejected against the smooth image of a plane
   std::map<std::string, int> reasons;  ///< why boards were not used -> number of images; names the board when there are
                                        ///< several
-  std::vector<std::string> notes;      ///< one line each: a layout that was determined, a board never seen
-  std::string failure;                 ///< why there are no detections (FootageOptions::all_cameras); empty: there are some
-  bool cached = false;                 ///< read from the cache without a search
+  std::map<std::string, std::vector<int64_t>> unused;  ///< reason -> time steps whose image shows no board, in order; the first
+                                                       ///< board's reason
+  std::vector<std::string> notes;                      ///< one line each: a layout that was determined, a board never seen
+  std::string failure;  ///< why there are no detections (FootageOptions::all_cameras); empty: there are some
+  bool cached = false;  ///< read from the cache without a search
 };
 
 /// Detects the boards in all footage, images in parallel; the result does not depend on the number of threads. An

@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/fields.h"
 #include "core/hash/sha256.h"
+#include "core/join.h"
 #include "core/log.h"
 
 namespace mvstudio::calib {
@@ -19,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// To be raised whenever detection gives other results than before.
-constexpr char kDetectorVersion[] = "mvstudio detections 4";
+constexpr char kDetectorVersion[] = "mvstudio detections 5";
 constexpr size_t kDigestSize = 64;
 constexpr uint64_t kMaxCount = 1u << 26;
 
@@ -227,6 +228,11 @@ std::optional<std::string> ContentDigest(const std::string& path_or_pattern) {
   }
   if (files.empty()) return std::nullopt;
   Sha256 digest;
+  if (IsPattern(path_or_pattern)) {  // what its wildcards stand for numbers the frames
+    for (const std::string& path : files)
+      Add(Join(WildSpans(path, path_or_pattern), " ", [&](const auto& s) { return path.substr(s.first, s.second - s.first); }),
+          &digest);
+  }
   try {
     for (const std::string& path : files) Add(fs::path(path).filename().string() + " " + Sha256File(path), &digest);
   } catch (const IoError&) {

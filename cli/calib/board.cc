@@ -50,7 +50,7 @@ std::vector<Image> ReadImages(const CheckArguments& arguments, std::vector<std::
   std::vector<Image> images;
   const int64_t share = std::max<int64_t>(1, arguments.max_images / static_cast<int64_t>(arguments.images.size()));
   for (const std::string& path : arguments.images) {
-    const auto source = dataset::OpenFrames(path, {false, true});
+    const auto source = dataset::OpenFrames(path, {false, true, true});
     const int64_t stride = std::max<int64_t>(1, (source->num_frames() + share - 1) / share);
     int64_t position = 0;
     for (int64_t taken = 0; taken < share; ++position) {

@@ -32,7 +32,7 @@ struct ClickArguments {
 
 /// The image with this number, or the next one that there is.
 Image ImageOf(const app::NamedPath& camera, int frame) {
-  const auto source = dataset::OpenFrames(camera.path);
+  const auto source = dataset::OpenFrames(camera.path, {false, false, true});
   while (const auto found = source->Advance()) {
     if (found->number >= frame) return source->Picture();
   }

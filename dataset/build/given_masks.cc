@@ -19,14 +19,19 @@ bool IsMask(const std::string& path) {
 }
 
 void AddFiles(const std::string& folder, GivenMasks* masks) {
+  std::vector<std::string> paths;
   for (const std::string& path : FilesIn(folder)) {
-    if (!IsMask(path)) continue;
-    const auto number = NumberInName(path);
-    if (!number) throw FormatError(path, "", "its name has no number: masks are found by the number of their frame");
-    const auto [at, is_new] = masks->files.emplace(*number, path);
+    if (IsMask(path)) paths.push_back(path);
+  }
+  const std::vector<int64_t> numbers = NumberFrames(folder, paths).numbers;
+  for (size_t i = 0; i < paths.size(); ++i) {
+    const std::string& path = paths[i];
+    if (!NumberInName(path))
+      throw FormatError(path, "", "its name has no number: masks are found by the number of their frame");
+    const auto [at, is_new] = masks->files.emplace(numbers[i], path);
     if (!is_new)
       throw FormatError(path, "",
-                        "is a second mask of frame " + std::to_string(*number) + ", beside " + at->second + "; keep one");
+                        "is a second mask of frame " + std::to_string(numbers[i]) + ", beside " + at->second + "; keep one");
   }
 }
 

@@ -24,7 +24,7 @@ namespace {
 bool HasImageExtension(const std::string& path) {
   std::string extension = fs::path(path).extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
-  for (const char* known : {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp"}) {
+  for (const char* known : {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp", ".pgm", ".ppm", ".pnm"}) {
     if (extension == known) return true;
   }
   return false;
@@ -35,13 +35,13 @@ FootageNote TurnNote(const PictureTurn& turn) {
           "the calibration must be of footage turned the same way"};
 }
 
-std::vector<FootageNote> NotesOn(const ImageHeader& header) {
+std::vector<FootageNote> NotesOn(const ImageHeader& header, bool stretched = false) {
   std::vector<FootageNote> notes;
   if (header.turn.any()) notes.push_back(TurnNote(header.turn));
   if (header.channels == 2 || (header.channels == 4 && header.codec != "jpeg"))
     notes.push_back(
         {"SES-ALPHA", "its images have opacity, which is left out; colours under it show", "give opacity as masks"});
-  if (header.bits > 8) {
+  if (header.bits > 8 && !stretched) {
     notes.push_back({"SES-DEPTH", "of the " + std::to_string(header.bits) + " bits of its images the upper 8 are used",
                      "stretch images that fill a part of the range before"});
   }
@@ -108,8 +108,11 @@ Image Reduced(const Image& grey, int max_side) {
 
 class ImageFolderSource : public FrameSource {
  public:
-  ImageFolderSource(std::string path, std::vector<std::string> files, const FrameOptions& options)
-      : path_(std::move(path)), files_(std::move(files)), options_(options) {
+  ImageFolderSource(std::string path, FootageFiles files, const FrameOptions& options)
+      : path_(std::move(path)), files_(std::move(files.paths)), numbers_(std::move(files.images.numbers)), options_(options) {
+    if (files.images.by_other_place)
+      Log(LogLevel::kWarning,
+          path_ + ": the last number in the names is the same in all or several; an earlier one is the frame");
     as_stored_ = options.sensor_if_turned_unlike && TurnedUnlike();
     if (as_stored_)
       Log(LogLevel::kWarning, path_ + ": EXIF turns these images unlike; they are used as the sensor stored them");
@@ -120,7 +123,7 @@ class ImageFolderSource : public FrameSource {
       Frame frame;
       frame.frame_idx = static_cast<int64_t>(next_);
       frame.label = fs::path(files_[next_]).filename().string();
-      frame.number = NumberInName(files_[next_]).value_or(frame.frame_idx);
+      frame.number = numbers_[next_];
       if (!Look(frame.label)) continue;
       ++next_;
       return frame;
@@ -130,7 +133,7 @@ class ImageFolderSource : public FrameSource {
 
   Image Picture() override {
     MVS_CHECK(next_ > 0, path_ << ": no frame was read");
-    return picture_.empty() ? ReadImage(files_[next_ - 1], false, as_stored_) : std::move(picture_);
+    return picture_.empty() ? Read(next_ - 1) : std::move(picture_);
   }
   Image Thumbnail(int max_side) override { return Reduced(ReadImage(files_[next_ - 1], true, as_stored_), max_side); }
   std::pair<int, int> size_px() const override { return size_px_; }
@@ -139,11 +142,22 @@ class ImageFolderSource : public FrameSource {
   std::vector<std::string> Damage() const override { return damage_; }
 
  private:
+  Image Read(size_t file) {
+    if (!options_.stretch) return ReadImage(files_[file], false, as_stored_);
+    StretchedImage image = ReadImageStretched(files_[file], as_stored_);
+    if (image.levels > 0 && !told_levels_) {
+      Log(LogLevel::kWarning, path_ + ": its images fill about " + std::to_string(image.levels) + " of " +
+                                  std::to_string(image.of_levels) + " levels; each is stretched over its own range");
+      told_levels_ = true;
+    }
+    return std::move(image.rgb);
+  }
+
   /// Whether the next file is to be returned. To know that it is sound it must be decoded.
   bool Look(const std::string& label) {
     try {
       picture_ = Image();
-      if (options_.keep_undamaged) picture_ = ReadImage(files_[next_], false, as_stored_);
+      if (options_.keep_undamaged) picture_ = Read(next_);
       CheckHeader(ReadImageHeader(files_[next_]));
       return true;
     } catch (const FormatError& error) {
@@ -168,7 +182,7 @@ class ImageFolderSource : public FrameSource {
 
   /// One camera's images have one frame of pixels.
   void CheckHeader(const ImageHeader& header) {
-    if (!turn_) LogNotes(path_, NotesOn(header));
+    if (!turn_) LogNotes(path_, NotesOn(header, options_.stretch));
     const PictureTurn first = turn_.value_or(header.turn);
     if (!as_stored_ && !(header.turn == first)) {
       throw FormatError(files_[next_], "EXIF",
@@ -183,10 +197,11 @@ class ImageFolderSource : public FrameSource {
 
   std::string path_;
   std::vector<std::string> files_;
+  std::vector<int64_t> numbers_;  ///< of the files
   FrameOptions options_;
   std::vector<std::string> damage_;
   std::optional<PictureTurn> turn_;  ///< of the last image
-  bool as_stored_ = false;
+  bool as_stored_ = false, told_levels_ = false;
   Image picture_;
   std::pair<int, int> size_px_{0, 0};
   size_t next_ = 0;
@@ -273,11 +288,9 @@ std::vector<std::string> InOrder(const std::string& pattern, std::vector<std::st
   return videos.size() > 1 ? InChapterOrder(pattern, std::move(videos)) : videos;
 }
 
-void FindGaps(FootageInfo* info) {
+void FindGaps(const std::vector<int64_t>& numbers, FootageInfo* info) {
   std::map<int64_t, int> count;
-  for (size_t i = 0; i < info->files.size(); ++i) {
-    ++count[NumberInName(info->files[i]).value_or(static_cast<int64_t>(i))];
-  }
+  for (const int64_t number : numbers) ++count[number];
   int64_t last = count.begin()->first - 1;
   for (const auto& [number, times] : count) {
     if (number > last + 1) info->gaps.emplace_back(last + 1, number - 1);
@@ -286,7 +299,7 @@ void FindGaps(FootageInfo* info) {
   }
 }
 
-void DescribePictures(FootageInfo* info) {
+void DescribePictures(const std::vector<int64_t>& numbers, FootageInfo* info) {
   const ImageHeader header = ReadImageHeader(info->files[0]);
   info->width = static_cast<int>(header.width), info->height = static_cast<int>(header.height);
   info->codec = header.codec;
@@ -294,7 +307,7 @@ void DescribePictures(FootageInfo* info) {
   info->turn = header.turn;
   info->notes = NotesOn(header);
   info->num_frames = static_cast<int64_t>(info->files.size());
-  FindGaps(info);
+  FindGaps(numbers, info);
 }
 
 }  // namespace
@@ -309,42 +322,39 @@ void RefuseOrder(const std::string& path, const std::string& label, int64_t numb
       "its number " + std::to_string(number) + " does not come after the one before, " + std::to_string(last) +
           (other ? "; it looks like no image of the camera: masks and the like belong in a folder of their own, or give "
                    "a pattern in quotes that the images alone fit"
-                 : "; a camera's images have one number each: are two cameras or kinds of images in one folder? A "
-                   "pattern in quotes takes some of them"));
-}
-
-std::optional<int64_t> NumberInName(const std::string& path) {
-  const std::string stem = fs::path(path).stem().string();
-  const auto last = stem.find_last_of("0123456789");
-  if (last == std::string::npos) return std::nullopt;
-  const auto before = stem.find_last_not_of("0123456789", last);
-  const std::string digits = stem.substr(before + 1, last - before);
-  if (digits.size() > 18) return std::nullopt;
-  return std::stoll(digits);
+                 : std::string("; a camera's images have one number each: are two cameras or kinds of images in one folder? ") +
+                       kNumberHint));
 }
 
 FootageFiles ListFootage(const std::string& path_or_pattern) {
   const std::string& path = path_or_pattern;
   FootageFiles files;
   const bool is_folder = fs::is_directory(path), is_pattern = IsPattern(path);
-  if (!is_folder && fs::exists(path)) return {!HasImageExtension(path), {path}};
+  if (!is_folder && fs::exists(path)) {
+    files.is_video = !HasImageExtension(path), files.paths = {path};
+    if (!files.is_video) files.images = NumberFrames(path, files.paths);
+    return files;
+  }
   if (is_folder || is_pattern) files.paths = FilesMatching(path);
   if (files.paths.empty() && !is_folder) {
     throw IoError(path, is_pattern ? "no file matches the pattern" : "no such file or folder");
   }
   const bool is_one = files.paths.size() == 1 && !HasImageExtension(files.paths[0]);
-  if (!is_folder && (is_one || ChapterOf(files.paths[0]))) return {true, InOrder(path, std::move(files.paths))};
+  if (!is_folder && (is_one || ChapterOf(files.paths[0]))) return {true, InOrder(path, std::move(files.paths)), {}};
   files.paths = OnlyImages(std::move(files.paths));
-  if (files.paths.empty() && is_folder) throw IoError(path, "the folder holds no .png, .jpg, .tiff, .webp or .bmp image");
-  if (files.paths.empty()) throw FormatError(path, "", "the pattern matches no .png, .jpg, .tiff, .webp or .bmp image");
+  if (files.paths.empty() && is_folder)
+    throw IoError(path, "the folder holds no .png, .jpg, .tiff, .webp, .bmp, .pgm or .ppm image");
+  if (files.paths.empty())
+    throw FormatError(path, "", "the pattern matches no .png, .jpg, .tiff, .webp, .bmp, .pgm or .ppm image");
   std::sort(files.paths.begin(), files.paths.end(), NaturalLess);
+  files.images = NumberFrames(path, files.paths);
   return files;
 }
 
 std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, const FrameOptions& options) {
   FootageFiles files = ListFootage(path_or_pattern);
   if (files.is_video) return std::make_unique<VideoSource>(path_or_pattern, std::move(files.paths), options);
-  return std::make_unique<ImageFolderSource>(path_or_pattern, std::move(files.paths), options);
+  return std::make_unique<ImageFolderSource>(path_or_pattern, std::move(files), options);
 }
 
 FootageInfo DescribeFootage(const std::string& path_or_pattern) {
@@ -353,7 +363,7 @@ FootageInfo DescribeFootage(const std::string& path_or_pattern) {
   info.is_video = files.is_video;
   info.files = std::move(files.paths);
   if (!info.is_video) {
-    DescribePictures(&info);
+    DescribePictures(files.images.numbers, &info);
     return info;
   }
   const VideoInfo video = VideoReader(info.files[0]).info();

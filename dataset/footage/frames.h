@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/image.h"
+#include "dataset/footage/frame_numbers.h"
 #include "dataset/footage/picture_turn.h"
 
 namespace mvstudio::dataset {
@@ -21,7 +22,7 @@ class FrameSource {
     int64_t frame_idx = 0;  ///< videos and folders: position from 0
     std::string label;      ///< file name of an image, "frame 12" for a video: for messages
     Image rgb;
-    int64_t number = 0;            ///< videos: position; images: the last number in the name, or the position without one
+    int64_t number = 0;            ///< videos: position; images: see NumberFrames
     std::optional<double> time_s;  ///< videos: presentation time
   };
   std::optional<Frame> Next() {
@@ -47,6 +48,9 @@ struct FrameOptions {
   /// Images that are not all turned alike (EXIF) come as the sensor stored them, instead of a FormatError: a lens belongs to
   /// the sensor, however the camera was held.
   bool sensor_if_turned_unlike = false;
+  /// Images of more than 8 bits that fill a small part of their range are stretched over it, each by itself, see
+  /// StretchedTo8Bits: for what looks for edges, not for what measures brightness.
+  bool stretch = false;
 };
 
 /// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video. What the first picture says
@@ -57,15 +61,17 @@ std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, cons
 struct FootageFiles {
   bool is_video = false;
   std::vector<std::string> paths;
+  FrameNumbers images;  ///< of images: the number of each
 };
 /// Throws like OpenFrames.
 FootageFiles ListFootage(const std::string& path_or_pattern);
 
+/// What to do about images of one camera that do not have a number each.
+inline constexpr char kNumberHint[] =
+    "a pattern in quotes takes some images, and its `*` stands for the frame: 'both/*_0.jpg' takes 7 of both/7_0.jpg";
+
 /// Throws FormatError for the image `label` of footage at `path`, whose number is not above `last`, that of the one before.
 [[noreturn]] void RefuseOrder(const std::string& path, const std::string& label, int64_t number, int64_t last);
-
-/// The last number in a file name without its extension, if any: the number of an image.
-std::optional<int64_t> NumberInName(const std::string& path);
 
 /// What footage says about its pictures and is not simply read: a stable code, the fact with what is done, and advice.
 struct FootageNote {

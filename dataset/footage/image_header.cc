@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
+#include <cstring>
 #include <map>
 
 #include "core/error.h"
@@ -29,6 +31,8 @@ bool IsTiff(Bytes b, size_t at = 0) {
          (b.compare(at, 4, std::string("II*\0", 4)) == 0 || b.compare(at, 4, std::string("MM\0*", 4)) == 0);
 }
 bool IsWebp(Bytes b) { return b.size() >= 30 && StartsWith(b, "RIFF") && b.compare(8, 4, "WEBP") == 0; }
+/// PGM and PPM, as text (P2, P3) or binary (P5, P6).
+bool IsPnm(Bytes b) { return b.size() > 2 && b[0] == 'P' && std::strchr("2356", b[1]) && std::isspace(At(b, 2)); }
 bool IsBmp(Bytes b) { return b.size() >= 30 && StartsWith(b, "BM"); }
 
 /// The first directory of TIFF's structure, which EXIF has too: a number and its place for each tag.
@@ -169,13 +173,39 @@ ImageHeader BmpHeader(Bytes b) {
       static_cast<int32_t>(LittleEndian(b, 18, 4)), height < 0 ? -int64_t{height} : height, bits == 32 ? 4 : 3, 8, "bmp", {}};
 }
 
+/// Width, height and the greatest value of a PGM or PPM file, numbers between blanks and comments, and where they end.
+struct PnmNumbers {
+  std::array<int64_t, 3> values = {0, 0, 0};
+  size_t end = 0;
+};
+
+PnmNumbers ReadPnm(Bytes b, const std::string& path) {
+  PnmNumbers numbers;
+  size_t at = 2;
+  for (int64_t& number : numbers.values) {
+    while (at < b.size() && (std::isspace(At(b, at)) || b[at] == '#')) at = b[at] == '#' ? b.find('\n', at) : at + 1;
+    const size_t begin = at;
+    for (; at < b.size() && std::isdigit(At(b, at)) && at < begin + 9; ++at) number = 10 * number + (b[at] - '0');
+    if (at == begin || number < 1) throw FormatError(path, "header", "the PGM or PPM file states no size and greatest value");
+  }
+  numbers.end = at;
+  return numbers;
+}
+
+ImageHeader PnmHeader(Bytes b, const std::string& path) {
+  const auto [width, height, most] = ReadPnm(b, path).values;
+  if (most > 65535) throw FormatError(path, "header", "its greatest value is beyond 65535");
+  return {width, height, b[1] == '3' || b[1] == '6' ? 3 : 1, most > 255 ? 16 : 8, "pnm", {}};
+}
+
 ImageHeader HeaderOf(const ImageBytes& bytes, const std::string& path) {
   if (IsPng(bytes.start)) return PngHeader(bytes, path);
   if (IsJpeg(bytes.start)) return JpegHeader(bytes.start, path);
   if (IsTiff(bytes.start)) return TiffHeader(bytes.start, path);
   if (IsWebp(bytes.start)) return WebpHeader(bytes.start, path);
   if (IsBmp(bytes.start)) return BmpHeader(bytes.start);
-  throw FormatError(path, "", "is neither PNG nor JPEG, TIFF, WebP or BMP");
+  if (IsPnm(bytes.start)) return PnmHeader(bytes.start, path);
+  throw FormatError(path, "", "is neither PNG nor JPEG, TIFF, WebP, BMP, PGM or PPM");
 }
 
 }  // namespace
@@ -210,6 +240,14 @@ ImageHeader ParseImageHeader(const ImageBytes& bytes, const std::string& path) {
   }
   if (header.turn.swaps_sides()) std::swap(header.width, header.height);
   return header;
+}
+
+void CheckPnm(Bytes b, const std::string& path) {
+  if (b[1] != '5' && b[1] != '6') return;
+  const auto [values, end] = ReadPnm(b, path);
+  const int64_t needed = values[0] * values[1] * (b[1] == '6' ? 3 : 1) * (values[2] > 255 ? 2 : 1);
+  if (static_cast<int64_t>(b.size()) - static_cast<int64_t>(end) - 1 < needed)
+    throw FormatError(path, "byte " + std::to_string(b.size()), "the PGM or PPM file ends early; copy it again");
 }
 
 std::string WithoutTiffOrientation(std::string bytes) {

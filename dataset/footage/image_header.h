@@ -18,6 +18,9 @@ struct ImageBytes {
 /// Throws FormatError for a file of another kind, a damaged header, and sides beyond the limits of ReadImage.
 ImageHeader ParseImageHeader(const ImageBytes& bytes, const std::string& path);
 
+/// Throws FormatError for a binary PGM or PPM file that ends before its pixels do.
+void CheckPnm(const std::string& bytes, const std::string& path);
+
 /// The bytes of a TIFF file with its Orientation tag set to 1: decoders apply some of its values and not others.
 std::string WithoutTiffOrientation(std::string bytes);
 

@@ -7,6 +7,8 @@
 #include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
+#include <vector>
 
 #include "core/check.h"
 #include "core/disk/files.h"
@@ -133,6 +135,7 @@ Decoded Decode(const std::string& path, int flags) {
     CheckPng(bytes, path);
   }
   if (file.header.codec == "jpeg") CheckJpeg(bytes, path);
+  if (file.header.codec == "pnm") internal::CheckPnm(bytes, path);
   if (file.header.codec == "tiff") bytes = internal::WithoutTiffOrientation(std::move(bytes));
   try {
     const cv::Mat raw(1, static_cast<int>(bytes.size()), CV_8U, bytes.data());
@@ -146,6 +149,19 @@ Decoded Decode(const std::string& path, int flags) {
   if (file.mat.cols != width || file.mat.rows != height)
     throw FormatError(path, "", "cannot decode the image; the file is damaged");
   return file;
+}
+
+/// Least and greatest value, but for one in 500 at either end.
+std::pair<double, double> UsedRange(const cv::Mat& mat) {
+  constexpr size_t kLeftOut = 500;
+  cv::Mat values;
+  mat.reshape(1, 1).convertTo(values, CV_32F);
+  std::vector<float> all(values.ptr<float>(), values.ptr<float>() + values.total());
+  const size_t out = all.size() / kLeftOut;
+  std::nth_element(all.begin(), all.begin() + static_cast<ptrdiff_t>(out), all.end());
+  const double low = all[out];
+  std::nth_element(all.begin(), all.end() - 1 - static_cast<ptrdiff_t>(out), all.end());
+  return {low, all[all.size() - 1 - out]};
 }
 
 }  // namespace
@@ -176,6 +192,28 @@ Image ReadImage(const std::string& path, bool grey, bool as_stored) {
   Decoded file = Decode(path, grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR);
   if (!grey) cv::cvtColor(file.mat, file.mat, cv::COLOR_BGR2RGB);
   return as_stored ? FromMat(file.mat) : Turned(FromMat(file.mat), file.header.turn);
+}
+
+StretchedImage ReadImageStretched(const std::string& path, bool as_stored) {
+  StretchedImage result;
+  if (ReadImageHeader(path).bits <= 8) {
+    result.rgb = ReadImage(path, false, as_stored);
+    return result;
+  }
+  Decoded file = Decode(path, cv::IMREAD_COLOR | cv::IMREAD_ANYDEPTH);
+  const double most = file.mat.depth() == CV_16U ? 65535 : file.mat.depth() == CV_8U ? 255 : 0;
+  const auto [low, high] = UsedRange(file.mat);
+  cv::Mat eight;
+  if (most > 255 && 4 * (high - low) >= most) {
+    file.mat.convertTo(eight, CV_8U, 1.0 / 257);
+  } else {
+    const double scale = 255 / std::max(1e-30, high - low);
+    file.mat.convertTo(eight, CV_8U, scale, -low * scale);
+    result.levels = static_cast<int>(std::min(high - low + 1, 65536.0)), result.of_levels = 65536;
+  }
+  cv::cvtColor(eight, eight, cv::COLOR_BGR2RGB);
+  result.rgb = as_stored ? FromMat(eight) : Turned(FromMat(eight), file.header.turn);
+  return result;
 }
 
 Image ReadImageWithAlpha(const std::string& path) {

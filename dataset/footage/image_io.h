@@ -16,17 +16,26 @@ int64_t MaxPixels();
 struct ImageHeader {
   int64_t width = 0, height = 0;  ///< as shown, after `turn`
   int channels = 0, bits = 0;
-  std::string codec;  ///< "png", "jpeg", "tiff", "webp", "bmp"
+  std::string codec;  ///< "png", "jpeg", "tiff", "webp", "bmp", "pnm"
   PictureTurn turn;   ///< that EXIF or TIFF asks for
 };
 /// Properties of an image from its header; the pixels are not read. Throws IoError / FormatError.
 ImageHeader ReadImageHeader(const std::string& path);
 
-/// Reads PNG, JPEG, TIFF, WebP or BMP; RGB, or grey when `grey`: 8 bits, of 16 the upper ones; without opacity. The picture is
-/// turned and mirrored as EXIF's or TIFF's orientation says, unless `as_stored`. Throws IoError / FormatError, also for more
-/// than MaxPixels() or sides beyond 65535, files beyond 1 GiB and JPEG of more than 500 scans.
+/// Reads PNG, JPEG, TIFF, WebP, BMP, PGM or PPM; RGB, or grey when `grey`: 8 bits, of 16 the upper ones; without opacity. The
+/// picture is turned and mirrored as EXIF's or TIFF's orientation says, unless `as_stored`. Throws IoError / FormatError, also
+/// for more than MaxPixels() or sides beyond 65535, files beyond 1 GiB and JPEG of more than 500 scans.
 Image ReadImage(const std::string& path, bool grey = false, bool as_stored = false);
-/// The same, but with four channels (R, G, B and opacity, not premultiplied) where the file has opacity.
+
+/// An image of which what is bright and dark matters, not how bright.
+struct StretchedImage {
+  Image rgb;
+  int levels = 0, of_levels = 256;  ///< that the image fills of those its file can hold; 0: it was not stretched
+};
+/// ReadImage; but where an image of more than 8 bits fills less than a quarter of its range, that part becomes 0 to 255 (one
+/// pixel in 500 at either end left out).
+StretchedImage ReadImageStretched(const std::string& path, bool as_stored = false);
+/// The same as ReadImage, but with four channels (R, G, B and opacity, not premultiplied) where the file has opacity.
 Image ReadImageWithAlpha(const std::string& path);
 
 /// A file's own numbers, of 1 to 16 bits.

@@ -125,7 +125,7 @@ CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path,
   }
   times.origin_s = 0;
   for (size_t i = 0; i < files.paths.size(); ++i) {
-    const int64_t number = NumberInName(files.paths[i]).value_or(static_cast<int64_t>(i));
+    const int64_t number = files.images.numbers[i];
     if (!times.frame.empty() && number <= times.frame.back())
       RefuseOrder(path, fs::path(files.paths[i]).filename().string(), number, times.frame.back());
     times.frame.push_back(number);

@@ -92,6 +92,23 @@ TEST(CheckBoard, AprilGrids) {
   EXPECT_EQ(Check("aprilgrid:4x3:40mm:0.4:25h9", "aprilgrid:4x3:40mm:0.4:25h9").relation, "as given");
 }
 
+/// The smallest grid that explains the ids.
+TEST(CheckBoard, AprilGridsWhoseIdsBeginLate) {
+  for (const char* first : {"40", "43"}) {
+    const std::string printed = "aprilgrid:5x4:40mm:0.3:36h11:first=" + std::string(first);
+    EXPECT_EQ(Check(printed, "").text, "aprilgrid:5x4:SIDE:0.3:36h11:first=" + std::string(first));
+    EXPECT_EQ(Check(printed, "aprilgrid:5x4:40mm:0.3:36h11").text, printed);
+  }
+}
+
+TEST(CheckBoard, CirclesAndWhiteCorners) {
+  EXPECT_EQ(Check("circles:7x6:40mm", "").text, "circles:7x6:STEP");
+  EXPECT_EQ(Check("acircles:4x9:30mm", "").text, "acircles:4x9:STEP");
+  EXPECT_EQ(Check("acircles:4x9:30mm:inverted", "acircles:4x9:30mm").relation, "black and white exchanged");
+  EXPECT_EQ(Check("chessboard:8x6:40mm:inverted", "").text, "chessboard:8x6:SQUARE:inverted");
+  EXPECT_EQ(Check("chessboard:8x6:40mm:inverted", "chessboard:8x6:40mm").relation, "black and white exchanged");
+}
+
 TEST(CheckBoard, LoneTagsAreListed) {
   const std::vector<Image> photos = Photos("tag:36h11:42:100mm");
   const BoardCheckReport report = CheckBoard(ParseBoard("tag:36h11:0:100mm"), photos, RunContext());

@@ -4,7 +4,9 @@
 
 #include "calib/board/charuco_layout.h"
 #include "calib/board/print.h"
+#include "core/disk/files.h"
 #include "core/error.h"
+#include "tests/support/temp_dir.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -24,12 +26,26 @@ TEST(ParseBoard, ReadsChessboardAndCharuco) {
 }
 
 TEST(ParseBoard, TextRoundTrip) {
-  for (const char* text :
-       {"chessboard:9x6:25mm", "charuco:7x5:140mm:105mm:4x4_1000", "charuco:8x6:60mm:45mm:apriltag_36h11:legacy",
-        "charuco:5x4:54mm:40.5mm:4x4_1000:inverted", "charuco:8x6:60mm:45mm:4x4_50:legacy:inverted",
-        "aprilgrid:6x6:88mm:0.3:36h11", "aprilgrid:4x3:20mm:0.25:25h9:first=5",
-        "aprilgrid:4x3:20mm:0.25:36h11:first=5:border=1", "aprilgrid:2x2:20mm:0.8:Standard41h12", "tag:36h11:7:100mm",
-        "tag:16h5:3:55mm:border=2", "tag:Circle49h12:60000:55mm", "grid:10x10:77mm"}) {
+  for (const char* text : {"chessboard:9x6:25mm",
+                           "charuco:7x5:140mm:105mm:4x4_1000",
+                           "charuco:8x6:60mm:45mm:apriltag_36h11:legacy",
+                           "charuco:5x4:54mm:40.5mm:4x4_1000:inverted",
+                           "charuco:8x6:60mm:45mm:4x4_50:legacy:inverted",
+                           "aprilgrid:6x6:88mm:0.3:36h11",
+                           "aprilgrid:4x3:20mm:0.25:25h9:first=5",
+                           "aprilgrid:4x3:20mm:0.25:36h11:first=5:border=1",
+                           "aprilgrid:2x2:20mm:0.8:Standard41h12",
+                           "tag:36h11:7:100mm",
+                           "tag:16h5:3:55mm:border=2",
+                           "tag:Circle49h12:60000:55mm",
+                           "grid:10x10:77mm",
+                           "chessboard:8x6:25mm:inverted",
+                           "chessboard:9x6:22.5x24.5mm",
+                           "grid:4x7:200x150mm",
+                           "circles:7x6:30mm",
+                           "circles:7x6:30x32mm:20mm",
+                           "acircles:4x11:20mm",
+                           "acircles:4x11:20mm:12mm:inverted"}) {
     EXPECT_EQ(ToString(ParseBoard(text)), text);
   }
 }
@@ -63,6 +79,15 @@ TEST(ParseBoard, RefusesWithTheExpectedForm) {
                            "tag:Standard41h12:7:1m:border=2",
                            "grid:10x10",
                            "grid:1x10:77mm",
+                           "chessboard:9x6:25mm:white",
+                           "chessboard:9x6:25x",
+                           "chessboard:9x6:2x25mm",
+                           "chessboard:9x6:0x19mm",
+                           "charuco:8x6:0x3Cmm:45mm",
+                           "circles:7x6:30mm:30mm",
+                           "circles:2x2:30mm",
+                           "acircles:4x11:20x30mm",
+                           "points:",
                            "chessboard:99999999999x6:25mm"}) {
     try {
       ParseBoard(text);
@@ -73,6 +98,44 @@ TEST(ParseBoard, RefusesWithTheExpectedForm) {
       EXPECT_NE(std::string(e.what()).find("expected " + kind + ":"), std::string::npos) << e.what();
     }
   }
+}
+
+TEST(ParseBoard, CellsThatAreNotSquare) {
+  for (const char* text : {"grid:4x7:200x150mm", "grid:4x7:20x15cm", "grid:4x7:0.2mx15cm"}) {
+    const Eigen::Matrix3Xd corners = CornersInBoard(ParseBoard(text));
+    EXPECT_TRUE(corners.col(27).isApprox(Eigen::Vector3d(0.6, 0.9, 0), 1e-12)) << text << corners.col(27);
+  }
+  EXPECT_EQ(ToString(ParseBoard("chessboard:9x6:25x25mm")), "chessboard:9x6:25mm");
+}
+
+/// OpenCV's asymmetric grid: ((2 j + i % 2) s, i s) for row i.
+TEST(ParseBoard, AsymmetricCirclesLieAsInOpenCv) {
+  const Eigen::Matrix3Xd centres = CornersInBoard(ParseBoard("acircles:4x11:20mm"));
+  ASSERT_EQ(centres.cols(), 44);
+  EXPECT_TRUE(centres.col(1).isApprox(Eigen::Vector3d(0.04, 0, 0)));
+  EXPECT_TRUE(centres.col(4).isApprox(Eigen::Vector3d(0.02, 0.02, 0)));
+  EXPECT_TRUE(centres.col(43).isApprox(Eigen::Vector3d(0.12, 0.2, 0)));
+}
+
+TEST(ParseBoard, PointsComeFromAFile) {
+  const mvstudio::testing::TempDir folder;
+  const auto points = [&](const std::string& table, const std::string& unit = "") {
+    WriteFileAtomic(folder / "target.csv", table);
+    return ParseBoard("points:" + (folder / "target.csv") + unit);
+  };
+  const Board board = points("# a box\nid,x,y,z\n3,1,2,3\n0,0,0,0\n1,1,0,0\n2,0,1,0.5\n");
+  EXPECT_EQ(board.kind, Board::Kind::kPoints);
+  ASSERT_EQ(board.num_corners(), 4);
+  EXPECT_EQ(board.points.col(3), Eigen::Vector3d(1, 2, 3)) << "metres";
+  EXPECT_EQ(board.points.col(2), Eigen::Vector3d(0, 1, 0.5));
+  const std::string four = "0,0,0\n1000,0,0\n0,1000,0\n0,0,1000\n";
+  EXPECT_EQ(points("x_mm,y_mm,z_mm\n" + four).points.col(1), Eigen::Vector3d(1, 0, 0)) << "rows in order, the header's unit";
+  EXPECT_EQ(points("x,y,z\n" + four, ":cm").points.col(1), Eigen::Vector3d(10, 0, 0));
+  for (const char* bad : {"", "id,x,y\n0,0,0\n", "id,x,y,z\n0,0,0,0\n1,1,0,0\n", "x,y,z_mm\n0,0,0\n",
+                          "id,x,y,z\n0,0,0,0\n0,1,0,0\n1,1,1,0\n2,1,1,1\n", "id,x,y,z\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,1,1,1\n",
+                          "id,x,y,z\n0,0,0,a\n1,1,0,0\n2,1,1,0\n3,1,1,1\n"})
+    EXPECT_THROW(points(bad), FormatError) << bad;
+  EXPECT_THROW(ParseBoard("points:" + (folder / "none.csv")), IoError);
 }
 
 std::string Refusal(const std::string& text) {

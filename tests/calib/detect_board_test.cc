@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "calib/rig/numbering.h"
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
 
@@ -223,10 +224,66 @@ TEST(DetectBoard, RefusesAnUnknownDetector) {
   EXPECT_EQ(detector, Detector::kExact);
 }
 
-TEST(HasUniqueNumbering, NeedsOddAndEven) {
-  EXPECT_TRUE(HasUniqueNumbering(ParseBoard("chessboard:9x6:25mm")));
-  EXPECT_FALSE(HasUniqueNumbering(ParseBoard("chessboard:8x6:25mm")));
-  EXPECT_TRUE(HasUniqueNumbering(ParseBoard("charuco:7x5:140mm:105mm")));
+TEST(NumLikeTurns, OfChessboardsAndCircles) {
+  const std::vector<std::pair<const char*, int>> boards = {
+      {"chessboard:9x6:25mm", 1}, {"chessboard:8x6:25mm", 2},    {"chessboard:7x5:25mm", 2},     {"chessboard:9x9:25mm", 2},
+      {"chessboard:8x8:25mm", 4}, {"chessboard:8x8:25x24mm", 2}, {"charuco:7x5:140mm:105mm", 1}, {"circles:7x6:30mm", 2},
+      {"circles:6x6:30mm", 4},    {"acircles:4x11:20mm", 1},     {"acircles:4x10:20mm", 2},      {"grid:6x6:30mm", 4}};
+  for (const auto& [text, turns] : boards) EXPECT_EQ(NumLikeTurns(ParseBoard(text)), turns) << text;
+}
+
+/// A chessboard in one view; the numbering may be any that the board looks like.
+void ExpectFoundInSomeTurn(const Board& board, const Image& image, const geometry::Camera& camera, const geometry::Rigid3& pose,
+                           const std::string& what) {
+  const BoardDetection found = DetectBoard(board, image);
+  ASSERT_EQ(found.status, Status::kOk) << what << ": " << found.reason;
+  ASSERT_EQ(found.detection.num_corners(), board.num_corners()) << what;
+  const Eigen::Matrix3Xd corners = CornersInBoard(board);
+  double least = 1e9;
+  for (int quarters = 0; quarters < 4; quarters += 4 / NumLikeTurns(board)) {
+    double sum = 0;
+    for (int i = 0; i < board.num_corners(); ++i) {
+      const int id = TurnedCorner(found.detection.corner_ids[i], board.num_corners(), quarters);
+      sum += (geometry::Project(camera, pose * corners.col(id)).px - found.detection.points_px.col(i)).squaredNorm();
+    }
+    least = std::min(least, std::sqrt(sum / board.num_corners()));
+    if (NumLikeTurns(board) == 1) break;
+  }
+  EXPECT_LT(least, 0.12) << what;
+}
+
+TEST(DetectBoard, ChessboardsInEveryTurnAndBothColours) {
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kBrown5, 620);
+  for (const char* size : {"5x5", "6x6", "7x5", "8x6", "6x5"}) {
+    for (const bool inverted : {false, true}) {
+      const Board told = ParseBoard("chessboard:" + std::string(size) + ":60mm");
+      Board printed = told;
+      printed.inverted = inverted;
+      for (const double turn : {0.05, 1.6, 3.1, 4.75}) {
+        const geometry::Rigid3 pose = Pose(printed, {0.25, -0.2, turn}, 1.3);
+        const Image image = RenderBoard(printed, camera, pose, 4);
+        const std::string what = ToString(printed) + " turned by " + std::to_string(turn);
+        ExpectFoundInSomeTurn(printed, image, camera, pose, what);
+        const BoardDetection found = DetectBoard(told, image);
+        EXPECT_EQ(found.status, Status::kOk) << what << " as " << ToString(told) << ": " << found.reason;
+        EXPECT_EQ(found.detection.num_corners(), told.num_corners()) << what;
+      }
+    }
+  }
+}
+
+TEST(DetectBoard, ColoursOfTheOtherKindAreNamed) {
+  const geometry::Camera camera = MakeCamera("c", geometry::LensModel::kBrown5, 620);
+  const Board black = ParseBoard("chessboard:8x6:60mm"), white = ParseBoard("chessboard:8x6:60mm:inverted");
+  const BoardDetection found = DetectBoard(white, RenderBoard(black, camera, Pose(black, {0.2, 0.1, 0.1}, 1.3), 4));
+  EXPECT_EQ(found.status, Status::kDegenerate);
+  EXPECT_EQ(found.reason, "black and white are exchanged");
+}
+
+TEST(DetectBoard, CellsThatAreNotSquare) {
+  ExpectAccurate("chessboard:9x6:70x82mm", {0.3, -0.2, 0.1}, 2);
+  ExpectAccurate("chessboard:5x5:90x75mm", {0.3, -0.2, 0.05}, 2);
+  EXPECT_THROW(DetectBoard(ParseBoard("chessboard:8x8:20x25mm"), Image(64, 64, 1)), UsageError);
 }
 
 }  // namespace

@@ -35,7 +35,7 @@ Found Search(const Board& board, const Image& grey) {
   Found found;
   const BoardDetection detected = DetectBoard(board, grey);
   found.by_detector = detected.status == Status::kOk;
-  const auto sectors = SearchChessboard(board, grey, ChessboardSearch::kSectors);
+  const auto sectors = SearchChessboard(board, grey, ChessboardSearch::kSectors).guesses;
   found.by_sectors = !sectors.empty();
   if (!found.by_sectors) return found;
   const BoardDetection checked = LocateBoard(board, grey, sectors);

@@ -107,6 +107,38 @@ TEST(Numbering, TurnedViewsAreTurnedBack) {
   }
 }
 
+/// A board of as many columns as rows, both even, whose images are numbered from any of four ends.
+TEST(Numbering, QuarterTurnsOfSquareBoardsAreTurnedBack) {
+  testing::SceneOptions scene;
+  scene.num_cameras = 3, scene.noise_px = 0.1;
+  scene.board = "chessboard:8x8:60mm";
+  const CalibrateInput straight = testing::ToInput(testing::MakeScene(scene));
+  const CalibrateReport truth = Solved(straight);
+  ASSERT_EQ(truth.status, Status::kOk);
+  EXPECT_TRUE(truth.turned.empty());
+  for (const bool grid : {false, true}) {
+    CalibrateInput input = straight;
+    if (grid) input.boards[0].kind = Board::Kind::kGrid;
+    for (Detection& d : input.detections) {
+      const int quarters = static_cast<int>(d.camera_idx * 7 + d.frame_idx * 5) % 11 % 4;
+      for (int& id : d.corner_ids) id = TurnedCorner(id, 64, quarters);
+    }
+    const CalibrateReport report = Solved(input);
+    ASSERT_EQ(report.status, Status::kOk) << report.message;
+    EXPECT_LT(geometry::CompareRigs(report.rig, truth.rig).max_translation_m, 1e-6);
+    EXPECT_NEAR(report.rms_px, truth.rms_px, 1e-6);
+    EXPECT_TRUE(report.numbering.empty());
+    EXPECT_GE(report.turned.size(), 2u);
+  }
+}
+
+TEST(Numbering, FourQuarterTurnsAreNone) {
+  for (int id = 0; id < 64; ++id) {
+    EXPECT_EQ(TurnedCorner(TurnedCorner(id, 64, 1), 64, 3), id);
+    EXPECT_EQ(TurnedCorner(TurnedCorner(id, 64, 1), 64, 1), TurnedCorner(id, 64, 2));
+  }
+}
+
 TEST(Numbering, OfOneCameraTheTurnedViewsAreCounted) {
   testing::SceneOptions scene;
   scene.num_cameras = 3, scene.noise_px = 0.1;

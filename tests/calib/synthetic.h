@@ -90,6 +90,7 @@ struct SceneOptions {
   double focal_px = 540;      ///< of camera 0; the others 15 more each
   double near_m = 0.9, far_m = 1.4;  ///< of the boards' centres from camera 0
   uint64_t seed = 1;
+  const char* board = "chessboard:9x6:60mm";
 };
 
 /// Corners that project into the image; views with fewer than 12 corners are dropped.
@@ -128,7 +129,7 @@ inline void ObserveAll(Scene* scene, double noise_px, uint64_t seed) {
 
 inline Scene MakeScene(const SceneOptions& options) {
   Scene scene;
-  scene.board = ParseBoard("chessboard:9x6:60mm");
+  scene.board = ParseBoard(options.board);
   Rng rng(options.seed);
   for (int c = 0; c < options.num_cameras; ++c) {
     scene.truth.cameras.push_back(MakeCamera("cam" + std::to_string(c), options.model, options.focal_px + options.focal_step_px * c));

@@ -92,7 +92,7 @@ TEST(FilesMatching, WhatExistsIsTakenByItsName) {
   EXPECT_EQ(FilesMatching(folder / "d*/x.png"), (Paths{folder / "d?/x.png", folder / "de/x.png"}));
   EXPECT_EQ(FilesMatching(folder / "[ab].png"), (Paths{folder / "[ab].png"}));
   EXPECT_EQ(FilesMatching(folder / "[ab].*"), (Paths{folder / "[ab].png"}));
-  EXPECT_TRUE(FilesMatching(folder / "[a]b.png").empty()) << "no set of characters";
+  EXPECT_EQ(FilesMatching(folder / "[a]b.png"), (Paths{folder / "ab.png"})) << "a set where no name has the brackets";
   EXPECT_FALSE(IsPattern(folder / "a*.png"));
   EXPECT_TRUE(IsPattern(folder / "z*.png"));
   EXPECT_FALSE(IsPattern(folder / "[ab].png"));
@@ -110,6 +110,37 @@ TEST(FilesMatching, StarsCharactersAndHiddenNames) {
   Put(folder / name);
   EXPECT_TRUE(FilesMatching(folder / (hard + "*b")).empty());
   EXPECT_EQ(FilesMatching(folder / (hard + "*")), (Paths{folder / name}));
+}
+
+TEST(FilesMatching, SetsAndAlternatives) {
+  const TempDir folder;
+  for (const char* name : {"f1.png", "f2.png", "f12.png", "fa.png", "fé.png", "left.jpg", "right.jpg"}) Put(folder / name);
+  EXPECT_EQ(FilesMatching(folder / "f[0-9].png"), (Paths{folder / "f1.png", folder / "f2.png"}));
+  EXPECT_EQ(FilesMatching(folder / "f[0-9]*.png"), (Paths{folder / "f1.png", folder / "f12.png", folder / "f2.png"}));
+  EXPECT_EQ(FilesMatching(folder / "f[!0-9].png"), (Paths{folder / "fa.png", folder / "fé.png"}));
+  EXPECT_EQ(FilesMatching(folder / "f[2a].png"), (Paths{folder / "f2.png", folder / "fa.png"}));
+  EXPECT_EQ(FilesMatching(folder / "{left,right}.jpg"), (Paths{folder / "left.jpg", folder / "right.jpg"}));
+  EXPECT_EQ(FilesMatching(folder / "*.{jpg,tif}"), (Paths{folder / "left.jpg", folder / "right.jpg"}));
+  EXPECT_TRUE(IsPattern(folder / "f[0-9].png"));
+  EXPECT_TRUE(IsPattern(folder / "{left,right}.jpg"));
+  EXPECT_FALSE(IsPattern(folder / "f[0-9.png")) << "no closing bracket";
+  EXPECT_FALSE(IsPattern(folder / "{left}.jpg"));
+}
+
+TEST(WildSpans, AreWhatTheWildcardsStandFor) {
+  const TempDir folder;
+  const auto texts = [&](const std::string& path, const std::string& pattern) {
+    std::vector<std::string> found;
+    for (const auto& [begin, end] : WildSpans(folder / path, folder / pattern))
+      found.push_back((folder / path).substr(begin, end - begin));
+    return found;
+  };
+  EXPECT_EQ(texts("both/07_0.jpg", "both/*_0.jpg"), (Paths{"07"}));
+  EXPECT_EQ(texts("a/12/left.png", "a/*/left.png"), (Paths{"12"}));
+  EXPECT_EQ(texts("a/12/img_3.png", "?/1[0-9]/*_?.png"), (Paths{"a", "2", "img", "3"}));
+  EXPECT_EQ(texts("a_b_c.png", "*_*.png"), (Paths{"a", "b_c"}));
+  EXPECT_EQ(texts("left5.jpg", "{left,right}5.jpg"), (Paths{"left"}));
+  EXPECT_TRUE(texts("x[1]/a.png", "x[1]/a.png").empty());
 }
 
 TEST(RequireRegularFile, RefusesWhatWouldHang) {

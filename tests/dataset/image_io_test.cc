@@ -50,6 +50,49 @@ TEST(ImageIo, EveryTruncationIsAFormatError) {
   }
 }
 
+/// A binary PGM of 16 bits whose values lie from `low` to `high`.
+void WritePgm16(const std::string& path, int low, int high) {
+  std::string bytes = "P5\n# of a thermal camera\n40 30\n65535\n";
+  for (int i = 0; i < 40 * 30; ++i) {
+    const int value = low + (high - low) * (i % 40) / 39;
+    bytes += static_cast<char>(value >> 8), bytes += static_cast<char>(value & 255);
+  }
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+TEST(ImageIo, PgmOfEightAndSixteenBits) {
+  mvstudio::testing::TempDir folder;
+  std::ofstream(folder / "a.pgm", std::ios::binary) << "P5 2 1 255\n" << char(7) << char(200);
+  EXPECT_EQ(ReadImage(folder / "a.pgm", true).pixels, (std::vector<uint8_t>{7, 200}));
+  std::ofstream(folder / "b.ppm", std::ios::binary) << "P6 1 1 255\n" << char(250) << char(20) << char(3);
+  EXPECT_EQ(ReadImage(folder / "b.ppm").pixels, (std::vector<uint8_t>{250, 20, 3}));
+  EXPECT_EQ(ListFootage(folder.path()).paths.size(), 2u);
+  WritePgm16(folder / "c.pgm", 0, 65535);
+  EXPECT_EQ(ReadImageHeader(folder / "c.pgm").bits, 16);
+  const std::string all = ReadFile(folder / "c.pgm");
+  for (const size_t keep : {all.size() - 1, all.size() / 2, size_t{12}, size_t{3}}) {
+    std::ofstream(folder / "cut.pgm", std::ios::binary) << all.substr(0, keep);
+    EXPECT_THROW(ReadImage(folder / "cut.pgm"), FormatError) << keep;
+  }
+}
+
+TEST(ImageIo, FewLevelsAreStretched) {
+  mvstudio::testing::TempDir folder;
+  WritePgm16(folder / "few.pgm", 20000, 23000);
+  WritePgm16(folder / "all.pgm", 100, 60000);
+  const StretchedImage few = ReadImageStretched(folder / "few.pgm"), all = ReadImageStretched(folder / "all.pgm");
+  EXPECT_NEAR(few.levels, 3001, 1);
+  EXPECT_EQ(few.rgb.channels, 3);
+  EXPECT_EQ(*few.rgb.Pixel(0, 3), 0);
+  EXPECT_EQ(*few.rgb.Pixel(39, 3), 255);
+  EXPECT_EQ(all.levels, 0) << "a range that is used is kept";
+  EXPECT_NEAR(*all.rgb.Pixel(39, 3), 60000 / 257, 1);
+  WriteImage(RandomImage(8, 8, 3, 1), folder / "eight.png");
+  EXPECT_EQ(ReadImageStretched(folder / "eight.png").rgb.pixels, ReadImage(folder / "eight.png").pixels);
+  const auto source = OpenFrames(folder / "few.pgm", {false, false, true});
+  EXPECT_EQ(*source->Next()->rgb.Pixel(39, 0), 255);
+}
+
 TEST(ImageIo, DamagedPngIsAFormatError) {
   mvstudio::testing::TempDir folder;
   WriteImage(RandomImage(40, 30, 3, 3), folder / "a.png");

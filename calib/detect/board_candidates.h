@@ -1,0 +1,62 @@
+// Private: for board_check.cc.
+#pragma once
+
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "calib/detect/board_check.h"
+
+/// Boards that may be in the images of a check.
+namespace mvstudio::calib {
+
+/// The images as they are, mirrored, and in negative.
+struct Pictures {
+  std::vector<Image> grey, mirrored, negative;
+  const std::vector<Image>& For(bool in_mirror) const { return in_mirror ? mirrored : grey; }
+};
+
+struct Candidate {
+  Board board;
+  bool mirrored = false;
+};
+
+/// Collects the boards to be tried; lengths come from the given board where there is one.
+class Candidates {
+ public:
+  explicit Candidates(const std::optional<Board>& given) : given_(given) {
+    if (given) Add(*given, false);
+  }
+
+  void Add(Board board, bool mirrored);
+  /// A board that was guessed with square_m = 1.
+  void AddGuess(Board board, bool mirrored);
+  const std::vector<Candidate>& list() const { return list_; }
+
+ private:
+  std::optional<Board> given_;
+  std::set<std::string> seen_;
+  std::vector<Candidate> list_;
+};
+
+Pictures Prepare(const std::vector<Image>& images);
+
+/// Rows and columns exchanged; squares counted for corners (or the reverse), and both.
+void AddMiscounts(const Board& given, Candidates* candidates);
+
+/// ChArUco boards that the markers tell, in any dictionary, also mirrored and in negative.
+void AddCharucoGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
+                       std::vector<SeenMarkers>* seen);
+
+/// AprilGrids and lone tags of every family, also mirrored; of the given one alone when it is seen. Fills `tags` with what is
+/// seen in the images as they are.
+void AddTagGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
+                   std::vector<SeenTag>* tags);
+
+void AddChessboardGuesses(const Pictures& pictures, int num_threads, Candidates* candidates);
+
+/// Grids of circles, dark or light.
+void AddCircleGuesses(const Pictures& pictures, int num_threads, Candidates* candidates);
+
+}  // namespace mvstudio::calib

@@ -1,0 +1,52 @@
+#include <algorithm>
+#include <cmath>
+
+#include "calib/detect/circle_refine.h"
+#include "calib/detect/locate_board.h"
+#include "core/format.h"
+
+namespace mvstudio::calib {
+namespace {
+
+/// Px from a circle to its nearest neighbour.
+double NearestPx(const Eigen::Matrix2Xd& px, Eigen::Index at) {
+  double nearest = 1e9;
+  for (Eigen::Index i = 0; i < px.cols(); ++i) {
+    if (i != at) nearest = std::min(nearest, (px.col(i) - px.col(at)).norm());
+  }
+  return nearest;
+}
+
+}  // namespace
+
+BoardDetection DetectCircleGrid(const Board& board, const Image& grey, const DetectOptions& options) {
+  const std::vector<Spot> seen = FindSpots(grey);
+  const SpotLattice lattice = FindLattice(seen);
+  const std::vector<int> circles = CirclesInLattice(board, lattice, seen);
+  if (circles.empty()) {
+    if (lattice.size() < 4) return NotDetected(Status::kTooFewViews, "no grid of circles found");
+    return NotDetected(Status::kDegenerate, Format("the %zu circles in rows are not the %d of the board, or not all of them",
+                                                   lattice.size(), board.num_corners()));
+  }
+  Located located(board);
+  std::vector<Spot> spots;
+  for (int id = 0; id < board.num_corners(); ++id) {
+    const FittedSpot fitted = FitSpot(grey, seen[static_cast<size_t>(circles[static_cast<size_t>(id)])], options.max_misfit);
+    if (fitted.status != Status::kOk) continue;
+    located.ids.push_back(id);
+    located.sigma_px.push_back(fitted.sigma_px);
+    spots.push_back(fitted.spot);
+  }
+  const int needed = std::max(6, std::min(options.min_corners, board.num_corners()));
+  if (static_cast<int>(spots.size()) < needed)
+    return NotDetected(Status::kOutlier, Format("only %zu sharp circles (%d needed)", spots.size(), needed));
+  const Eigen::Matrix2Xd on_board = CornersInBoard(board).topRows<2>()(Eigen::all, located.ids);
+  const Eigen::Matrix2Xd centres = CentresSeen(on_board, spots);
+  for (Eigen::Index i = 0; i < centres.cols(); ++i) {
+    located.px.push_back(centres.col(i));
+    located.square_px.push_back(NearestPx(centres, i));
+  }
+  return CheckLocated(board, located, options);
+}
+
+}  // namespace mvstudio::calib

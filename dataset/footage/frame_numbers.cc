@@ -1,0 +1,93 @@
+#include "dataset/footage/frame_numbers.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <utility>
+
+#include "core/disk/paths.h"
+
+namespace mvstudio::dataset {
+namespace fs = std::filesystem;
+namespace {
+
+using Spans = std::vector<std::pair<size_t, size_t>>;
+using Numbers = std::vector<std::optional<int64_t>>;
+
+constexpr char kDigits[] = "0123456789";
+constexpr size_t kMostDigits = 18;
+
+/// The numbers of a text from byte `begin` on, the last first, that some span reaches into.
+std::vector<int64_t> NumbersOf(const std::string& text, size_t begin, const Spans& spans) {
+  std::vector<int64_t> numbers;
+  for (size_t at = text.find_first_of(kDigits, begin); at != std::string::npos; at = text.find_first_of(kDigits, at)) {
+    const size_t end = std::min(text.find_first_not_of(kDigits, at), text.size());
+    const bool reached = std::any_of(spans.begin(), spans.end(), [&](const auto& s) { return s.first < end && at < s.second; });
+    if (reached && end - at <= kMostDigits) numbers.push_back(std::stoll(text.substr(at, end - at)));
+    at = end;
+  }
+  std::reverse(numbers.begin(), numbers.end());
+  return numbers;
+}
+
+std::string WithoutExtension(const std::string& path) {
+  return path.substr(0, path.size() - fs::path(path).extension().string().size());
+}
+
+/// The numbers that may be the frame, the last first: of a pattern those that its wildcards reach into.
+std::vector<int64_t> CandidatesOf(const std::string& pattern, const std::string& file) {
+  const std::string text = WithoutExtension(file);
+  const Spans spans = pattern.empty() ? Spans() : WildSpans(file, pattern);
+  const std::vector<int64_t> wild = spans.empty() ? std::vector<int64_t>() : NumbersOf(text, 0, spans);
+  if (!wild.empty()) return wild;
+  return NumbersOf(text, text.size() - fs::path(text).filename().string().size(), {{0, text.size()}});
+}
+
+/// Number `place` of every file; empty where one has none.
+Numbers AtPlace(const std::vector<std::vector<int64_t>>& candidates, size_t place) {
+  Numbers numbers;
+  for (const auto& of_file : candidates)
+    numbers.push_back(place < of_file.size() ? std::optional<int64_t>(of_file[place]) : std::nullopt);
+  return numbers;
+}
+
+size_t NumDistinct(const Numbers& numbers) { return std::set<std::optional<int64_t>>(numbers.begin(), numbers.end()).size(); }
+
+bool AllThere(const Numbers& numbers) {
+  return std::all_of(numbers.begin(), numbers.end(), [](const auto& number) { return number.has_value(); });
+}
+
+}  // namespace
+
+std::optional<int64_t> NumberInName(const std::string& path) {
+  const std::string stem = fs::path(path).stem().string();
+  const auto last = stem.find_last_of(kDigits);
+  if (last == std::string::npos) return std::nullopt;
+  const auto before = stem.find_last_not_of(kDigits, last);
+  const std::string digits = stem.substr(before + 1, last - before);
+  if (digits.size() > kMostDigits) return std::nullopt;
+  return std::stoll(digits);
+}
+
+FrameNumbers NumberFrames(const std::string& path_or_pattern, const std::vector<std::string>& files) {
+  const bool is_pattern = IsPattern(path_or_pattern);
+  std::vector<std::vector<int64_t>> candidates;
+  size_t most = 0;
+  for (const std::string& file : files) {
+    candidates.push_back(CandidatesOf(is_pattern ? path_or_pattern : "", file));
+    most = std::max(most, candidates.back().size());
+  }
+  Numbers chosen = AtPlace(candidates, 0);
+  size_t place = 0;
+  const bool last_is_constant = AllThere(chosen) && NumDistinct(chosen) == 1;
+  for (size_t p = 1; p < most && (is_pattern || last_is_constant) && NumDistinct(chosen) < files.size(); ++p) {
+    const Numbers other = AtPlace(candidates, p);
+    if (AllThere(other) && NumDistinct(other) == files.size()) chosen = other, place = p;
+  }
+  FrameNumbers result;
+  result.by_other_place = place > 0;
+  for (size_t i = 0; i < files.size(); ++i) result.numbers.push_back(chosen[i].value_or(static_cast<int64_t>(i)));
+  return result;
+}
+
+}  // namespace mvstudio::dataset

@@ -1,0 +1,56 @@
+#include "dataset/footage/frame_numbers.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "core/disk/paths.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+namespace fs = std::filesystem;
+using Numbers = std::vector<int64_t>;
+
+/// The numbers of files of these names under a pattern, in the order of the names.
+Numbers Numbered(const std::vector<std::string>& names, const std::string& pattern) {
+  const mvstudio::testing::TempDir folder;
+  for (const std::string& name : names) {
+    const fs::path file = folder / ("in/" + name);
+    fs::create_directories(file.parent_path());
+    std::ofstream(file) << "x";
+  }
+  const std::string path = folder / (pattern.empty() ? "in" : "in/" + pattern);
+  const std::vector<std::string> files = FilesMatching(path);
+  EXPECT_FALSE(files.empty()) << pattern;
+  return NumberFrames(path, files).numbers;
+}
+
+TEST(NumberFrames, TheWildcardIsTheFrame) {
+  const std::vector<std::string> pairs = {"00_0.jpg", "00_1.jpg", "01_0.jpg", "01_1.jpg"};
+  EXPECT_EQ(Numbered(pairs, "*_0.jpg"), (Numbers{0, 1}));
+  EXPECT_EQ(Numbered(pairs, "0?_1.jpg"), (Numbers{0, 1}));
+  EXPECT_EQ(Numbered(pairs, "[0-9][0-9]_1.jpg"), (Numbers{0, 1}));
+  EXPECT_EQ(Numbered({"f_007_cam2.png", "f_012_cam2.png"}, "f_*_cam2.png"), (Numbers{7, 12}));
+  EXPECT_EQ(Numbered({"cam1_03.png", "cam1_05.png"}, "cam1_*.png"), (Numbers{3, 5}));
+  EXPECT_EQ(Numbered({"left12.png", "left13.png"}, "left1?.png"), (Numbers{12, 13})) << "the whole number";
+  EXPECT_EQ(Numbered({"3/cam1.png", "8/cam1.png", "8/cam2.png"}, "*/cam1.png"), (Numbers{3, 8})) << "a folder a frame";
+}
+
+TEST(NumberFrames, OfAFolderTheLastNumberThatDiffers) {
+  EXPECT_EQ(Numbered({"a1_05.png", "a1_07.png"}, ""), (Numbers{5, 7}));
+  EXPECT_EQ(Numbered({"00_0.jpg", "01_0.jpg", "02_0.jpg"}, ""), (Numbers{0, 1, 2}));
+  EXPECT_EQ(Numbered({"00_0.jpg", "01_0.jpg"}, "*.jpg"), (Numbers{0, 1}));
+  EXPECT_EQ(Numbered({"a.png", "b.png"}, ""), (Numbers{0, 1})) << "positions";
+}
+
+/// Two cameras in one folder stay what they are: the numbers come twice.
+TEST(NumberFrames, TwoCamerasInOneFolderAreNotMadeOne) {
+  EXPECT_EQ(Numbered({"00_0.jpg", "00_1.jpg", "01_0.jpg", "01_1.jpg"}, ""), (Numbers{0, 1, 0, 1}));
+  EXPECT_EQ(Numbered({"1_5.png", "2_5.png", "1_6.png", "2_6.png"}, ""), (Numbers{5, 6, 5, 6}));
+}
+
+}  // namespace
+}  // namespace mvstudio::dataset
