@@ -317,6 +317,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const auto train = ParseFrames("--train-frames", arguments.train_frames);
   const auto test = ParseFrames("--test-frames", arguments.test_frames);
   app::PoseArguments pose;
+  pose.lenses_suffice = true;
   pose.calib = calib_path, pose.calib_unit = arguments.calib_unit, pose.skeleton = arguments.skeleton;
   pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d, pose.changes = arguments.changes;
   const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d, arguments.sync}),
