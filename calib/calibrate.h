@@ -21,12 +21,13 @@
 #include "calib/rig/readout.h"
 #include "core/progress.h"
 #include "core/status.h"
+#include "geometry/rig/lenses_only.h"
 #include "geometry/rig/rig.h"
 
 namespace mvstudio::calib {
 
-/// Rig::gauge of lenses without poses: what `intrinsics_only` gives. As CalibrateInput::start its poses are not used.
-inline constexpr char kLensesOnly[] = "none: lenses only, every camera in a frame of its own";
+/// What `intrinsics_only` gives. As CalibrateInput::start its poses are not used.
+using geometry::kLensesOnly;
 
 /// A corner after the adjustment.
 struct CornerResidual {

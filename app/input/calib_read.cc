@@ -11,6 +11,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/panoptic_files.h"
 #include "exports/read/layout_read.h"
+#include "geometry/rig/lenses_only.h"
 #include "geometry/rig/meeting.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/decompositions.h"
@@ -105,6 +106,10 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
                               "option 'unit' " + std::string(ToString(options.unit)) + " changes nothing in " + named.front() +
                                   ": the format " + std::string(calib::ToString(format)) + " has a unit of its own",
                               "option 'out-unit' of calib convert writes other units, in formats that name none"});
+  }
+  if (geometry::HasLensesOnly(imported.rig)) {
+    imported.rig.gauge = geometry::kLensesOnly;
+    return imported;  // nothing to doubt about poses that nobody stated
   }
   for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(imported.rig)) {
     imported.notes.push_back({doubt.code, doubt.text, doubt.hint});

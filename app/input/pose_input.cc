@@ -10,6 +10,7 @@
 #include "body/skeleton_text.h"
 #include "core/error.h"
 #include "core/some_of.h"
+#include "geometry/rig/lenses_only.h"
 
 namespace mvstudio::app {
 namespace {
@@ -49,6 +50,10 @@ PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
   const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, read);
   AddNotes(imported.notes, result);
   input.rig = imported.rig;
+  if (!arguments.lenses_suffice && geometry::HasLensesOnly(input.rig))
+    throw FormatError(arguments.calib, "",
+                      "holds lenses only, and where the cameras stand is unknown: place them by boards (`mvstudio calibrate`) "
+                      "or by people (`mvstudio calib refine`, option 'from-keypoints')");
   return input;
 }
 
@@ -145,6 +150,7 @@ void WarnOfFrames(const PoseInput& input, CommandResult* result) {
 
 /// The same camera under two names: triangulation counts its pixels once.
 void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<std::string>& cameras, CommandResult* result) {
+  if (geometry::HasLensesOnly(rig)) return;
   const std::vector<int> duplicate_of = triangulate::Prepare(rig).duplicate_of;
   for (const std::string& name : cameras) {
     const int camera = rig.Find(name);

@@ -24,7 +24,8 @@ struct PoseArguments {
                          ///< in the table of points, DeepLabCut's or SLEAP's files
   std::string points2d;  ///< table of points of all cameras, ours or caliscope's, instead of pose2d
   std::vector<std::pair<std::string, std::string>> bones = {};  ///< of a project's configuration, for files that state none
-  std::vector<std::string> without_joints = {};                 ///< names of joints whose detections are left out
+  bool lenses_suffice = false;  ///< cameras without poses are taken (geometry::kLensesOnly); else they are refused
+  std::vector<std::string> without_joints = {};  ///< names of joints whose detections are left out
   PoseChanges changes = {};
   std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, DeepLabCut's and SLEAP's too, one per camera
 };

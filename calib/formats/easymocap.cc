@@ -70,7 +70,8 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
   Entries intrinsics, extrinsics;
   if (files.size() != 2) throw UsageError("EasyMocap's calibration is two files, intri.yml and extri.yml, or their folder");
   internal::ReadEntries(files[0], false, &intrinsics);
-  internal::ReadEntries(files[1], false, &extrinsics);
+  const bool placed = paths.size() == 2 || std::filesystem::exists(files[1]);
+  if (placed) internal::ReadEntries(files[1], false, &extrinsics);
   const bool swapped =
       std::any_of(extrinsics.begin(), extrinsics.end(), [](const auto& entry) { return entry.first.compare(0, 2, "K_") == 0; });
   if (swapped) std::swap(intrinsics, extrinsics), std::swap(files[0], files[1]);
@@ -84,7 +85,7 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
     geometry::RigCamera camera =
         internal::MakeRigCamera(name, size, internal::ReadMatrix3(matrix), internal::ReadDistortion(distortion),
                                 options.lens == geometry::LensKind::kFisheye, options, matrix.place, &imported.notes);
-    geometry::Rigid3 pose = ReadPose(extrinsics, name, files[1]);
+    geometry::Rigid3 pose = placed ? ReadPose(extrinsics, name, files[1]) : geometry::Rigid3();
     pose.translation *= options.metres_per_unit;
     camera.cam_from_world = camera.cam_from_world * pose;
     internal::AddCamera(std::move(camera), matrix.place, &imported.rig);
@@ -93,6 +94,7 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
   geometry::UnusedKeys unused(files[0], options.metres_per_unit);
   for (const Entries* entries : {&intrinsics, &extrinsics}) internal::AddUnusedEntries(*entries, {}, &unused);
   internal::AddUnusedNote(unused, &imported);
+  if (!placed) internal::StateLensesOnly(&imported);
   return imported;
 }
 

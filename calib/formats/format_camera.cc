@@ -7,6 +7,7 @@
 #include "core/format.h"
 #include "core/utf8.h"
 #include "geometry/lens/skew.h"
+#include "geometry/rig/lenses_only.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/rigid3.h"
 
@@ -117,6 +118,13 @@ void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* ri
     throw FormatError(place.path, place.where, "the camera name '" + Printable(camera.camera.name) + "' is used twice");
   }
   rig->cameras.push_back(std::move(camera));
+}
+
+void StateLensesOnly(ImportedRig* imported) {
+  imported->rig.gauge = geometry::kLensesOnly;
+  imported->notes.push_back(
+      {"CAL-NOPOSE", "the file has no rotations and translations (R, T): the lenses are known, where the cameras stand is not",
+       "give the file with them as well, or place the cameras: calibrate --start, calib refine --from-keypoints"});
 }
 
 ImportNote UnitNote(double metres_per_unit) {

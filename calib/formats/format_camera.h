@@ -58,6 +58,9 @@ void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* ri
 /// Note for files that name no unit.
 ImportNote UnitNote(double metres_per_unit);
 
+/// The file holds lenses alone: the gauge, and the note CAL-NOPOSE.
+void StateLensesOnly(ImportedRig* imported);
+
 /// A picture of a file: its path there, the name it would give its camera, lens and pose.
 struct PictureCamera {
   std::string path, name;

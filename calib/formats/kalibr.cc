@@ -112,12 +112,14 @@ ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
   const ValueView root(path, document);
   ImportedRig imported;
   imported.rig.gauge = "camera cam0";
+  bool placed = false;  // by any of them: then a pose that is missing is damage
+  for (size_t i = 1; root.Has("cam" + std::to_string(i)); ++i) placed |= root["cam" + std::to_string(i)].Has("T_cn_cnm1");
   for (size_t i = 0; root.Has("cam" + std::to_string(i)); ++i) {
     const std::string key = "cam" + std::to_string(i);
     const ValueView view = root[key];
     geometry::RigCamera camera;
     camera.camera = ReadLens(view, ReadName(view, key));
-    if (i > 0) {
+    if (i > 0 && placed) {
       geometry::Rigid3 cam_from_previous = view["T_cn_cnm1"].Transform();
       cam_from_previous.translation *= options.metres_per_unit;
       camera.cam_from_world = cam_from_previous * imported.rig.cameras.back().cam_from_world;
@@ -129,6 +131,7 @@ ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
   geometry::UnusedKeys unused(path, options.metres_per_unit);
   internal::AddUnused(root, {"rostopic", "camoverlaps", "tcamimu", "tcncnm1"}, &unused);
   internal::AddUnusedNote(unused, &imported);
+  if (!placed && imported.rig.cameras.size() > 1) internal::StateLensesOnly(&imported);
   return imported;
 }
 

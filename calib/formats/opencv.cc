@@ -69,9 +69,6 @@ geometry::Rigid3 ReadPose(const Entry& rotation, const Entry& translation, doubl
   return pose;
 }
 
-const ImportNote kNoPose = {"CAL-NOPOSE", "the file has no R and T: every camera stands at the origin",
-                            "give the file with R and T as well: calib convert intrinsics.yml extrinsics.yml"};
-
 void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const ReadOptions& options, ImportedRig* imported) {
   geometry::Rig& rig = imported->rig;
   rig.gauge = "camera left";
@@ -85,7 +82,7 @@ void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const ReadOp
     right = right * ReadPose(*rotation, *translation, options.metres_per_unit);
     imported->notes.push_back(internal::UnitNote(options.metres_per_unit));
   } else {
-    imported->notes.push_back(kNoPose);
+    internal::StateLensesOnly(imported);
   }
 }
 
@@ -171,11 +168,14 @@ Entries Together(const std::vector<Entries>& files) {
 ImportedRig ReadMany(const std::vector<std::string>& paths, const std::vector<Entries>& files, const ReadOptions& options) {
   ImportedRig imported;
   imported.rig.gauge = "as imported";
-  bool placed = true;
+  std::vector<std::string> unplaced;
   for (size_t i = 0; i < paths.size(); ++i) {
-    placed &= AddSingle(files[i], internal::Stem(paths[i]), paths[i], options, &imported);
+    if (!AddSingle(files[i], internal::Stem(paths[i]), paths[i], options, &imported)) unplaced.push_back(paths[i]);
   }
-  imported.notes.push_back(placed ? internal::UnitNote(options.metres_per_unit) : kNoPose);
+  if (!unplaced.empty() && unplaced.size() < paths.size())
+    throw FormatError(unplaced.front(), "R, T", "missing, and other files of these cameras have them: give all or none");
+  if (unplaced.empty()) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  if (!unplaced.empty()) internal::StateLensesOnly(&imported);
   AddUnusedNote(paths, files, options, &imported);
   return imported;
 }

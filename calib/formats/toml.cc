@@ -74,6 +74,7 @@ struct CameraTable {
     }
     return matrix;
   }
+  bool HasPose() const { return table->contains("rotation") || table->contains("translation"); }
   bool Flag(const char* key) const { return table->at_path(key).value_or(false); }
 
   geometry::LensKind LensKindOf(const ReadOptions& options) const {
@@ -134,6 +135,8 @@ geometry::RigCamera ReadCamera(const CameraTable& table, const ReadOptions& opti
   geometry::RigCamera camera =
       internal::MakeRigCamera(table.name, size, table.Matrix("matrix"), distortion,
                               table.LensKindOf(options) == geometry::LensKind::kFisheye, options, table.place, notes);
+  // Lenses alone; a pose in halves is damage.
+  if (!table.HasPose()) return camera;
   geometry::Rigid3 pose;
   const toml::array& rotation = table.Array("rotation");
   if (!rotation.empty() && rotation[0].is_array()) {
@@ -153,17 +156,22 @@ ImportedRig ReadToml(const std::string& path, const ReadOptions& options) {
   ImportedRig imported;
   imported.rig.gauge = "as imported";
   geometry::UnusedKeys unused(path, options.metres_per_unit);
-  for (const CameraTable& table : CamerasInFileOrder(root, path)) {
+  const std::vector<CameraTable> cameras = CamerasInFileOrder(root, path);
+  for (const CameraTable& table : cameras) {
     if (table.Flag("ignore")) {
       imported.notes.push_back(
           {"CAL-IGNORED", "camera " + table.name + " is left out: the file says ignore = true", "remove that line to use it"});
       continue;
     }
     geometry::RigCamera camera = ReadCamera(table, options, &imported.notes);
+    if (table.HasPose() != cameras.front().HasPose())
+      Fail(table.place, "it has " + std::string(table.HasPose() ? "a pose" : "no rotation and translation") + ", and camera " +
+                            cameras.front().name + (table.HasPose() ? " has none" : " has") + ": give all or none");
     internal::AddCamera(std::move(camera), table.place, &imported.rig);
     table.AddUnused(&unused);
   }
   internal::AddUnusedNote(unused, &imported);
+  if (!cameras.empty() && !cameras.front().HasPose()) internal::StateLensesOnly(&imported);
   if (imported.rig.cameras.empty()) throw FormatError(path, "", "no camera in it: no table has a key 'matrix'");
   return imported;
 }

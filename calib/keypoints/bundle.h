@@ -36,18 +36,20 @@ KeypointSolution SolveKeypoints(const geometry::Rig& start, const std::vector<Ke
 struct KeypointCovariance {
   Status status = Status::kOk;  ///< kDegenerate: some unknown is not determined, see `message`
   std::string message;
-  Eigen::MatrixXd joint;   ///< for each camera its lens parameters and the six of cam_from_world (left perturbation)
-  std::vector<int> begin;  ///< (cameras + 1) first row of each camera in `joint`
-  Eigen::MatrixXd from_joints;               ///< `joint` for an exact given calibration
+  Eigen::MatrixXd joint;          ///< for each camera its lens parameters and the six of cam_from_world (left perturbation)
+  std::vector<int> begin;         ///< (cameras + 1) first row of each camera in `joint`
+  Eigen::MatrixXd from_joints;    ///< `joint` for an exact given calibration
+  Eigen::MatrixXd from_geometry;  ///< the same from the views that fit together and their noise: J^T J alone
   std::vector<bool> lens_known, pose_known;  ///< per camera: false for what was fixed and whose covariance is not given
 };
 
 /// Covariance at a solution. Without a fixed pose the frame is that of AlignToGiven: mean, rotation and scale of the
 /// camera centres are fixed.
 ///
-/// The shape is the curvature of the Cauchy cost; the size is one factor on all variances from a jackknife over ten
-/// intervals of the take (Efron and Stein, 1981). The reason: errors of joints in a frame, and of frames close in time,
-/// are correlated, and with three or four views a point follows its noise.
+/// What is determined is judged by J^T J of the inliers. The shape is the curvature of the Cauchy cost, or that J^T J where the
+/// cost is not curved in some direction, as at a bad solution; the size is one factor on all variances from a jackknife over
+/// ten intervals of the take (Efron and Stein, 1981). The reason: errors of joints in a frame, and of frames close in time, are
+/// correlated, and with three or four views a point follows its noise.
 ///
 /// `given`, the rig that the solution started from, states the covariance of what was fixed, which propagates to what was
 /// adjusted (CovarianceWithHeld). Null: nothing is stated.

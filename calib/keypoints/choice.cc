@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 
+#include "calib/keypoints/lens_vote.h"
 #include "calib/keypoints/profile.h"
 #include "calib/keypoints/split.h"
 #include "calib/points/point_bundle.h"
@@ -21,6 +22,9 @@ struct Candidate {
   KeypointPlan plan;
   std::vector<double> block_cost;  // mean cost of a residual in each interval of time
   double mean = 0;
+  geometry::Rig rig = {};              // adjusted to all frames
+  std::vector<KeypointFit> fits = {};  // of it
+  std::string refusal = {};
 };
 
 /// Stretches of time, two a fold. Group 3 f and 3 f + 1: the two of fold f; 3 f + 2: the gap after it.
@@ -46,7 +50,7 @@ double CostOf(const KeypointFit& fit) {
 class PlanJudge {
  public:
   PlanJudge(const geometry::Rig& given, const geometry::Rig& start, const std::vector<KeypointJoint>& joints, double cauchy_px,
-        const KeypointChoiceOptions& options)
+            const KeypointChoiceOptions& options)
       : given_(given),
         start_(start),
         joints_(ThinnedTo(joints, kMaxObservations)),
@@ -59,6 +63,8 @@ class PlanJudge {
     const bool moves = candidate->plan.free_poses || candidate->plan.fault != CameraFault::kNone;
     const geometry::Rig start = StartFor(candidate->plan);
     const KeypointProfile profile = moves ? Adjusted(start, candidate->plan, num_threads) : KeypointProfile{};
+    candidate->rig = moves ? profile.rig : start;
+    candidate->fits = moves ? profile.fits : FitKeypoints(start, joints_, cauchy_px_, 2, num_threads);
     ParallelFor(num_folds_, num_threads, [&](int64_t f) {
       const int fold = static_cast<int>(f);
       Count(moves ? Without(profile, fold, candidate->plan) : start, fold, &cost, &count);
@@ -121,20 +127,32 @@ class PlanJudge {
 
 double LengthOf(double cost, double cauchy_px) { return cauchy_px * std::sqrt(std::expm1(cost)); }
 
-/// `candidates` from least to most change.
+std::string WhyRefused(const Candidate& base, const Candidate& candidate, double cauchy_px) {
+  return VoteOnLenses(base.rig, base.fits, candidate.fits, LengthOf(base.mean, cauchy_px), LengthOf(candidate.mean, cauchy_px),
+                      cauchy_px)
+      .refusal;
+}
+
+/// `candidates` from least to most change; the first is never refused.
 KeypointPlan Decide(const std::string& group, const std::vector<Candidate>& candidates, double cauchy_px,
                     const KeypointChoiceOptions& options, std::vector<KeypointDecision>* decisions) {
-  std::vector<HeldOutCandidate> held_out;
-  for (const Candidate& each : candidates) held_out.push_back({each.name, each.block_cost, LengthOf(each.mean, cauchy_px)});
+  std::vector<HeldOutCandidate> held_out, allowed;
+  std::vector<size_t> place;
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const Candidate& each = candidates[i];
+    held_out.push_back({each.name, each.block_cost, LengthOf(each.mean, cauchy_px)});
+    if (each.refusal.empty()) allowed.push_back(held_out.back()), place.push_back(i);
+  }
   HeldOutRule rule;
   rule.standard_errors = options.sigmas, rule.relative = options.gain, rule.min_units = 1;
   const HeldOutChoice choice = ChooseHeldOut(held_out, rule);
+  const size_t chosen = place[static_cast<size_t>(ChooseHeldOut(allowed, rule).index)];
   for (size_t i = 0; i < candidates.size(); ++i) {
     const double px = held_out[i].loss, error = choice.verdicts[i].worse_by.standard_error;
     const double px_per_cost = cauchy_px * cauchy_px * std::exp(candidates[i].mean) / (2 * std::max(px, 1e-12));
-    decisions->push_back({group, candidates[i].name, px, error * px_per_cost, static_cast<int>(i) == choice.index});
+    decisions->push_back({group, candidates[i].name, px, error * px_per_cost, i == chosen, candidates[i].refusal});
   }
-  return candidates[static_cast<size_t>(choice.index)].plan;
+  return candidates[chosen].plan;
 }
 
 struct Group {
@@ -244,6 +262,7 @@ KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Ri
       // Lenses are adjusted with all poses free: these answer at once.
       if (&group != &groups[0]) candidate.plan.free_poses = true, candidate.plan.fault = CameraFault::kNone;
       judge.Score(&candidate, num_threads);
+      if (&group != &groups[0]) candidate.refusal = WhyRefused(base, candidate, cauchy_px);
       candidates.push_back(std::move(candidate));
     }
     choice.plan = Decide(group.name, candidates, cauchy_px, options, &choice.decisions);

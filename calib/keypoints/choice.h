@@ -53,6 +53,7 @@ struct KeypointDecision {
   double holdout_px = 0;         ///< length whose cost is the mean cost of the held-out residuals
   double standard_error_px = 0;  ///< of its difference to the best of the group; 0 for the best
   bool chosen = false;
+  std::string refusal;  ///< why it is out whatever the held-out error says, one line; of lenses
 };
 
 struct KeypointChoice {
@@ -75,7 +76,8 @@ struct KeypointChoiceOptions {
 ///
 /// Groups are decided one after the other: poses, focal lengths, image scale, principal points, distortion. Of the choices
 /// within `sigmas` standard errors of the best (differences by intervals of time, two per fold), or within `gain`, the
-/// smallest change wins.
+/// smallest change wins. Changes of lenses must also pass VoteOnLenses: pixels of one volume alone cannot tell a wrong lens
+/// from bent space.
 ///
 /// `start` gives the initial poses, `cauchy_px` is the noise, see KeypointCost. `faults` are further candidates for the
 /// poses, smallest change first, all smaller than freeing all poses.

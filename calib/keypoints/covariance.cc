@@ -71,8 +71,8 @@ Eigen::MatrixXd Spread(const geometry::Rig& rig, const std::vector<int>& begin, 
   return all_from_unknowns * covariance * all_from_unknowns.transpose();
 }
 
-/// The unknowns of a bundle together with the given lenses and the held poses whose errors are known: a lens has the directions that
-/// were adjusted and then all its parameters.
+/// The unknowns of a bundle together with the given lenses and the held poses whose errors are known: a lens has the directions
+/// that were adjusted and then all its parameters.
 struct WithGiven {
   KeypointLayout layout;
   std::vector<Eigen::Index> estimated, held;
@@ -121,6 +121,26 @@ std::vector<int> StretchOf(const std::vector<KeypointFit>& fits, const std::vect
   return stretch;
 }
 
+double SmallestEigenvalue(const Eigen::MatrixXd& matrix) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(matrix, Eigen::EigenvaluesOnly).eigenvalues()[0];
+}
+
+/// Whether a cost's curvature has the shape of its data in every direction. Near a bad solution, and where views disagree, it
+/// vanishes or turns down along some, which then says nothing about what the data determine.
+bool IsCurved(const Eigen::MatrixXd& curved, const Eigen::MatrixXd& geometry) {
+  constexpr double kLeastShare = 0.05;
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(curved, geometry,
+                                                                        Eigen::EigenvaluesOnly | Eigen::Ax_lBx);
+  return curved.allFinite() && eigen.info() == Eigen::Success && eigen.eigenvalues()[0] > kLeastShare;
+}
+
+/// Inverse within the motions, over all unknowns.
+Eigen::MatrixXd InverseOf(const Eigen::MatrixXd& of_motions, const Eigen::MatrixXd& motions) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(of_motions);
+  return motions * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() * eigen.eigenvectors().transpose() *
+         motions.transpose();
+}
+
 }  // namespace
 
 Eigen::Matrix<double, 3, 6> CentreFromPose(const geometry::Rigid3& cam_from_world) {
@@ -149,14 +169,16 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   std::vector<int> stretch_of_fit = StretchOf(fits, frames, count);
   const KeypointProfile profile = ProfileOf(solution.rig, std::move(fits), std::move(stretch_of_fit), static_cast<int>(count),
                                             freedom, solution.cauchy_px, num_threads);
-  const Eigen::MatrixXd h = CurvatureWithout(profile, std::vector<bool>(count, false)), &motions = profile.motions;
-  const Eigen::MatrixXd held = motions.transpose() * h * motions;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(held);
+  const Eigen::MatrixXd& motions = profile.motions;
+  const Eigen::MatrixXd geometry = motions.transpose() * CurvatureUnder(profile, profile.layout, true) * motions;
   constexpr double kSmallest = 1e-10;  // of equations with unit diagonal
-  if (!held.allFinite() || held.rows() == 0 || !(eigen.eigenvalues()[0] > kSmallest))
-    return degenerate("the joints do not determine all camera poses");
-  const Eigen::MatrixXd inverse = motions * eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
-                                  eigen.eigenvectors().transpose() * motions.transpose();
+  if (!geometry.allFinite() || geometry.rows() == 0 || !(SmallestEigenvalue(geometry) > kSmallest))
+    return degenerate("the joints that fit together do not determine all camera poses");
+  const Eigen::MatrixXd curved = motions.transpose() * CurvatureWithout(profile, std::vector<bool>(count, false)) * motions;
+  const bool by_inliers = !IsCurved(curved, geometry);
+  const Eigen::MatrixXd& held = by_inliers ? geometry : curved;
+  out.from_geometry = profile.cauchy_px * profile.cauchy_px * InverseOf(geometry, motions);
+  const Eigen::MatrixXd inverse = InverseOf(held, motions);
   const std::vector<geometry::Rig> rigs = LeaveOutStretches(profile, freedom, num_threads);
   const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> by_motions(motions);
   double sum = 0;
@@ -172,9 +194,10 @@ KeypointCovariance CovarianceOfKeypoints(const KeypointSolution& solution, const
   for (const geometry::RigCamera& camera : solution.rig.cameras)
     out.begin.push_back(out.begin.back() + static_cast<int>(camera.camera.params.size()) + 6);
   out.joint = out.from_joints = Spread(solution.rig, out.begin, profile.layout, covariance);
+  out.from_geometry = Spread(solution.rig, out.begin, profile.layout, out.from_geometry);
   const WithGiven with = AddGiven(solution.rig, profile.layout, given, &out);
   if (with.held.empty()) return out;
-  const Eigen::MatrixXd normal = CurvatureUnder(profile, with.layout);
+  const Eigen::MatrixXd normal = CurvatureUnder(profile, with.layout, by_inliers);
   out.joint = Spread(solution.rig, out.begin, with.layout,
                      CovarianceWithHeld(normal, with.estimated, with.held, inverse, covariance, with.held_covariance));
   return out;

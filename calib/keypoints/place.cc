@@ -44,14 +44,20 @@ double ExtentOf(const DetectedPerson& person, double min_score) {
   return box.isEmpty() ? 0 : box.diagonal().norm();
 }
 
-Sights Collect(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, double min_score) {
+Sights NoSights(const geometry::Rig& rig) {
   Sights sights;
   sights.of_camera.resize(rig.cameras.size());
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    sights.sigma_px.push_back(kSigmaOfDiagonal * std::hypot(camera.camera.width_px, camera.camera.height_px));
+    sights.sigma_rad.push_back(sights.sigma_px.back() / (0.5 * (camera.camera.fx() + camera.camera.fy())));
+  }
+  return sights;
+}
+
+Sights Collect(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, double min_score) {
+  Sights sights = NoSights(rig);
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    const geometry::Camera& lens = rig.cameras[c].camera;
-    const geometry::Projector projector(lens);
-    sights.sigma_px.push_back(kSigmaOfDiagonal * std::hypot(lens.width_px, lens.height_px));
-    sights.sigma_rad.push_back(sights.sigma_px.back() / (0.5 * (lens.fx() + lens.fy())));
+    const geometry::Projector projector(rig.cameras[c].camera);
     for (const DetectedFrame& frame : frames) {
       const std::vector<DetectedPerson>& people = frame.people[c];
       if (people.empty()) continue;
@@ -65,6 +71,24 @@ Sights Collect(const geometry::Rig& rig, const std::vector<DetectedFrame>& frame
         if (ray.status == Status::kOk)
           sights.of_camera[c][{frame.frame, static_cast<int>(j)}] = {key.px, ray.ray_in_cam.normalized()};
       }
+    }
+  }
+  return sights;
+}
+
+Sights CollectJoints(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints) {
+  constexpr size_t kMostObservations = 12000;
+  constexpr int kMostJointsOfPerson = 10000;
+  Sights sights = NoSights(rig);
+  std::vector<geometry::Projector> projectors;
+  for (const geometry::RigCamera& camera : rig.cameras) projectors.emplace_back(camera.camera);
+  for (const KeypointJoint& joint : calib::ThinnedTo(joints, kMostObservations)) {
+    for (const triangulate::Observation& seen : joint.seen) {
+      const auto c = static_cast<size_t>(seen.camera_idx);
+      const geometry::Unprojection ray = projectors[c].Unproject(seen.px);
+      if (ray.status != Status::kOk) continue;
+      sights.of_camera[c][{joint.frame, joint.person * kMostJointsOfPerson + joint.joint_idx}] = {seen.px,
+                                                                                                  ray.ray_in_cam.normalized()};
     }
   }
   return sights;
@@ -216,11 +240,8 @@ PlacedRig Fail(Status status, std::string message) {
   return placed;
 }
 
-}  // namespace
-
-PlacedRig PlaceFromKeypoints(const geometry::Rig& lenses, const std::vector<DetectedFrame>& frames,
-                             const std::vector<KnownLength>& lengths, double min_score) {
-  const Sights sights = Collect(lenses, frames, min_score);
+/// All cameras from the best pair on; the pair's distance is 1.
+PlacedRig PlaceAll(const geometry::Rig& lenses, const Sights& sights, std::map<Label, Eigen::Vector3d>* points) {
   const Pair pair = BestPair(sights);
   if (pair.score < 0)
     return Fail(Status::kTooFewViews, Format("no two cameras share %zu joints that fit one relative pose", kFewestJoints));
@@ -230,22 +251,57 @@ PlacedRig PlaceFromKeypoints(const geometry::Rig& lenses, const std::vector<Dete
     placed.rig.cameras.push_back({camera.camera, Rigid3(), camera.params_covariance, std::nullopt});
   placed.rig.cameras[pair.b].cam_from_world = pair.b_from_a;
   std::set<size_t> done = {pair.a, pair.b};
-  std::map<Label, Eigen::Vector3d> points = Triangulated(placed.rig, done, sights);
+  *points = Triangulated(placed.rig, done, sights);
   while (done.size() < lenses.cameras.size()) {
-    const size_t c = Next(sights, done, points);
-    const PointResection pose = Resect(lenses.cameras[c], sights.of_camera[c], sights.sigma_px[c], points);
+    const size_t c = Next(sights, done, *points);
+    const PointResection pose = Resect(lenses.cameras[c], sights.of_camera[c], sights.sigma_px[c], *points);
     if (pose.status != Status::kOk)
       return Fail(pose.status, lenses.cameras[c].camera.name + " cannot be placed: " + pose.message);
     placed.rig.cameras[c].cam_from_world = pose.rig_from_world;
     done.insert(c);
-    points = Triangulated(placed.rig, done, sights);
+    *points = Triangulated(placed.rig, done, sights);
   }
+  return placed;
+}
+
+}  // namespace
+
+PlacedRig PlaceFromKeypoints(const geometry::Rig& lenses, const std::vector<DetectedFrame>& frames,
+                             const std::vector<KnownLength>& lengths, double min_score) {
+  std::map<Label, Eigen::Vector3d> points;
+  PlacedRig placed = PlaceAll(lenses, Collect(lenses, frames, min_score), &points);
+  if (placed.status != Status::kOk) return placed;
   if (!Scale(points, lengths, &placed))
     return Fail(Status::kDegenerate, "no bone of known length was measured, so nothing says how large the rig is");
   const Rigid3 world_from_first = geometry::Inverse(placed.rig.cameras[0].cam_from_world);
   for (geometry::RigCamera& camera : placed.rig.cameras) camera.cam_from_world = camera.cam_from_world * world_from_first;
   placed.rig.gauge = "camera " + placed.rig.cameras[0].camera.name;
   return placed;
+}
+
+std::optional<geometry::Rig> PlaceAnew(const geometry::Rig& lenses, const std::vector<KeypointJoint>& joints) {
+  std::map<Label, Eigen::Vector3d> points;
+  const PlacedRig placed = PlaceAll(lenses, CollectJoints(lenses, joints), &points);
+  return placed.status == Status::kOk ? std::optional(placed.rig) : std::nullopt;
+}
+
+std::optional<geometry::Rig> PlaceByOthers(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints,
+                                           const std::vector<size_t>& wrong) {
+  const Sights sights = CollectJoints(rig, joints);
+  std::set<size_t> done;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) done.insert(c);
+  for (const size_t c : wrong) done.erase(c);
+  if (done.size() < 2) return std::nullopt;
+  geometry::Rig placed = rig;
+  bool any = false;
+  for (const size_t c : wrong) {
+    const PointResection pose =
+        Resect(rig.cameras[c], sights.of_camera[c], sights.sigma_px[c], Triangulated(placed, done, sights));
+    done.insert(c);
+    if (pose.status != Status::kOk) continue;
+    placed.cameras[c].cam_from_world = pose.rig_from_world, any = true;
+  }
+  return any ? std::optional(placed) : std::nullopt;
 }
 
 }  // namespace mvstudio::calib

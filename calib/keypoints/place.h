@@ -1,9 +1,11 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "calib/keypoints/take.h"
 #include "core/status.h"
 #include "geometry/rig/rig.h"
 #include "triangulate/people/association.h"
@@ -35,5 +37,14 @@ struct PlacedRig {
 /// `lenses`; their poses are not read. The result does not depend on the number of threads.
 PlacedRig PlaceFromKeypoints(const geometry::Rig& lenses, const std::vector<triangulate::DetectedFrame>& frames,
                              const std::vector<KnownLength>& lengths, double min_score);
+
+/// Further starts for cameras of known lenses whose given poses are far off, from joints that are told apart already. Size and
+/// frame are arbitrary. Empty where they cannot be found.
+///
+/// All cameras anew, as PlaceFromKeypoints does it.
+std::optional<geometry::Rig> PlaceAnew(const geometry::Rig& lenses, const std::vector<KeypointJoint>& joints);
+/// The cameras of `wrong`, the first first, by the points of the others, which keep their poses.
+std::optional<geometry::Rig> PlaceByOthers(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints,
+                                           const std::vector<size_t>& wrong);
 
 }  // namespace mvstudio::calib

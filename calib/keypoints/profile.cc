@@ -56,8 +56,8 @@ bool Differentiate(const geometry::RigCamera& camera, const Eigen::Vector3d& x_i
 /// Sums of one group.
 class GroupSum {
  public:
-  GroupSum(const geometry::Rig& rig, const KeypointLayout& layout, double cauchy_px)
-      : rig_(rig), layout_(layout), cauchy_px_(cauchy_px) {
+  GroupSum(const geometry::Rig& rig, const KeypointLayout& layout, double cauchy_px, bool of_inliers = false)
+      : rig_(rig), layout_(layout), cauchy_px_(cauchy_px), of_inliers_(of_inliers) {
     h.setZero(layout.total, layout.total);
     g.setZero(layout.total);
     diagonal.setZero(layout.total);
@@ -90,7 +90,9 @@ class GroupSum {
         return false;
       const Eigen::Vector2d r = fit.residuals_px[v] / cauchy_px_;
       const double weight = 1 / (1 + r.squaredNorm());
-      curvature_[v] = weight * Eigen::Matrix2d::Identity() - 2 * weight * weight * r * r.transpose();
+      curvature_[v].setZero();
+      if (of_inliers_ && r.norm() <= kInlierScales) curvature_[v].setIdentity();
+      if (!of_inliers_) curvature_[v] = weight * Eigen::Matrix2d::Identity() - 2 * weight * weight * r * r.transpose();
     }
     return true;
   }
@@ -137,6 +139,7 @@ class GroupSum {
   const geometry::Rig& rig_;
   const KeypointLayout& layout_;
   double cauchy_px_;
+  bool of_inliers_;
   std::vector<std::vector<int>> columns_of_;  // per camera
   std::vector<ViewDerivatives> views_;
   std::vector<Eigen::Matrix2d> curvature_;
@@ -266,8 +269,8 @@ Eigen::MatrixXd CurvatureWithout(const KeypointProfile& profile, const std::vect
   return h;
 }
 
-Eigen::MatrixXd CurvatureUnder(const KeypointProfile& profile, const KeypointLayout& layout) {
-  GroupSum sum(profile.rig, layout, profile.cauchy_px);
+Eigen::MatrixXd CurvatureUnder(const KeypointProfile& profile, const KeypointLayout& layout, bool of_inliers) {
+  GroupSum sum(profile.rig, layout, profile.cauchy_px, of_inliers);
   for (size_t f = 0; f < profile.fits.size(); ++f)
     if (profile.group_of_fit[f] >= 0) sum.Add(profile.fits[f]);
   return sum.h.selfadjointView<Eigen::Lower>();

@@ -43,8 +43,12 @@ KeypointProfile ProfileOf(const geometry::Rig& rig, std::vector<KeypointFit> fit
 /// Sum of the h of the groups that are not left out.
 Eigen::MatrixXd CurvatureWithout(const KeypointProfile& profile, const std::vector<bool>& left_out);
 
-/// Curvature over other unknowns, all groups together.
-Eigen::MatrixXd CurvatureUnder(const KeypointProfile& profile, const KeypointLayout& layout);
+/// Views whose residual is at most this many scales of the noise count as inliers: about three median lengths.
+inline constexpr double kInlierScales = 5;
+
+/// Curvature over other unknowns, all groups together. `of_inliers`: instead of the cost's own the normal equations J^T J of
+/// the inliers, each with weight 1. They say what the views determine, whatever the residuals are: never negative.
+Eigen::MatrixXd CurvatureUnder(const KeypointProfile& profile, const KeypointLayout& layout, bool of_inliers = false);
 
 /// The solution without the groups of `left_out`: Newton steps with the second derivatives of the start, until the next
 /// step would lower the cost by less than the fraction `tolerance`. Empty where the remaining groups do not determine the

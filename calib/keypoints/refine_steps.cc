@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calib/keypoints/place.h"
+#include "calib/keypoints/profile.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -39,6 +41,48 @@ bool SameJoints(const std::vector<KeypointJoint>& a, const std::vector<KeypointJ
                       [](const auto& p, const auto& q) { return p.camera_idx == q.camera_idx && p.px == q.px; });
   };
   return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), same);
+}
+
+constexpr size_t kJudges = 6000;  // observations
+
+/// The cameras of which less than most views fit a solution, the worst first. Empty optional: nothing speaks against it; an
+/// empty list: none stands out, and the residuals are beyond what detectors err.
+std::optional<std::vector<size_t>> CamerasThatDoNotFit(const KeypointSolution& solution,
+                                                       const std::vector<KeypointJoint>& joints, int num_threads) {
+  constexpr double kMostNoise = 0.004, kLeastShare = 0.6;  // of the images' diagonal; of a Cauchy variable 0.8 fit
+  std::vector<double> fitting(solution.rig.cameras.size(), 0), count = fitting;
+  if (solution.status != Status::kOk) return std::vector<size_t>();
+  for (const KeypointFit& fit : FitKeypoints(solution.rig, joints, solution.cauchy_px, 2, num_threads)) {
+    for (size_t v = 0; v < fit.residuals_px.size(); ++v) {
+      const auto c = static_cast<size_t>(fit.joint->seen[v].camera_idx);
+      count[c] += 1, fitting[c] += fit.residuals_px[v].norm() <= kInlierScales * solution.cauchy_px;
+    }
+  }
+  std::vector<std::pair<double, size_t>> wrong;
+  double diagonal_px = 0;
+  for (size_t c = 0; c < count.size(); ++c) {
+    const geometry::Camera& lens = solution.rig.cameras[c].camera;
+    diagonal_px += std::hypot(lens.width_px, lens.height_px) / static_cast<double>(count.size());
+    if (fitting[c] < kLeastShare * count[c]) wrong.emplace_back(fitting[c] / count[c], c);
+  }
+  if (wrong.empty() && std::sqrt(3.0) * solution.cauchy_px <= kMostNoise * diagonal_px) return std::nullopt;
+  std::sort(wrong.begin(), wrong.end());
+  std::vector<size_t> cameras;
+  for (const auto& [share, c] : wrong) cameras.push_back(c);
+  return cameras;
+}
+
+/// By the cost under the smaller of the two scales.
+bool IsBetter(const KeypointSolution& a, const KeypointSolution& b, const std::vector<KeypointJoint>& joints, int num_threads) {
+  if (a.status != Status::kOk || b.status != Status::kOk) return a.status == Status::kOk;
+  const double scale = std::min(a.cauchy_px, b.cauchy_px);
+  const auto cost = [&](const geometry::Rig& rig) {
+    double sum = 0;
+    for (const KeypointFit& fit : FitKeypoints(rig, joints, scale, 2, num_threads))
+      sum += fit.ok ? fit.cost : static_cast<double>(fit.joint->seen.size()) * std::log1p(1e4);
+    return sum;
+  };
+  return cost(a.rig) < cost(b.rig);
 }
 
 }  // namespace
@@ -95,9 +139,8 @@ bool Refinement::AdjustPoses() {
     train_ = Limited(split_.train, options_.max_frames);
     const std::string why = WhyTooFew(given_, train_);
     if (!why.empty()) return Fail(Status::kTooFewViews, why);
-    solution_ = SolveKeypoints(start, train_, freedom, 0, num_threads_);
+    solution_ = SolvePoses(start, freedom);
     if (solution_.status != Status::kOk) return Fail(solution_.status, solution_.message);
-    solution_.rig = AlignToGiven(solution_.rig, given_);
     stage.Advance();
     if (!AnyCrowd(frames_)) break;
     std::vector<KeypointJoint> again = CollectKeypoints(solution_.rig, frames_, association_, run_, &report_.left_out);
@@ -111,10 +154,29 @@ bool Refinement::AdjustPoses() {
   return MeasureCovariance(freedom);
 }
 
+KeypointSolution Refinement::SolvePoses(const geometry::Rig& start, const KeypointFreedom& freedom) const {
+  KeypointSolution best = SolveKeypoints(start, train_, freedom, 0, num_threads_);
+  best.rig = AlignToGiven(best.rig, given_);
+  const std::vector<KeypointJoint> judges = ThinnedTo(train_, kJudges);
+  const std::optional<std::vector<size_t>> wrong = CamerasThatDoNotFit(best, judges, num_threads_);
+  if (!wrong) return best;
+  std::vector<std::optional<geometry::Rig>> starts = {PlaceAnew(given_, train_)};
+  if (!wrong->empty()) starts.push_back(PlaceByOthers(best.rig, train_, *wrong));
+  for (const std::optional<geometry::Rig>& other : starts) {
+    if (!other) continue;
+    KeypointSolution solution = SolveKeypoints(AlignToGiven(*other, given_), train_, freedom, 0, num_threads_);
+    solution.rig = AlignToGiven(solution.rig, given_);
+    if (IsBetter(solution, best, judges, num_threads_)) best = std::move(solution);
+  }
+  return best;
+}
+
 bool Refinement::MeasureCovariance(const KeypointFreedom& freedom) {
   covariance_ = CovarianceOfKeypoints(solution_, train_, freedom, num_threads_, &given_);
   const std::string loose = WhyLoose(solution_.rig, covariance_);
-  return loose.empty() || Fail(Status::kDegenerate, loose);
+  if (!loose.empty()) return Fail(Status::kDegenerate, loose);
+  report_.unsteady = WhyUnsteady(solution_.rig, covariance_);
+  return true;
 }
 
 bool Refinement::AdjustAll() {

@@ -27,6 +27,7 @@ class Refinement {
  private:
   bool Fail(Status status, const std::string& message);
   bool AdjustPoses();
+  KeypointSolution SolvePoses(const geometry::Rig& start, const KeypointFreedom& freedom) const;
   bool MeasureCovariance(const KeypointFreedom& freedom);
   bool AdjustAll();
 

@@ -110,22 +110,44 @@ std::string WhyTooFew(const geometry::Rig& rig, const std::vector<KeypointJoint>
   return "";
 }
 
-std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covariance) {
-  if (covariance.status != Status::kOk) return covariance.message;
+namespace {
+
+/// The first camera whose pose a covariance leaves uncertain by a tenth of the rig or 0.1 rad, and by how much.
+struct LooseCamera {
+  std::string name;
+  double place_m = 0, turn_rad = 0;
+};
+
+std::optional<LooseCamera> FirstLoose(const geometry::Rig& rig, const std::vector<int>& begin, const Eigen::MatrixXd& joint) {
   constexpr double kMaxOfSpread = 0.1, kMaxRad = 0.1;
   const Eigen::Vector3d mean = MeanCentre(rig);
   double spread = 0;
   for (const geometry::RigCamera& camera : rig.cameras) spread = std::max(spread, (camera.CenterInWorld() - mean).norm());
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    const Eigen::Index row = covariance.begin[c + 1] - 6;
-    const Eigen::Matrix<double, 6, 6> pose = covariance.from_joints.block<6, 6>(row, row);
+    const Eigen::Index row = begin[c + 1] - 6;
+    const Eigen::Matrix<double, 6, 6> pose = joint.block<6, 6>(row, row);
     const double place = std::sqrt(CentreCovariance(rig.cameras[c].cam_from_world, pose).trace());
     const double turn = std::sqrt(pose.topLeftCorner<3, 3>().trace());
-    if (place < kMaxOfSpread * spread && turn < kMaxRad) continue;
-    return Format("the points leave camera %s uncertain by %.0f mm and %.1f deg: they must be seen in more of the space",
-                  rig.cameras[c].camera.name.c_str(), 1e3 * place, RadToDeg(turn));
+    if (!(place < kMaxOfSpread * spread && turn < kMaxRad)) return LooseCamera{rig.cameras[c].camera.name, place, turn};
   }
-  return "";
+  return std::nullopt;
+}
+
+}  // namespace
+
+std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covariance) {
+  if (covariance.status != Status::kOk) return covariance.message;
+  const auto loose = FirstLoose(rig, covariance.begin, covariance.from_geometry);
+  if (!loose) return "";
+  return Format("the points leave camera %s uncertain by %.0f mm and %.1f deg: they must be seen in more of the space",
+                loose->name.c_str(), 1e3 * loose->place_m, RadToDeg(loose->turn_rad));
+}
+
+std::string WhyUnsteady(const geometry::Rig& rig, const KeypointCovariance& covariance) {
+  const auto loose = FirstLoose(rig, covariance.begin, covariance.from_joints);
+  if (!loose) return "";
+  return Format("camera %s comes out differently from each part of the take, by %.0f mm and %.1f deg: the views do not agree",
+                loose->name.c_str(), 1e3 * loose->place_m, RadToDeg(loose->turn_rad));
 }
 
 }  // namespace mvstudio::calib

@@ -32,9 +32,12 @@ std::vector<KeypointJoint> Limited(const std::vector<KeypointJoint>& joints, int
 /// share fewer than 12 points with the others.
 std::string WhyTooFew(const geometry::Rig& rig, const std::vector<KeypointJoint>& train);
 
-/// Why a solution is too uncertain; empty if it is not. The limits are a tenth of the rig's size and 0.1 rad for any
-/// camera.
+/// Why the views that fit together do not determine a camera; empty if they do. The limits are a tenth of the rig's size and
+/// 0.1 rad. What the residuals are has no part in it.
 std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covariance);
+
+/// Why a rig that the views would determine hangs on which frames are used, by the same limits; empty if it does not.
+std::string WhyUnsteady(const geometry::Rig& rig, const KeypointCovariance& covariance);
 
 /// Mean of the camera centres, metres in world.
 Eigen::Vector3d MeanCentre(const geometry::Rig& rig);

@@ -144,7 +144,8 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
                               {"choice", d.choice},
                               {"holdout_px", FiniteOrNull(d.holdout_px)},
                               {"standard_error", FiniteOrNull(d.standard_error_px)},
-                              {"chosen", d.chosen}});
+                              {"chosen", d.chosen},
+                              {"refusal", d.refusal}});
 }
 
 std::string Limbs(const calib::KeypointError& error) {
@@ -179,7 +180,9 @@ std::string Summary(const calib::KeypointRefineReport& report) {
   text += Format("%-16s %-28s %10s %10s\n", "group", "choice", "held-out", "std. error");
   for (const calib::KeypointDecision& d : report.decisions)
     text += Format("%-16s %-28s %7.3f px %7.3f px%s\n", d.group.c_str(), d.choice.c_str(), d.holdout_px, d.standard_error_px,
-                   d.chosen ? "  <-" : "");
+                   d.chosen            ? "  <-"
+                   : d.refusal.empty() ? ""
+                                       : ("  " + d.refusal).c_str());
   if (report.culprit.fault != calib::CameraFault::kNone) text += report.culprit.message + "\n";
   if (report.kept_input) text += report.message + "\n";
   return text;
@@ -202,10 +205,20 @@ std::optional<triangulate::CauseReport> WhyNoFit(const KeypointArguments& argume
 /// What part of a sample of the detections fits. Exit 4 where that is next to nothing, or where one assumption about what is
 /// wrong explains the take better than the adjustment does.
 void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted,
-               const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
+               const std::string& unsteady, const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
   const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, CauseOptionsOf(arguments), run);
   result->metrics["detections_carried"] = after.carried;
   if (after.num_detections == 0) return;
+  // A camera that is late by a frame bends the rig where its time is not what the others' is.
+  if (app::AddTiming(CheckTiming(adjusted, posed.frames, CauseOptionsOf(arguments), run), !arguments.sync.empty(), result))
+    return;
+  if (!unsteady.empty()) {
+    result->exit = kExitQualityGate;
+    result->errors.push_back(
+        {"CAL-UNSTEADY", unsteady,
+         "cameras that are not synchronous (`mvstudio sync`, option 'sync'), that moved during the take, or "
+         "wrong pairs of names do this"});
+  }
   std::string hint = "check that calibration and poses belong to the same cameras";
   const auto why = WhyNoFit(arguments, posed, body, run);
   if (why) hint = app::AddLikelyCause(*why, "CAL-CAUSE", hint, result);
@@ -317,6 +330,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const auto train = ParseFrames("--train-frames", arguments.train_frames);
   const auto test = ParseFrames("--test-frames", arguments.test_frames);
   app::PoseArguments pose;
+  pose.lenses_suffice = true;
   pose.calib = calib_path, pose.calib_unit = arguments.calib_unit, pose.skeleton = arguments.skeleton;
   pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d, pose.changes = arguments.changes;
   const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d, arguments.sync}),
@@ -342,7 +356,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   }
   FillMetrics(report, &result.metrics);
   AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), arguments.options.max_persons, &result);
-  CheckLoss(arguments, posed, report.rig, app::BodyOf(input.skeleton), context.run, &result);
+  CheckLoss(arguments, posed, report.rig, report.unsteady, app::BodyOf(input.skeleton), context.run, &result);
   result.folder = out;
   const std::string path = out + "/calibration.json";
   const geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);
