@@ -1,16 +1,16 @@
 #include <cmath>
 
-#include "avatar/io/render/bvh_file.h"
 #include "core/disk/npy.h"
 #include "core/disk/npy_write.h"
+#include "dataset/pose/bvh_file.h"
 #include "fuzz/fuzz.h"
 
 /// Motion files and numpy's arrays.
 namespace mvstudio::fuzz {
 
 MVS_FUZZ_TARGET(bvh, bytes) {
-  avatar::BvhClip clip;
-  if (!Accepts([&] { clip = avatar::BvhFromText(std::string(bytes), "a.bvh"); })) return;
+  dataset::BvhClip clip;
+  if (!Accepts([&] { clip = dataset::BvhFromText(std::string(bytes), "a.bvh"); })) return;
   Require(!clip.joints.empty() && clip.num_frames > 0 && clip.frame_time_s > 0, "a motion of nobody");
   Require(clip.values.size() == static_cast<size_t>(clip.num_frames) * static_cast<size_t>(clip.num_channels),
           "values of another number than frames and channels");
@@ -21,7 +21,7 @@ MVS_FUZZ_TARGET(bvh, bytes) {
   }
   Require(channels == static_cast<size_t>(clip.num_channels), "channels that belong to no joint");
   for (const int frame : {-1, 0, clip.num_frames - 1}) {
-    Require(avatar::PlaceJoints(clip, frame).place.size() == clip.joints.size(), "a joint without a place");
+    Require(dataset::PlaceJoints(clip, frame).place.size() == clip.joints.size(), "a joint without a place");
   }
 }
 

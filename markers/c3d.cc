@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "core/error.h"
+#include "dataset/pose/markers.h"
 #include "markers/marker_files.h"
 
 /// C3D, https://www.c3d.org/HTML/: Intel byte order, points as 32-bit floats in millimetres, in the axes of the world.
@@ -84,7 +85,7 @@ class Parameters {
   int group_ = 0;
 };
 
-std::string ParameterSection(const MarkerTake& take, int data_block) {
+std::string ParameterSection(const MarkerTake& take, int data_block, const std::string& up) {
   const int first = take.first_frame + 1, last = take.first_frame + take.num_frames();
   Parameters p;
   p.Group("POINT");
@@ -97,8 +98,8 @@ std::string ParameterSection(const MarkerTake& take, int data_block) {
   p.Texts("LABELS", take.names);
   p.Texts("DESCRIPTIONS", take.names);
   p.Text("UNITS", "mm");
-  p.Text("X_SCREEN", "+X");
-  p.Text("Y_SCREEN", "+Z");
+  p.Text("X_SCREEN", up == "x" ? "+Y" : "+X");
+  p.Text("Y_SCREEN", up == "y" ? "+Y" : up == "x" ? "+X" : "+Z");
   p.Group("TRIAL");
   p.Ints("ACTUAL_START_FIELD", {first & 0xffff, first >> 16});
   p.Ints("ACTUAL_END_FIELD", {last & 0xffff, last >> 16});
@@ -129,11 +130,12 @@ std::string Header(const MarkerTake& take, int data_block) {
 }
 
 /// x, y, z, residual of each marker. Residuals: -1 no point, 0 not measured, else the deviation in mm.
-std::string Points(const MarkerTake& take) {
+std::string Points(const MarkerTake& take, const std::string& up) {
   std::string bytes;
   for (size_t i = 0; i < take.source.size(); ++i) {
     const bool has = take.source[i] != Source::kMissing;
-    for (int k = 0; k < 3; ++k) Append<float>(has ? static_cast<float>(1000 * take.x_in_world[i][k]) : 0, &bytes);
+    const Eigen::Vector3d x_mm = 1000 * dataset::AxesFromWorld(take.x_in_world[i], up);
+    for (int k = 0; k < 3; ++k) Append<float>(has ? static_cast<float>(x_mm[k]) : 0, &bytes);
     const float sigma_mm = take.source[i] == Source::kMeasured ? static_cast<float>(1000 * take.sigma_m[i]) : 0;
     Append<float>(has ? sigma_mm : -1, &bytes);
   }
@@ -143,14 +145,14 @@ std::string Points(const MarkerTake& take) {
 
 }  // namespace
 
-std::string C3dBytes(const MarkerTake& take) {
+std::string C3dBytes(const MarkerTake& take, const std::string& up) {
   constexpr int kMostMarkers = 255;  // a dimension of a parameter is one byte
   if (take.num_markers() > kMostMarkers) {
     throw UsageError("C3D holds " + std::to_string(kMostMarkers) + " markers, these are " + std::to_string(take.num_markers()) +
                      "; write trc or csv");
   }
-  const int data_block = 2 + static_cast<int>(ParameterSection(take, 0).size() / kBlock);
-  return Header(take, data_block) + ParameterSection(take, data_block) + Points(take);
+  const int data_block = 2 + static_cast<int>(ParameterSection(take, 0, up).size() / kBlock);
+  return Header(take, data_block) + ParameterSection(take, data_block, up) + Points(take, up);
 }
 
 }  // namespace mvstudio::markers

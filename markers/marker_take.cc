@@ -82,9 +82,11 @@ std::vector<MarkerMotion> MeasureMotion(const MarkerTake& take) {
     MarkerMotion motion;
     motion.name = take.names[static_cast<size_t>(m)];
     double sum = 0;
-    int count = 0;
+    int count = 0, last = -1;
     for (int f = 0; f < take.num_frames(); ++f) {
       const size_t i = take.Index(f, m);
+      if (take.source[i] != Source::kMissing && last < 0) motion.missing_at_start = f;
+      if (take.source[i] != Source::kMissing) last = f;
       motion.measured += take.source[i] == Source::kMeasured;
       motion.filled += take.source[i] == Source::kFilled;
       motion.missing += take.source[i] == Source::kMissing;
@@ -94,6 +96,7 @@ std::vector<MarkerMotion> MeasureMotion(const MarkerTake& take) {
       if (!second.allFinite()) continue;
       sum += second.squaredNorm(), ++count;
     }
+    motion.missing_at_end = take.num_frames() - 1 - last;
     motion.acceleration_m_s2 = count > 0 ? std::sqrt(sum / count) * take.rate_hz * take.rate_hz : kNan;
     motions.push_back(motion);
   }
@@ -110,18 +113,42 @@ double MeanAcceleration(const std::vector<MarkerMotion>& motions) {
   return count > 0 ? std::sqrt(sum / count) : kNan;
 }
 
+namespace {
+
+/// Of all moves the farthest, one for each marker and half second.
+std::vector<Displacement::Move> Largest(std::vector<Displacement::Move> moves, double rate_hz) {
+  constexpr size_t kShown = 10;
+  std::sort(moves.begin(), moves.end(), [](const auto& a, const auto& b) { return a.distance_m > b.distance_m; });
+  std::vector<Displacement::Move> largest;
+  for (const Displacement::Move& move : moves) {
+    if (largest.size() >= kShown) break;
+    const bool near = std::any_of(largest.begin(), largest.end(), [&](const Displacement::Move& known) {
+      return known.marker == move.marker && std::abs(known.frame_idx - move.frame_idx) < 0.5 * rate_hz;
+    });
+    if (!near && move.distance_m > 0) largest.push_back(move);
+  }
+  return largest;
+}
+
+}  // namespace
+
 Displacement MeasureDisplacement(const MarkerTake& before, const MarkerTake& after) {
   Displacement displacement;
   double sum = 0, sigmas = 0;
   int count = 0, with_sigma = 0;
+  std::vector<Displacement::Move> moves;
   for (size_t i = 0; i < before.x_in_world.size() && i < after.x_in_world.size(); ++i) {
     const double distance = (after.x_in_world[i] - before.x_in_world[i]).norm();
     if (!std::isfinite(distance)) continue;
     sum += distance * distance, ++count;
-    displacement.max_m = std::max(displacement.max_m, distance);
-    if (!(before.sigma_m[i] > 0)) continue;
-    sigmas += distance * distance / (3 * before.sigma_m[i] * before.sigma_m[i]), ++with_sigma;
+    const double sigma = std::sqrt(3.0) * before.sigma_m[i];
+    moves.push_back({static_cast<int>(i % before.names.size()), static_cast<int>(i / before.names.size()), distance,
+                     sigma > 0 ? distance / sigma : kNan});
+    if (!(sigma > 0)) continue;
+    sigmas += distance * distance / (sigma * sigma), ++with_sigma;
   }
+  displacement.largest = Largest(std::move(moves), before.rate_hz);
+  displacement.max_m = displacement.largest.empty() ? 0 : displacement.largest.front().distance_m;
   displacement.rms_m = count > 0 ? std::sqrt(sum / count) : 0;
   displacement.rms_sigmas = with_sigma > 0 ? std::sqrt(sigmas / with_sigma) : kNan;
   return displacement;

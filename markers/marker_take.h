@@ -41,8 +41,9 @@ std::vector<MarkerTake> MarkersOf(const dataset::Pose3d& pose, double rate_hz);
 /// How a marker moves, for judging a filter.
 struct MarkerMotion {
   std::string name;
-  int measured = 0, filled = 0, missing = 0;  ///< frames
-  double acceleration_m_s2 = 0;               ///< rms of second differences of consecutive positions; NaN with fewer than 3
+  int measured = 0, filled = 0, missing = 0;     ///< frames
+  int missing_at_start = 0, missing_at_end = 0;  ///< of these, those before the first and after the last position
+  double acceleration_m_s2 = 0;                  ///< rms of second differences of consecutive positions; NaN with fewer than 3
 };
 
 std::vector<MarkerMotion> MeasureMotion(const MarkerTake& take);
@@ -54,6 +55,12 @@ double MeanAcceleration(const std::vector<MarkerMotion>& motions);
 struct Displacement {
   double rms_m = 0, max_m = 0;
   double rms_sigmas = 0;  ///< over the positions that have a sigma; NaN when none has
+  struct Move {
+    int marker = 0, frame_idx = 0;
+    double distance_m = 0;
+    double sigmas = 0;  ///< distance over sqrt(3) of its sigma; NaN without one
+  };
+  std::vector<Move> largest;  ///< ten at most, farthest first; those of one marker are half a second or more apart
 };
 
 Displacement MeasureDisplacement(const MarkerTake& before, const MarkerTake& after);

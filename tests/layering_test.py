@@ -59,7 +59,7 @@ MAY_INCLUDE = {
     "calib": CORE | GEOMETRY | {"calib/board", "calib/bundle", "calib/covariance", "calib/lens", "calib/rig", "calib/check"},
     "dataset/json": CORE,
     "dataset/footage": CORE,
-    "dataset/pose": CORE | GEOMETRY | {"body", "dataset/json"},
+    "dataset/pose": CORE | GEOMETRY | {"body", "body/files", "dataset/json"},
     "dataset/time": CORE | {"dataset/json", "dataset/footage"},
     "dataset/session": CORE | {"dataset/json", "dataset/footage", "dataset/time"},
     "dataset/panoptic": CORE | GEOMETRY | {"body", "dataset/json", "dataset/footage", "dataset/pose"},

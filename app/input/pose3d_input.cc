@@ -16,7 +16,8 @@ namespace {
 using Poses = std::map<int, std::map<int, dataset::Coco19Pose>>;
 
 constexpr char kForms[] =
-    "is no 3D joints: a folder with points.csv, a .trc or .c3d file, a dataset, or a folder of body3DScene_*.json";
+    "is no 3D joints: a folder with points.csv, a .trc, .c3d, .bvh, .csv, .sto or .npz file, a dataset, or a folder of "
+    "body3DScene_*.json";
 
 bool AnyJoint(const Poses& poses) {
   for (const auto& [frame, people] : poses) {
@@ -50,7 +51,8 @@ Poses ReadSceneFiles(const std::string& folder) {
 }
 
 Poses ReadCoco19Poses(const std::string& path, const std::string& marker_unit) {
-  if (dataset::IsMarkerFile(path) || fs::exists(fs::path(path) / "points.csv")) return FromPoints(path, marker_unit);
+  const bool head = fs::path(path).filename() == "pose3d.json" && fs::is_regular_file(path);
+  if (dataset::IsPointsFile(path) || head || fs::exists(fs::path(path) / "points.csv")) return FromPoints(path, marker_unit);
   const fs::path in_dataset = fs::path(path) / "hdPose3d_stage1_coco19";
   Poses poses = ReadSceneFiles(fs::exists(in_dataset) ? in_dataset.string() : path);
   if (poses.empty()) throw IoError(path, kForms);

@@ -9,6 +9,8 @@
 
 #include "app/input/calib_read.h"
 #include "app/input/take_frames.h"
+#include "app/words.h"
+#include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -311,6 +313,41 @@ void RefuseEqual(const std::vector<Pose2dTrack>& tracks, const geometry::Rig& ri
                             tracks[b].camera + " its own, or leave it out (option 'without-camera' " + tracks[b].camera + ")");
     }
   }
+}
+
+std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there) {
+  if (changes.frames.empty()) return there;
+  const std::set<int> known(there.begin(), there.end());
+  const auto refuse = [&](int frame) {
+    throw UsageError(known.empty() ? "option 'frames': the cameras have no frames"
+                                   : Format("option 'frames': no camera has frame %d; there are %zu frames from %d to %d",
+                                            frame, known.size(), *known.begin(), *known.rbegin()));
+  };
+  return KnownFrames(
+      ParseRanges("option 'frames'", changes.frames), [&](int frame) { return known.count(frame) > 0; }, refuse);
+}
+
+void LimitFrames(const PoseChanges& changes, std::vector<Pose2dTrack>* tracks) {
+  if (changes.frames.empty()) return;
+  std::vector<int> there;
+  for (const Pose2dTrack& track : *tracks) {
+    for (const auto& [frame, people] : track.frames) there.push_back(frame);
+  }
+  const std::vector<int> kept = LimitFrames(changes, there);
+  for (Pose2dTrack& track : *tracks) {
+    for (auto it = track.frames.begin(); it != track.frames.end();)
+      it = std::binary_search(kept.begin(), kept.end(), it->first) ? std::next(it) : track.frames.erase(it);
+  }
+}
+
+double StepRateHz(const PoseChanges& changes) {
+  double lowest_hz = 0;
+  for (const CameraValue& value : changes.rate) {
+    const double hz = NumberOf("rate", value);
+    if (value.camera.empty()) return hz;
+    lowest_hz = lowest_hz > 0 ? std::min(lowest_hz, hz) : hz;
+  }
+  return lowest_hz;
 }
 
 }  // namespace mvstudio::app

@@ -45,7 +45,16 @@ struct PoseChanges {
   std::vector<CameraValue> rotate;  ///< 90, 180, 270: degrees clockwise by which the images are turned; turned back
   std::vector<CameraValue> image_size;  ///< WIDTHxHEIGHT of the images, where they are scaled against the calibrated ones
   std::vector<CameraValue> rate;        ///< frames a second; only their ratios matter
+  std::string frames = {};              ///< "80-99" or "1,4,7-9", as the files number them: the others are left out; empty: all
 };
+
+/// Leaves out what is not of `changes.frames`. Throws UsageError where no camera has a frame of a range.
+void LimitFrames(const PoseChanges& changes, std::vector<dataset::Pose2dTrack>* tracks);
+/// The same for the numbers of the frames of all cameras.
+std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there);
+
+/// Time steps a second after ApplyChanges, where rates were given; else 0.
+double StepRateHz(const PoseChanges& changes);
 
 /// Changes the tracks, which must be whole takes where rates are given. Time steps then count at the rate that is given for all
 /// cameras, else at the lowest. Throws UsageError for cameras without 2D joints and for values that make no sense.

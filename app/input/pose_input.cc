@@ -162,6 +162,14 @@ void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<std::string>& 
   }
 }
 
+/// Frames between those that were asked for are not of the take.
+void LimitToNumbers(const std::vector<int>& numbers, PoseInput* part) {
+  for (dataset::Pose2dTrack& track : part->tracks) {
+    for (auto it = track.frames.begin(); it != track.frames.end();)
+      it = std::binary_search(numbers.begin(), numbers.end(), it->first) ? std::next(it) : track.frames.erase(it);
+  }
+}
+
 /// The tracks as everything later takes them.
 void Change(const PoseArguments& arguments, const geometry::Rig& rig, PoseInput* input) {
   ApplyChanges(arguments.changes, rig, input->skeleton, &input->tracks);
@@ -201,9 +209,11 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   PoseInput input = ReadRig(arguments, result);
   if (arguments.points2d.empty()) {
     ReadTracks(arguments, {}, result, &input);
+    LimitFrames(arguments.changes, &input.tracks);
     WarnOfFrames(input, result);
   } else {
     TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, result), {arguments.points2d}, result, &input);
+    LimitFrames(arguments.changes, &input.tracks);
   }
   const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
   if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, result);
@@ -231,6 +241,8 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
       num_files_[camera] = frames.size();
       numbers.insert(frames.begin(), frames.end());
     }
+    const std::vector<int> kept = LimitFrames(arguments.changes, std::vector<int>(numbers.begin(), numbers.end()));
+    numbers = std::set<int>(kept.begin(), kept.end());
     CheckCameras(input_, result);
   } else {
     input_ = ReadPoseInput(arguments, result);
@@ -250,6 +262,7 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
   PoseInput part;
   CommandResult own;
   ReadTracks(arguments_, {numbers_[begin], numbers_[end - 1], true}, &own, &part);
+  LimitToNumbers(numbers_, &part);
   Change(arguments_, input_.rig, &part);
   for (const dataset::Pose2dTrack& track : part.tracks) {
     std::set<std::string>& damaged = damaged_[track.camera];

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <sstream>
 
+#include "app/words.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -20,7 +21,7 @@ namespace {
 using nlohmann::ordered_json;
 
 const std::vector<std::string>& KnownFormats() {
-  static const std::vector<std::string> formats = {"trc", "c3d", "csv", "bvh"};
+  static const std::vector<std::string> formats = {"trc", "c3d", "csv", "wide", "npz", "sto", "bvh", "angles"};
   return formats;
 }
 
@@ -35,6 +36,8 @@ ordered_json MotionJson(const markers::MarkerMotion& before, const markers::Mark
   return {{"measured", after.measured},
           {"filled", after.filled},
           {"missing", after.missing},
+          {"missing_at_start", after.missing_at_start},
+          {"missing_at_end", after.missing_at_end},
           {"acceleration_m_s2", FiniteOrNull(before.acceleration_m_s2)},
           {"filtered_acceleration_m_s2", FiniteOrNull(after.acceleration_m_s2)}};
 }
@@ -43,29 +46,58 @@ ordered_json WorkJson(const MarkerWork& work) {
   const auto before = MeasureMotion(work.before), after = MeasureMotion(work.after);
   const markers::Displacement moved = MeasureDisplacement(work.before, work.after);
   ordered_json joints = ordered_json::object();
-  for (size_t m = 0; m < before.size(); ++m) joints[before[m].name] = MotionJson(before[m], after[m]);
+  int at_ends = 0;
+  for (size_t m = 0; m < before.size(); ++m) {
+    joints[before[m].name] = MotionJson(before[m], after[m]);
+    at_ends += after[m].missing_at_start + after[m].missing_at_end;
+  }
+  ordered_json moves = ordered_json::array();
+  for (const markers::Displacement::Move& move : moved.largest) {
+    moves.push_back({{"joint", work.after.names[static_cast<size_t>(move.marker)]},
+                     {"frame", work.after.first_frame + move.frame_idx},
+                     {"moved_mm", 1000 * move.distance_m},
+                     {"sigmas", FiniteOrNull(move.sigmas)}});
+  }
   return {{"person", work.after.person},
           {"first_frame", work.after.first_frame},
           {"frames", work.after.num_frames()},
           {"gaps_filled", work.filled.num_gaps},
           {"positions_filled", work.filled.num_positions},
           {"positions_in_longer_gaps", work.filled.num_left},
+          {"positions_at_ends", at_ends},
           {"acceleration_m_s2", FiniteOrNull(MeanAcceleration(before))},
           {"filtered_acceleration_m_s2", FiniteOrNull(MeanAcceleration(after))},
           {"moved_rms_mm", 1000 * moved.rms_m},
           {"moved_max_mm", 1000 * moved.max_m},
           {"moved_rms_sigmas", FiniteOrNull(moved.rms_sigmas)},
+          {"largest_moves", moves},
           {"joints", joints}};
 }
 
-std::string Line(const ordered_json& person) {
+/// The farthest move, with its joint and frame, and what no gap is.
+std::string EndOfLine(const ordered_json& person, bool fills) {
+  std::string text;
+  if (!person["largest_moves"].empty()) {
+    const ordered_json& move = person["largest_moves"][0];
+    text += Format(", %s at most (%s, frame %d)", LengthText(move["moved_mm"].get<double>() / 1e3).c_str(),
+                   move["joint"].get<std::string>().c_str(), move["frame"].get<int>());
+  }
+  const int at_ends = person["positions_at_ends"].get<int>(), longer = person["positions_in_longer_gaps"].get<int>();
+  if (fills && longer > 0) text += Format("; %d positions in longer gaps stay missing", longer);
+  if (fills && at_ends > 0)
+    text += Format("; %d positions before a joint's first or after its last are no gaps and stay missing", at_ends);
+  return text;
+}
+
+std::string Line(const ordered_json& person, bool fills) {
   const auto number = [&person](const char* key) { return person[key].is_number() ? person[key].get<double>() : std::nan(""); };
   return Format(
-      "person %d: %d frames, %d joints, %d positions filled in %d gaps; accelerations %.1f -> %.1f m/s2, moved by %.1f mm rms, "
-      "%.1f mm at most",
-      person["person"].get<int>(), person["frames"].get<int>(), static_cast<int>(person["joints"].size()),
-      person["positions_filled"].get<int>(), person["gaps_filled"].get<int>(), number("acceleration_m_s2"),
-      number("filtered_acceleration_m_s2"), number("moved_rms_mm"), number("moved_max_mm"));
+             "person %d: %d frames, %d joints, %d positions filled in %d gaps; accelerations %.1f -> %.1f m/s2, moved by %s "
+             "rms",
+             person["person"].get<int>(), person["frames"].get<int>(), static_cast<int>(person["joints"].size()),
+             person["positions_filled"].get<int>(), person["gaps_filled"].get<int>(), number("acceleration_m_s2"),
+             number("filtered_acceleration_m_s2"), LengthText(number("moved_rms_mm") / 1e3).c_str()) +
+         EndOfLine(person, fills);
 }
 
 /// Writes into a folder that gets its final name later.
@@ -111,6 +143,9 @@ void WritePerson(const MarkerWork& work, const MarkerOptions& options, Writer* w
     if (format == "trc") writer->Write(file, TrcText(work.after, file, options.trc_unit), "markers");
     if (format == "c3d") writer->Write(file, C3dBytes(work.after), "markers");
     if (format == "csv") writer->Write(file, CsvText(work.after), "markers");
+    if (format == "wide") writer->Write(stem + ".wide.csv", WideCsvText(work.after), "markers");
+    if (format == "npz") writer->Write(file, NpzBytes(work.after), "markers");
+    if (format == "sto") writer->Write(file, StoText(work.after), "markers");
   }
   if (options.opensim) WriteOpenSim(work.after, stem, writer);
 }
@@ -118,6 +153,16 @@ void WritePerson(const MarkerWork& work, const MarkerOptions& options, Writer* w
 bool Wants(const MarkerOptions& options, const char* format) {
   const std::vector<std::string> formats = FormatsOf(options);
   return std::find(formats.begin(), formats.end(), format) != formats.end();
+}
+
+void WriteAngles(const MarkerWork& work, const dataset::Pose3d& pose, Writer* writer, ordered_json* person,
+                 CommandResult* result) {
+  const std::string stem = "person" + std::to_string(work.after.person);
+  AngleFiles files = AnglesOfPerson(work.after, pose, stem);
+  writer->Write(stem + ".angles.csv", files.csv, "angles");
+  writer->Write(stem + ".angles.mot", files.mot, "angles");
+  (*person)["angles"] = std::move(files.metrics);
+  result->text += files.text;
 }
 
 /// What a fit with bones of one length leaves, as metrics and as a line.
@@ -131,8 +176,8 @@ void WriteBvhFile(const MarkerWork& work, const body::Skeleton& skeleton, Writer
                       {"rms_mm", 1000 * motion.rms_m},
                       {"max_mm", 1000 * motion.max_m},
                       {"held_frames", motion.num_held}};
-  result->text += Format("person %d: bones of one length leave %.1f mm rms, %.1f mm at worst in the .bvh", work.after.person,
-                         1000 * motion.rms_m, 1000 * motion.max_m);
+  result->text += Format("person %d: bones of one length leave %s rms, %s at worst in the .bvh", work.after.person,
+                         LengthText(motion.rms_m).c_str(), LengthText(motion.max_m).c_str());
   result->text += motion.num_held > 0 ? Format("; held in %d frames without a root\n", motion.num_held) : std::string("\n");
 }
 
@@ -159,9 +204,8 @@ void CheckMarkerOptions(const MarkerOptions& options) {
   if (formats.empty()) throw UsageError("option 'to': name at least one of " + Join(KnownFormats(), ", "));
   if (options.opensim && !has(formats, "trc")) throw UsageError("option 'opensim' needs trc among the formats of option 'to'");
   if (options.fill_frames < 0) throw UsageError("option 'fill' must not be negative");
-  if (!dataset::IsFrameRate(options.rate_hz))
-    throw UsageError(std::string("option 'frame-rate' ") + dataset::kFrameRates +
-                     ": marker files state it; give that of the footage");
+  if (options.rate_hz != 0 && !dataset::IsFrameRate(options.rate_hz))
+    throw UsageError(std::string("option 'frame-rate' ") + dataset::kFrameRates);
   markers::ParseFilter(options.filter);
 }
 
@@ -176,7 +220,8 @@ MarkerWork FilledAndFiltered(markers::MarkerTake take, const MarkerOptions& opti
 
 void CheckMarkerWorld(const std::string& world, const MarkerOptions& options, CommandResult* result) {
   const std::vector<std::string> formats = FormatsOf(options);
-  const bool y_up = options.opensim || std::find(formats.begin(), formats.end(), "trc") != formats.end();
+  const auto has = [&](const char* word) { return std::find(formats.begin(), formats.end(), word) != formats.end(); };
+  const bool y_up = options.opensim || has("trc") || has("sto");
   if (!y_up || world.find("axes of camera ") == std::string::npos) return;
   result->warnings.push_back({"MRK-WORLD", "a .trc has y up, but nothing is up in the world of these joints: " + world,
                               "move the rig onto the floor (mvstudio calib align) and triangulate again"});
@@ -206,17 +251,19 @@ dataset::Pose3d PoseOf(const std::vector<MarkerWork>& work) {
   return pose;
 }
 
-void WriteMarkers(const std::vector<MarkerWork>& work, const body::Skeleton& skeleton, const MarkerOptions& options,
+void WriteMarkers(const std::vector<MarkerWork>& work, const dataset::Pose3d& pose, const MarkerOptions& options,
                   const std::string& folder, const std::string& final_folder, CommandResult* result) {
   Writer writer(folder, final_folder, result);
   ordered_json persons = ordered_json::array();
+  const body::Skeleton skeleton = SkeletonOf(pose);
   const bool with_bvh = Wants(options, "bvh") && HasHierarchy(skeleton, result);
   for (const MarkerWork& person : work) {
     WritePerson(person, options, &writer);
     if (options.opensim) SayWhatOpenSimLacks(person.after, result);
     persons.push_back(WorkJson(person));
-    result->text += Line(persons.back()) + "\n";
+    result->text += Line(persons.back(), options.fill_frames > 0) + "\n";
     if (with_bvh) WriteBvhFile(person, skeleton, &writer, &persons.back(), result);
+    if (Wants(options, "angles")) WriteAngles(person, pose, &writer, &persons.back(), result);
   }
   writer.Write("markers.html", MarkerPage(work, options), "report");
   result->metrics["markers"] = {{"filter", ToText(markers::ParseFilter(options.filter))},

@@ -17,6 +17,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/units.h"
+#include "dataset/pose/markers.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 
@@ -66,7 +67,7 @@ RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandConte
 }
 
 RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, CommandResult* result) {
-  const dataset::Pose3d pose = dataset::ReadPose3d(folder);
+  const dataset::Pose3d pose = dataset::ReadPoints3d(folder);
   result->inputs.push_back(folder);
   if (pose.world != app::WorldText(rig)) {
     result->warnings.push_back(

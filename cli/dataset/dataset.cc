@@ -14,6 +14,7 @@
 #include "core/some_of.h"
 #include "dataset/build/build.h"
 #include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
 
 namespace mvstudio::cli {
@@ -53,7 +54,11 @@ dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) 
   if (arguments->out.empty()) arguments->out = take.Folder("dataset");
   if (arguments->out.empty()) throw UsageError("--out is needed without --session");
   if (!arguments->sequence_given && !take.take.empty()) arguments->options.sequence = dataset::Slug(take.take);
-  if (!arguments->rate_given && take.fps_hz > 0) arguments->options.frame_rate_hz = take.fps_hz;
+  if (!arguments->rate_given) {
+    const double stated_hz =
+        take.fps_hz > 0 ? take.fps_hz : dataset::ReadPoints3d(inputs.pose3d, inputs.marker_unit).frame_rate_hz;
+    if (stated_hz > 0) arguments->options.frame_rate_hz = stated_hz;
+  }
   app::LeaveOutUncalibrated(inputs.calibration, &take, result);
   FindMasks(take, arguments, result);
   inputs.masks = arguments->masks;

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/some_of.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
 
@@ -91,6 +92,23 @@ std::string ComparisonText(const std::string& key, const std::string& what, cons
   return text;
 }
 
+void FillMarkerOptions(const std::optional<app::FoundTake>& found, const app::PoseChanges& changes,
+                       app::MarkerOptions* options) {
+  if (options->rate_hz == 0) options->rate_hz = app::StepRateHz(changes);
+  if (found && options->rate_hz == 0) options->rate_hz = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
+  if (options->rate_hz != 0 && !dataset::IsFrameRate(options->rate_hz))
+    throw UsageError(std::string("--frame-rate ") + dataset::kFrameRates);
+  if (options->to.empty()) {
+    if (options->fill_frames != 0 || options->filter != "none" || options->opensim) {
+      throw UsageError("--filter, --fill and --opensim are for marker files: name them, e.g. --to trc");
+    }
+    return;
+  }
+  CheckMarkerOptions(*options);
+  if (options->rate_hz == 0)
+    throw UsageError("--frame-rate: marker files state it; give that of the footage, e.g. --frame-rate 60");
+}
+
 void DropOldMarkers(const std::string& folder, CommandResult* result) {
   if (!ReadManifest(folder)) return;
   if (FilesInTheWay(folder).empty()) {
@@ -110,7 +128,7 @@ void WriteMarkerFolder(const MarkerFolderArguments& arguments, AtomicFolder* fol
   const dataset::Pose3d pose = dataset::ReadPose3d(arguments.points);
   app::CheckMarkerWorld(pose.world, arguments.options, result);
   const auto work = PrepareMarkers(pose, arguments.options, arguments.points);
-  WriteMarkers(work, SkeletonOf(pose), arguments.options, folder->work_path(), arguments.folder, result);
+  WriteMarkers(work, pose, arguments.options, folder->work_path(), arguments.folder, result);
   dataset::Pose3d written = app::PoseOf(work);
   written.skeleton = pose.skeleton, written.definition = pose.definition;
   CompareWritten(arguments, written, result);

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
+#include "app/input/session_input.h"
 #include "app/people/marker_export.h"
 #include "app/result.h"
 #include "core/disk/output.h"
@@ -23,6 +25,10 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
 
 /// A line that begins with its line break. `what` says which points were compared; empty where there are only these.
 std::string ComparisonText(const std::string& key, const std::string& what, const nlohmann::ordered_json& comparison);
+
+/// The take's rate, unless given: that of the changes, else the session's; marker files need one. Throws UsageError.
+void FillMarkerOptions(const std::optional<app::FoundTake>& found, const app::PoseChanges& changes,
+                       app::MarkerOptions* options);
 
 struct MarkerFolderArguments {
   std::string points, folder;  ///< folders of the points and of the marker files

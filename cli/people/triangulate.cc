@@ -116,6 +116,7 @@ triangulate::TakeResult SolveWhole(const Arguments& arguments, const app::PoseIn
   dataset::Pose3d pose = app::ToPose3d(take, input.skeleton);
   pose.covariance_note = app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method));
   pose.world = app::WorldText(input.rig);
+  pose.frame_rate_hz = arguments.markers.rate_hz;
   dataset::WritePose3d(pose, arguments.out);
   return take;
 }
@@ -158,6 +159,7 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseP
   dataset::Pose3d head = app::ToPose3d({}, input.skeleton);
   head.covariance_note = app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method));
   head.world = app::WorldText(input.rig);
+  head.frame_rate_hz = arguments.markers.rate_hz;
   dataset::WritePose3d(head, next, arguments.out);
   return settled;
 }
@@ -259,18 +261,6 @@ void CheckArguments(const Arguments& arguments) {
   CheckComparison(arguments.comparison);
 }
 
-/// Where marker files are asked for: the rate of the session unless given.
-void FillMarkerOptions(const std::optional<app::FoundTake>& found, app::MarkerOptions* options) {
-  if (options->to.empty()) {
-    if (options->fill_frames != 0 || options->filter != "none" || options->opensim) {
-      throw UsageError("--filter, --fill and --opensim are for marker files: name them, e.g. --to trc");
-    }
-    return;
-  }
-  if (found && options->rate_hz <= 0) options->rate_hz = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
-  CheckMarkerOptions(*options);
-}
-
 std::vector<std::string> InputsOf(const Arguments& arguments) {
   const app::PoseArguments& pose = arguments.pose;
   const ComparisonArguments& comparison = arguments.comparison;
@@ -293,7 +283,7 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   CheckArguments(arguments);
   if (found && !arguments.pose.changes.rate.empty())
     throw UsageError("--rate is for takes outside sessions; a session's clocks state their rates");
-  FillMarkerOptions(found, &arguments.markers);
+  FillMarkerOptions(found, arguments.pose.changes, &arguments.markers);
   const auto& pose = arguments.pose;
   const OutputFolder place(arguments.out, InputsOf(arguments),
                            {"points.csv", "covariance.csv", "pose3d.json", app::kJointViewsFolder});

@@ -96,6 +96,7 @@ void AddPoseChanges(CLI::App* sub, app::PoseChanges& changes) {
       "the calibrated ones");
   AddChoices(sub, "--rate", changes.rate,
              "HZ, or CAMERA=HZ: frames a second, where cameras differ; time steps count at HZ, else at the lowest");
+  AddOption(sub, "--frames", changes.frames, "80-99 or 1,4,7-9: frames, as the files number them; all unless given");
   AddOption(sub, "--swap-cameras", changes.swap_cameras, "A,B: the 2D joints of these two cameras bear each other's name");
   AddOption(sub, "--without-camera", changes.without_cameras, "names of cameras, with commas, whose 2D joints are left out")
       ->delimiter(',');

@@ -260,7 +260,7 @@ Pose3d ReadMarkersOf(const BuildInputs& inputs, BuildReport* report) {
 }
 
 Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
-  Pose3d pose = IsMarkerFile(inputs.pose3d) ? ReadMarkersOf(inputs, report) : ReadPose3d(inputs.pose3d);
+  Pose3d pose = IsMarkerFile(inputs.pose3d) ? ReadMarkersOf(inputs, report) : ReadPoints3d(inputs.pose3d, inputs.marker_unit);
   if (!inputs.skeleton.empty()) UseSkeleton(body::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
   RequireJoints(inputs.pose3d, pose);
   return pose;

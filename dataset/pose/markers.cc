@@ -7,9 +7,11 @@
 #include <map>
 #include <vector>
 
+#include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/statistics.h"
+#include "dataset/pose/marker_formats.h"
 #include "dataset/pose/pose3d_c3d.h"
 #include "dataset/pose/pose3d_trc.h"
 
@@ -38,6 +40,19 @@ double SpreadOf(const Pose3d& pose) {
   return UpperMedian(std::move(diagonals), 0.0);
 }
 
+const std::vector<std::string> kPointFiles = {".trc", ".c3d", ".bvh", ".csv", ".sto", ".npz"};
+
+MarkerFile ReadByExtension(const std::string& path, const std::string& unit) {
+  const std::string extension = ExtensionOf(path);
+  if (extension == ".c3d") return ReadC3dMarkers(path, unit);
+  if (extension == ".trc") return ReadTrcMarkers(path, unit);
+  if (extension == ".bvh") return internal::ReadBvhMarkers(path, unit);
+  if (extension == ".csv") return internal::ReadCsvMarkers(path, unit);
+  if (extension == ".sto") return internal::ReadStoMarkers(path, unit);
+  if (extension == ".npz") return internal::ReadNpzMarkers(path, unit);
+  throw FormatError(path, "", "is no file of 3D points: a folder of triangulate, .trc, .c3d, .bvh, .csv, .sto or .npz");
+}
+
 }  // namespace
 
 std::optional<double> MetresPerUnit(std::string_view word) {
@@ -57,9 +72,39 @@ bool IsMarkerFile(const std::string& path) {
   return (extension == ".trc" || extension == ".c3d") && std::filesystem::is_regular_file(path, error);
 }
 
-MarkerFile ReadMarkers(const std::string& path, const std::string& unit) {
+bool IsPointsFile(const std::string& path) {
+  const std::string extension = ExtensionOf(path);
+  std::error_code error;
+  return std::find(kPointFiles.begin(), kPointFiles.end(), extension) != kPointFiles.end() &&
+         std::filesystem::is_regular_file(path, error);
+}
+
+Eigen::Vector3d WorldFromAxes(const Eigen::Vector3d& x, const std::string& up) {
+  if (up == "z") return x;
+  if (up == "y") return {x.z(), x.x(), x.y()};
+  if (up == "x") return {x.y(), x.z(), x.x()};
+  throw UsageError("option 'up' " + up + ": must be x, y or z");
+}
+
+Eigen::Vector3d AxesFromWorld(const Eigen::Vector3d& x, const std::string& up) {
+  if (up == "y") return WorldFromAxes(x, "x");
+  return up == "x" ? WorldFromAxes(x, "y") : WorldFromAxes(x, up);
+}
+
+MarkerFile ReadMarkers(const std::string& path, const std::string& unit, const std::string& up) {
   if (!unit.empty() && !MetresPerUnit(unit)) throw UsageError("unit '" + unit + "' of " + path + ": expected m, cm, mm or in");
-  return ExtensionOf(path) == ".c3d" ? ReadC3dMarkers(path, unit) : ReadTrcMarkers(path, unit);
+  if (!up.empty()) WorldFromAxes(Eigen::Vector3d::Zero(), up);
+  MarkerFile file = ReadByExtension(path, unit);
+  if (up.empty()) return file;
+  const bool bvh = ExtensionOf(path) == ".bvh";
+  for (JointRow& row : file.pose.rows) {
+    const Eigen::Vector3d x = row.x_in_world;
+    const Eigen::Vector3d in_file = bvh ? Eigen::Vector3d(x.x(), x.z(), -x.y()) : AxesFromWorld(x, file.y_up ? "y" : "z");
+    if (!bvh || up != "y") row.x_in_world = WorldFromAxes(in_file, up);
+  }
+  if (bvh && up != "y" && file.pose.definition) file.pose.definition->rest_m.clear();  // a rest has y up
+  file.up = up, file.y_up = up == "y";
+  return file;
 }
 
 std::string UnitDoubt(const MarkerFile& file, const std::string& path) {
@@ -76,8 +121,27 @@ std::vector<std::string> NotesOf(const MarkerFile& file, const std::string& path
   return notes;
 }
 
-Pose3d ReadPoints3d(const std::string& path, const std::string& unit) {
-  return IsMarkerFile(path) ? ReadMarkers(path, unit).pose : ReadPose3d(path);
+Pose3d ReadPoints3d(const std::string& path, const std::string& unit, const std::string& up, MarkerFile* file) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const std::string name = Lower(fs::path(path).filename().string());
+  if (name == "pose3d.json" || name == "points.csv") {
+    const fs::path folder = fs::path(path).parent_path();
+    if (fs::is_regular_file(folder / "pose3d.json", error)) return ReadPose3d(folder.empty() ? "." : folder.string());
+    Pose3d pose{"points", ReadPointsCsv(path)};
+    return pose;
+  }
+  if (fs::is_directory(path, error)) {
+    const bool run =
+        !fs::exists(fs::path(path) / "points.csv", error) && fs::exists(fs::path(path) / "pose3d/points.csv", error);
+    const fs::path folder = run ? fs::path(path) / "pose3d" : fs::path(path);
+    const bool bare = fs::exists(folder / "points.csv", error) && !fs::exists(folder / "pose3d.json", error);
+    return bare ? Pose3d{"points", ReadPointsCsv((folder / "points.csv").string())} : ReadPose3d(folder.string());
+  }
+  MarkerFile read = ReadMarkers(path, unit, up);
+  Pose3d pose = read.pose;
+  if (file) *file = std::move(read);
+  return pose;
 }
 
 }  // namespace mvstudio::dataset

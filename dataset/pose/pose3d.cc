@@ -170,6 +170,10 @@ void ReadHead(const std::string& path, Pose3d* pose) {
   pose->skeleton = view["skeleton"].Text();
   if (view.Has("world")) pose->world = view["world"].Text();
   if (view.Has("covariance_note")) pose->covariance_note = view["covariance_note"].Text();
+  if (view.Has("frame_rate_hz")) {
+    pose->frame_rate_hz = view["frame_rate_hz"].Number();
+    if (!(pose->frame_rate_hz > 0)) view["frame_rate_hz"].Fail("must be positive");
+  }
   if (view.Has("definition")) {
     pose->definition = body::SkeletonFromJson(view["definition"].value().dump(), path, "definition");
   }
@@ -233,6 +237,7 @@ bool WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointR
       {"schema", kSchema}, {"skeleton", head.skeleton}, {"points", "points.csv"}, {"covariance", "covariance.csv"},
       {"unit", "m"},       {"world", head.world}};
   if (!head.covariance_note.empty()) header["covariance_note"] = head.covariance_note;
+  if (head.frame_rate_hz > 0) header["frame_rate_hz"] = head.frame_rate_hz;
   if (const body::Skeleton* skeleton = DefinitionOf(head)) {
     header["definition"] = nlohmann::ordered_json::parse(body::SkeletonToJson(*skeleton));
   }

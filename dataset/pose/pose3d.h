@@ -34,6 +34,7 @@ struct Pose3d {
   std::string covariance_note = {};  ///< what the covariances include and omit, stored in pose3d.json; empty: not stated
   std::string world = kZUpWorld;     ///< its axes, in words, stored in pose3d.json
   std::optional<body::Skeleton> definition = {};  ///< joints, bones, …, stored in pose3d.json; none: as its name says
+  double frame_rate_hz = 0;                       ///< time steps a second, stored in pose3d.json; 0: not stated
 };
 
 /// Writes `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates

@@ -184,6 +184,8 @@ MarkerFile ReadC3dMarkers(const std::string& path, const std::string& unit) {
   MarkerFile file;
   const Layout layout = ReadLayout(path, c3d, &file.notes);
   file.pose.skeleton = "points";
+  const double rate_hz = c3d.Number("POINT:RATE", 0, c3d.bytes().Float(20));
+  if (std::isfinite(rate_hz) && rate_hz > 0) file.pose.frame_rate_hz = rate_hz;
   file.unit = UnitOf(path, c3d, unit);
   const std::vector<std::string> up = c3d.Texts("POINT:Y_SCREEN");
   file.y_up = !up.empty() && up[0] == "+Y";

@@ -204,6 +204,14 @@ class FrameCheck {
 
   size_t size() const { return lines_.size(); }
   int first() const { return lines_.begin()->first; }
+  /// Frames a second, as the header states them, else by the times; 0: neither says it.
+  double RateHz(const TrcLayout& layout) const {
+    const double stated_hz = internal::TrcHeaderNumber(ValueOf(layout, "datarate"));
+    if (std::isfinite(stated_hz) && stated_hz > 0) return stated_hz;
+    if (times_.size() < 2) return 0;
+    const double hz = (times_.rbegin()->first - times_.begin()->first) / (times_.rbegin()->second - times_.begin()->second);
+    return std::isfinite(hz) && hz > 0 ? hz : 0;
+  }
 
   void AddNotes(const TrcLayout& layout, std::vector<std::string>* notes) const {
     const double frames = internal::TrcHeaderNumber(ValueOf(layout, "numframes"));
@@ -266,6 +274,7 @@ MarkerFile ReadTrcMarkers(const std::string& path, const std::string& unit) {
   });
   if (pose.rows.empty()) throw FormatError(path, "", "no frames");
   frames.AddNotes(layout, &file.notes);
+  pose.frame_rate_hz = frames.RateHz(layout);
   // The file counts from 1; one that begins with 0 counts as mvstudio does.
   const int base = std::min(1, frames.first());
   if (base == 0) file.notes.push_back("its frames count from 0 instead of 1; they are taken as they are");

@@ -1,5 +1,5 @@
 #include "avatar/io/pack/run_config.h"
-#include "avatar/io/render/bvh_file.h"
+#include "dataset/pose/bvh_file.h"
 #include "splats/files/cloud_file.h"
 #include "splats/files/ply.h"
 #include "tests/support/hostile_readers.h"
@@ -9,7 +9,7 @@ namespace {
 
 std::vector<HostileReader> Readers() {
   return {
-      {"bvh", "bvh/two.bvh", "a.bvh", false, [](const std::string& path) { avatar::ReadBvh(path); }},
+      {"bvh", "bvh/two.bvh", "a.bvh", false, [](const std::string& path) { dataset::ReadBvh(path); }},
       {"gaussians", "npz/gaussians.npz", "gaussians.npz", false, [](const std::string& path) { splats::ReadCloud(path, 2); }},
       {"ply", "gaussians_ply/degree3.ply", "a.ply", false, [](const std::string& path) { splats::ReadPly(path); }},
       {"config", "run_config/one.json", "config.json", true, [](const std::string& path) { avatar::ReadRunConfig(path); }}};

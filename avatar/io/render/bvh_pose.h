@@ -4,11 +4,17 @@
 #include <string>
 #include <vector>
 
-#include "avatar/io/render/bvh_file.h"
 #include "avatar/io/render/render_pose.h"
+#include "dataset/pose/bvh_file.h"
 
 /// Converts animation files to Panoptic's joints.
 namespace mvstudio::avatar {
+
+using dataset::BvhClip;
+using dataset::BvhFromText;
+using dataset::BvhPlacement;
+using dataset::PlaceJoints;
+using dataset::ReadBvh;
 
 /// Nose, left eye, left ear, right eye, right ear relative to the neck, in the axes of the trunk (left, up, forward) with
 /// the head straight; metres. Animation files have at most one joint in the head.

@@ -1,4 +1,4 @@
-#include "avatar/io/render/bvh_file.h"
+#include "dataset/pose/bvh_file.h"
 
 #include <cctype>
 #include <cmath>
@@ -9,16 +9,16 @@
 #include "core/error.h"
 #include "core/units.h"
 
-namespace mvstudio::avatar {
+namespace mvstudio::dataset {
 namespace {
 
-constexpr int kMaxJoints = 1024;
-constexpr size_t kMaxValues = size_t{1} << 28;
+constexpr int kMaxBvhJoints = 1024;
+constexpr size_t kMaxBvhValues = size_t{1} << 28;
 
-/// Words of a file with the line they stand in.
-class Words {
+/// BvhWords of a file with the line they stand in.
+class BvhWords {
  public:
-  Words(const std::string& text, const std::string& path) : text_(text), path_(path) {}
+  BvhWords(const std::string& text, const std::string& path) : text_(text), path_(path) {}
 
   bool Done() {
     Skip();
@@ -69,12 +69,12 @@ class Words {
   int line_ = 1;
 };
 
-Eigen::Vector3d ReadOffset(Words& words) {
+Eigen::Vector3d ReadBvhOffset(BvhWords& words) {
   const double x = words.Number(), y = words.Number(), z = words.Number();
   return {x, y, z};
 }
 
-void ReadChannels(Words& words, BvhClip* clip, BvhClip::Joint* joint) {
+void ReadBvhChannels(BvhWords& words, BvhClip* clip, BvhClip::Joint* joint) {
   const int count = words.Count(6);
   for (int c = 0; c < count; ++c) {
     const std::string name = words.Next();
@@ -86,21 +86,21 @@ void ReadChannels(Words& words, BvhClip* clip, BvhClip::Joint* joint) {
   clip->num_channels += count;
 }
 
-void SkipEndSite(Words& words) {
+void SkipEndSite(BvhWords& words) {
   words.Line();
   words.Expect("{");
   words.Expect("OFFSET");
-  ReadOffset(words);
+  ReadBvhOffset(words);
   words.Expect("}");
 }
 
-void ReadHierarchy(Words& words, BvhClip* clip) {
+void ReadBvhHierarchy(BvhWords& words, BvhClip* clip) {
   words.Expect("HIERARCHY");
   std::vector<int> open;
   words.Expect("ROOT");
   do {
     // A joint's head was read; what follows is its name and body up to the first child.
-    if (clip->joints.size() >= kMaxJoints) words.Fail("more than " + std::to_string(kMaxJoints) + " joints");
+    if (clip->joints.size() >= kMaxBvhJoints) words.Fail("more than " + std::to_string(kMaxBvhJoints) + " joints");
     clip->joints.push_back({words.Line(), open.empty() ? -1 : open.back(), {}, {}});
     open.push_back(static_cast<int>(clip->joints.size()) - 1);
     words.Expect("{");
@@ -108,9 +108,9 @@ void ReadHierarchy(Words& words, BvhClip* clip) {
       const std::string word = words.Next();
       BvhClip::Joint& joint = clip->joints[open.back()];
       if (word == "OFFSET")
-        joint.offset = ReadOffset(words);
+        joint.offset = ReadBvhOffset(words);
       else if (word == "CHANNELS")
-        ReadChannels(words, clip, &joint);
+        ReadBvhChannels(words, clip, &joint);
       else if (word == "End")
         SkipEndSite(words);
       else if (word == "JOINT")
@@ -123,7 +123,7 @@ void ReadHierarchy(Words& words, BvhClip* clip) {
   } while (!open.empty());
 }
 
-void ReadMotion(Words& words, BvhClip* clip) {
+void ReadBvhMotion(BvhWords& words, BvhClip* clip) {
   words.Expect("MOTION");
   words.Expect("Frames:");
   clip->num_frames = words.Count(1 << 26);
@@ -132,7 +132,7 @@ void ReadMotion(Words& words, BvhClip* clip) {
   clip->frame_time_s = words.Number();
   if (!(clip->frame_time_s > 0)) words.Fail("the frame time is not positive");
   const size_t count = static_cast<size_t>(clip->num_frames) * static_cast<size_t>(clip->num_channels);
-  if (clip->num_frames < 1 || clip->num_channels < 1 || count > kMaxValues) words.Fail("no motion, or too long");
+  if (clip->num_frames < 1 || clip->num_channels < 1 || count > kMaxBvhValues) words.Fail("no motion, or too long");
   for (size_t i = 0; i < count; ++i) clip->values.push_back(words.Number());
   if (!words.Done())
     words.Fail("more numbers than " + std::to_string(clip->num_frames) + " frames of " + std::to_string(clip->num_channels) +
@@ -143,9 +143,9 @@ void ReadMotion(Words& words, BvhClip* clip) {
 
 BvhClip BvhFromText(const std::string& text, const std::string& path_for_messages) {
   BvhClip clip;
-  Words words(text, path_for_messages);
-  ReadHierarchy(words, &clip);
-  ReadMotion(words, &clip);
+  BvhWords words(text, path_for_messages);
+  ReadBvhHierarchy(words, &clip);
+  ReadBvhMotion(words, &clip);
   return clip;
 }
 
@@ -175,4 +175,4 @@ BvhPlacement PlaceJoints(const BvhClip& clip, int frame) {
   return placement;
 }
 
-}  // namespace mvstudio::avatar
+}  // namespace mvstudio::dataset

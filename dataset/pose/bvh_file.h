@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-namespace mvstudio::avatar {
+namespace mvstudio::dataset {
 
 /// A Biovision hierarchy and its motion, in the file's own axes and unit.
 struct BvhClip {
@@ -31,4 +31,4 @@ struct BvhPlacement {
 };
 BvhPlacement PlaceJoints(const BvhClip& clip, int frame);
 
-}  // namespace mvstudio::avatar
+}  // namespace mvstudio::dataset
