@@ -2,10 +2,13 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 
 #include "app/input/calib_read.h"
 #include "core/error.h"
+#include "core/hash/sha256.h"
 #include "core/join.h"
+#include "dataset/footage/frames.h"
 #include "dataset/session/timeline_source.h"
 
 namespace mvstudio::app {
@@ -59,6 +62,43 @@ void ReadSessionTake(const TakeArguments& arguments, TakeInput* input, CommandRe
     footage.timeline = timeline;
     result->inputs.push_back(footage.path);
     input->footage.push_back(std::move(footage));
+  }
+}
+
+/// Size or digest of a video; of images, their paths. Empty where nothing can be said: what cannot be read its reader names.
+std::string FilesOf(const std::string& path, bool digest) {
+  try {
+    const dataset::FootageFiles files = dataset::ListFootage(path);
+    if (files.is_video && files.paths.size() == 1) {
+      constexpr uintmax_t kLeastBytes = 1024;  // of any video
+      const uintmax_t size = std::filesystem::file_size(files.paths[0]);
+      return size < kLeastBytes ? "" : digest ? Sha256File(files.paths[0]) : std::to_string(size);
+    }
+    std::string names;
+    for (const std::string& file : files.paths) names += std::filesystem::weakly_canonical(file).string() + "\n";
+    return names;
+  } catch (const Error&) {
+    return "";
+  } catch (const std::filesystem::filesystem_error&) {
+    return "";
+  }
+}
+
+/// Two cameras cannot have filmed the same file: masks, joints and images of one of them would be the other's.
+void RefuseSameFootage(const TakeInput& take) {
+  std::map<std::string, std::vector<const CameraFootage*>> alike;
+  for (const CameraFootage& footage : take.footage) alike[FilesOf(footage.path, false)].push_back(&footage);
+  for (const auto& [size, list] : alike) {
+    if (size.empty() || list.size() < 2) continue;
+    std::map<std::string, const CameraFootage*> first;
+    for (const CameraFootage* footage : list) {
+      const auto [at, is_new] = first.emplace(FilesOf(footage->path, true), footage);
+      if (is_new) continue;
+      throw FormatError(footage->path, "",
+                        "is the same recording as " + at->second->path + ": cameras " + at->second->camera + " and " +
+                            footage->camera + " cannot have filmed the same; copy the right file, or leave one of the two out" +
+                            (take.session ? " of the take in mvstudio.toml" : ""));
+    }
   }
 }
 
@@ -130,6 +170,7 @@ TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result) {
     found->plate = plate.path;
     result->inputs.push_back(plate.path);
   }
+  RefuseSameFootage(input);
   return input;
 }
 

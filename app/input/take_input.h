@@ -49,9 +49,9 @@ std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& sess
                                                     bool allow_outside, bool make, CommandResult* result);
 
 /// Reads the footage's names and adds them to result->inputs; the session's warnings become warnings of the result. Throws
-/// UsageError for a plate without footage, a camera given twice, or --session together with footage, and what ReadSession
-/// and ResolveInSession throw. --plate may replace plates of a session. The footage of a session has
-/// sync/TAKE.timeline.json, or a timeline made now when the take has time stamps or a sync file.
+/// UsageError for a plate without footage, a camera given twice, or --session together with footage, FormatError for one
+/// recording under two names, and what ReadSession and ResolveInSession throw. --plate may replace plates of a session. The
+/// footage of a session has sync/TAKE.timeline.json, or a timeline made now when the take has time stamps or a sync file.
 TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result);
 
 }  // namespace mvstudio::app

@@ -109,6 +109,32 @@ bool NobodyOnMasks(const body::BodyFit& fit) {
   return std::none_of(fit.cameras.begin(), fit.cameras.end(), [](const body::CameraFit& c) { return c.iou >= kNothing; });
 }
 
+/// The body lies beside the masks of a camera, or of most cameras.
+void JudgeSilhouettes(const body::BodyFit& fit, CommandResult* result) {
+  constexpr double kLeastOfAll = 0.5, kUsual = 0.75;
+  std::vector<double> ious;
+  for (const body::CameraFit& camera : fit.cameras) {
+    if (camera.views > camera.rejected && std::isfinite(camera.iou)) ious.push_back(camera.iou);
+  }
+  if (ious.empty()) return;
+  const double median = UpperMedian(ious, 0);
+  const std::string text = Format("body and masks have an IoU of %.2f in the median camera", median);
+  const std::string advice = "look at the masks: are they of these frames and cameras, upright, and 255 the person?";
+  if (median < kLeastOfAll) {
+    result->exit = kExitQualityGate;
+    result->errors.push_back({"BODY-POOR-FIT", text + ": the surface is not the person's, whatever its sigma says", advice});
+    return;
+  }
+  if (median < kUsual) result->warnings.push_back({"BODY-POOR-FIT", text + "; fits of good masks have 0.9", advice});
+  for (const body::CameraFit& camera : fit.cameras) {
+    if (!(camera.iou < kLeastOfAll)) continue;
+    result->warnings.push_back({"BODY-POOR-FIT",
+                                "camera " + camera.name + Format(": body and masks have an IoU of %.2f, ", camera.iou) +
+                                    Format("in the median camera %.2f", median),
+                                "look at its masks, its time offset and its calibration, or leave it out"});
+  }
+}
+
 bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
 
 /// Why the bones alone were kept: offsets were no better, or better by no more than chance.
@@ -242,6 +268,8 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
     result->errors.push_back({"BODY-NO-SILHOUETTE",
                               "the body lies on no mask of any camera (IoU 0): nothing was fitted to the silhouettes",
                               "look at the masks: 255 must be the person; are they of these frames and cameras?"});
+  } else {
+    JudgeSilhouettes(fit, result);
   }
   if (!WasJudged(fit)) {
     warn("BODY-NOT-JUDGED",

@@ -48,7 +48,7 @@ geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::Ri
   return ApplySizeRule(camera, rule, w, h);
 }
 
-MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::MaskOptions& options) {
+MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::MaskOptions& options, bool keep_undamaged) {
   MaskCamera camera;
   camera.footage = footage;
   if (footage.timeline) {
@@ -59,7 +59,7 @@ MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::Ma
       if (frames[instant] >= 0) camera.frame_at->emplace(static_cast<int>(instant), static_cast<int>(frames[instant]));
     }
   }
-  camera.samples = dataset::SampleFootage(footage.path, options.background_frames);
+  camera.samples = dataset::SampleFootage(footage.path, options.background_frames, keep_undamaged);
   if (footage.plate.empty()) return camera;
   camera.plate = dataset::ReadImage(footage.plate);
   if (camera.plate.width != camera.samples.width || camera.plate.height != camera.samples.height) {
@@ -132,8 +132,9 @@ MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, Comma
   job.cameras.resize(take.footage.size());
   {
     ProgressStage stage(run, "reading footage", static_cast<int64_t>(take.footage.size()));
-    ParallelFor(static_cast<int64_t>(take.footage.size()), run.num_threads,
-                [&](int64_t c) { job.cameras[c] = SampleCamera(take.footage[c], arguments.mask); });
+    ParallelFor(static_cast<int64_t>(take.footage.size()), run.num_threads, [&](int64_t c) {
+      job.cameras[c] = SampleCamera(take.footage[c], arguments.mask, arguments.run.keep_undamaged);
+    });
     stage.Advance(static_cast<int64_t>(take.footage.size()));
   }
   const std::string calib = arguments.calib.empty() ? take.calibration : arguments.calib;

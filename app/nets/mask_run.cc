@@ -138,7 +138,7 @@ MaskCameraResult SegmentCamera(const MaskJob& job, const MaskCamera& camera, con
         ++position;
         on_frame(frame);
       },
-      job.mask);
+      job.mask, job.run.keep_undamaged);
   if (!tiles.empty()) result.sheet = dataset::ContactSheet(tiles, job.run.sheet_tiles > 40 ? 14 : 6, tile_px + 8, false);
   return result;
 }

@@ -24,6 +24,7 @@ struct MaskRunOptions {
   int sheet_tiles = 24;
   bool soft = false;
   bool hull = false;
+  bool keep_undamaged = false;
   bool overwrite = false;
   dataset::SizeRuleChoice size_rule = dataset::SizeRuleChoice::kAuto;
 };
@@ -39,6 +40,7 @@ void VisitFields(Visitor&& visit, MaskRunOptions& o) {
   visit("sheet-tiles", o.sheet_tiles, "images on each camera's contact sheet; 0: no sheet");
   visit("size-rule", o.size_rule,
         "footage of another size than calibrated: auto, fill, stretch, crop-right, crop-centre or crop-left");
+  visit("keep-undamaged", o.keep_undamaged, "use what decodes of damaged footage and list what is missing");
   visit("overwrite", o.overwrite, "replace the output folder");
 }
 

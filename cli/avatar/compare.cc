@@ -66,6 +66,18 @@ std::vector<app::ScoredRun> ReadRuns(const std::vector<std::string>& texts) {
   return runs;
 }
 
+/// Rows that differ cannot bear one name: a table of them could not be read.
+void RequireOwnNames(const app::Comparison& comparison) {
+  std::map<std::string, std::string> folders;
+  for (const app::ComparisonRow& row : comparison.rows) {
+    if (row.baseline || row.folders.empty()) continue;
+    const auto [at, is_new] = folders.emplace(row.name, row.folders.front());
+    if (!is_new)
+      throw UsageError(at->second + " and " + row.folders.front() + " differ and are both called '" + row.name +
+                       "': give each its own NAME=RUN");
+  }
+}
+
 /// Runs of one seed in one row are no samples of what the seed changes.
 void WarnOfRepeatedSeeds(const app::Comparison& comparison, CommandResult* result) {
   for (const app::ComparisonRow& row : comparison.rows) {
@@ -84,6 +96,7 @@ CommandResult Run(const Arguments& arguments) {
   const std::vector<app::ScoredRun> runs = ReadRuns(arguments.runs);
   app::Comparison comparison = app::CompareRuns(runs, arguments.baselines);
   CommandResult result;
+  RequireOwnNames(comparison);
   WarnOfRepeatedSeeds(comparison, &result);
   if (!arguments.study.empty()) {
     std::vector<report::StudyAnswers> answers;

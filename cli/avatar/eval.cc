@@ -41,12 +41,20 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
   };
   below("mean image", mean);
   below("nearest pose", pose);
-  if (e.template_alone && e.checkpoint_step > 0 && e.template_alone->mean.bbox.ssim >= own.ssim) {
-    const std::string scores = Format("SSIM %.4f against %.4f", own.ssim, e.template_alone->mean.bbox.ssim);
+  const auto no_gain = [&](const std::string& trained, const avatar::Scored& without, const std::string& what,
+                           const std::string& advice) {
+    if (e.checkpoint_step == 0 || without.mean.bbox.ssim < own.ssim) return;
     result->warnings.push_back({"AVA-NO-GAIN",
-                                std::string("the network does not improve held-out images: ") + scores +
-                                    " of its textures on the posed template alone",
-                                "train with --steps 0 (no network), or with more cameras or better joints"});
+                                trained + " not improve held-out images: " +
+                                    Format("SSIM %.4f against %.4f of ", own.ssim, without.mean.bbox.ssim) + what,
+                                advice});
+  };
+  if (e.template_alone) {
+    no_gain("the network does", *e.template_alone, "its textures on the posed template alone",
+            "train with --steps 0 (no network), or with more cameras or better joints");
+  } else if (e.body_alone) {
+    no_gain("the training does", *e.body_alone, "the fitted body in its averaged colours",
+            "train longer (--steps), or with more cameras or better joints");
   }
   if (e.features.name.find("inception-2015-12-05") != std::string::npos && e.distance_name != "FID") {
     result->warnings.push_back(

@@ -47,7 +47,7 @@ void AddGround(const app::PicturePairs& pairs, const MetricsArguments& arguments
   if (arguments.masks.empty()) {
     result->text += Format("\n  whole images, %lld pixels; no masks", static_cast<long long>(all_px));
   } else {
-    const ordered_json &box = result->metrics["bbox"], &masked = result->metrics["masked"];
+    const ordered_json box = result->metrics["bbox"], masked = result->metrics["masked"];  // copies: a new key moves them
     const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
     result->metrics["mask_pixels"] = mask_px;
     result->text +=

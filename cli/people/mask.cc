@@ -103,6 +103,10 @@ void Warn(const app::MaskJob& job, const app::MaskRunResult& masks, CommandResul
   for (size_t c = 0; c < job.cameras.size(); ++c) {
     const app::MaskCameraResult& r = masks.cameras[c];
     const std::string name = "camera " + job.cameras[c].footage.camera + ": ";
+    for (const std::string& line : job.cameras[c].samples.damage) {
+      if (result->exit == kExitOk) result->exit = kExitPartial;
+      result->warnings.push_back({"MSK-FRAMES", name + line, "copy its footage again; the other frames have masks"});
+    }
     if (r.take.empty > 0) {
       result->warnings.push_back(
           {"MSK-EMPTY", name + std::to_string(r.take.empty) + " of " + std::to_string(r.take.pictures) + " masks are empty",

@@ -117,6 +117,18 @@ void CheckOrder(const FrameSource& source, const FrameSource::Frame& frame, int6
   }
 }
 
+/// The next frame; where damage is not passed over, says how it could be.
+std::optional<FrameSource::Frame> NextFrame(const BuildOptions& options, FrameSource* source) {
+  if (options.keep_undamaged) return source->Advance();
+  try {
+    return source->Advance();
+  } catch (const FormatError& error) {
+    const std::string start = error.path() + (error.where().empty() ? "" : ": " + error.where()) + ": ";
+    throw FormatError(error.path(), error.where(),
+                      std::string(error.what()).substr(start.size()) + "; option 'keep-undamaged' uses what decodes");
+  }
+}
+
 /// First pass over the footage: all of it must decode, have one size and reach the last frame of the joints.
 Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted, const BuildOptions& options) {
   Samples samples;
@@ -128,7 +140,7 @@ Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted, const Bui
   auto source = OpenFrames(job.footage.path, {options.keep_undamaged});
   int64_t last = -1;
   int count = 0;
-  for (; auto frame = source->Advance(); ++count) {
+  for (; auto frame = NextFrame(options, source.get()); ++count) {
     CheckOrder(*source, *frame, last, &samples);
     last = frame->number;
     Image picture;

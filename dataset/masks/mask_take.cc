@@ -16,10 +16,11 @@ namespace {
 
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-/// Calls `use(position, number, picture)` for every frame; they must have one size and rising numbers.
+/// Calls `use(position, number, picture)` for every frame; they must have one size and rising numbers. With `damage`, frames
+/// that do not decode are left out, and it gets a line for them.
 template <class Use>
-int EachFrame(const std::string& path, const Use& use) {
-  auto source = OpenFrames(path);
+int EachFrame(const std::string& path, const Use& use, std::vector<std::string>* damage = nullptr) {
+  auto source = OpenFrames(path, {damage != nullptr});
   int position = 0, last = -1, width = 0, height = 0;
   while (auto frame = source->Next()) {
     const int number = static_cast<int>(std::clamp<int64_t>(frame->number, 0, std::numeric_limits<int>::max()));
@@ -33,7 +34,8 @@ int EachFrame(const std::string& path, const Use& use) {
     last = number;
     use(position++, number, std::move(frame->rgb));
   }
-  if (position == 0) throw FormatError(path, "", "holds no image");
+  if (damage) *damage = source->Damage();
+  if (position == 0) throw FormatError(path, "", "holds no image" + std::string(damage ? " that decodes; copy it again" : ""));
   return position;
 }
 
@@ -88,29 +90,25 @@ const ProjectedBody* BodiesOfTake::At(int frame) const {
   return found == frames.end() ? nullptr : &found->second;
 }
 
-FootageSamples SampleFootage(const std::string& path, int count) {
+FootageSamples SampleFootage(const std::string& path, int count, bool keep_undamaged) {
   FootageSamples samples;
-  int64_t total = OpenFrames(path)->num_frames();
-  if (total <= 0) total = EachFrame(path, [](int, int, Image) {});
+  std::vector<std::string>* const damage = keep_undamaged ? &samples.damage : nullptr;
+  int64_t total = OpenFrames(path, {keep_undamaged})->num_frames();
+  if (total <= 0)
+    total = EachFrame(
+        path, [](int, int, Image) {}, damage);
   const int64_t k = std::clamp<int64_t>(count, 1, total);
   std::vector<int64_t> wanted;
   for (int64_t i = 0; i < k; ++i) wanted.push_back((2 * i + 1) * total / (2 * k));
-  samples.num_frames = EachFrame(path, [&](int position, int number, Image rgb) {
+  const auto take = [&](int position, int number, Image rgb) {
     samples.width = rgb.width, samples.height = rgb.height;
     // The last resort is for footage whose header promised more frames than it holds.
     if (!std::binary_search(wanted.begin(), wanted.end(), position) && !(position == 0 && total > 2 * k)) return;
     samples.numbers.push_back(number);
     samples.frames.push_back(std::move(rgb));
-  });
+  };
+  samples.num_frames = EachFrame(path, take, damage);
   return samples;
-}
-
-std::map<int, Image> ReadFrames(const std::string& path, const std::vector<int>& numbers) {
-  std::map<int, Image> frames;
-  EachFrame(path, [&](int, int number, Image rgb) {
-    if (std::find(numbers.begin(), numbers.end(), number) != numbers.end()) frames[number] = std::move(rgb);
-  });
-  return frames;
 }
 
 LearnedCamera LearnTakeCamera(const FootageSamples& samples, const BodiesOfTake& bodies, const PersonNet& net,
@@ -145,11 +143,13 @@ void Flicker::Add(const Image& rgb_before, const Image& mask_before, const Image
 
 TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
                       const std::function<Image(int)>& possible,
-                      const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options) {
+                      const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options,
+                      bool keep_undamaged) {
   TakeMasks take;
+  std::vector<std::string> damage;
   Image previous_rgb, previous_mask;
   double seconds = 0;
-  EachFrame(path, [&](int position, int number, Image rgb) {
+  const auto segment = [&](int position, int number, Image rgb) {
     const auto start = std::chrono::steady_clock::now();
     MaskHints hints;
     hints.body = bodies.At(number);
@@ -167,7 +167,8 @@ TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const
     take.mean_area_fraction += mask.area_fraction;
     take.joints += mask.joints, take.joints_on_mask += mask.joints_on_mask, take.joints_supported += mask.joints_supported;
     previous_rgb = std::move(rgb), previous_mask = std::move(mask.mask);
-  });
+  };
+  EachFrame(path, segment, keep_undamaged ? &damage : nullptr);
   take.mean_area_fraction /= take.pictures;
   take.ms_per_picture = 1000 * seconds / take.pictures;
   return take;

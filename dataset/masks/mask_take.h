@@ -35,11 +35,11 @@ struct FootageSamples {
   std::vector<Image> frames;
   int num_frames = 0;  ///< of the footage
   int width = 0, height = 0;
+  std::vector<std::string> damage = {};  ///< what does not decode, a line each
 };
-/// Decodes all of it. Throws FormatError for pictures of different sizes, numbers out of order, or no picture at all.
-FootageSamples SampleFootage(const std::string& path, int count);
-/// Only these frames, as far as they exist.
-std::map<int, Image> ReadFrames(const std::string& path, const std::vector<int>& numbers);
+/// Decodes all of it. With `keep_undamaged` frames that do not decode are left out and listed, here and below. Throws
+/// FormatError for pictures of different sizes, numbers out of order, or no picture at all.
+FootageSamples SampleFootage(const std::string& path, int count, bool keep_undamaged = false);
 
 struct LearnedCamera {
   Status status = Status::kOk;  ///< kDegenerate: neither joints, nor a net, nor motion separate people from background
@@ -68,6 +68,7 @@ struct TakeMasks {
 /// every frame's number, picture and mask in order.
 TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
                       const std::function<Image(int)>& possible,
-                      const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options);
+                      const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options,
+                      bool keep_undamaged = false);
 
 }  // namespace mvstudio::dataset

@@ -89,6 +89,31 @@ TimelineClock RelateClocks(const Session& session, const SessionTake& take, cons
   return TimelineClock::kStart;
 }
 
+/// `cut_short`, if not null: why the video ends before its last frame; empty: it does not.
+CameraTimes ReadTimes(const std::string& camera, const std::string& path, double picture_fps_hz, std::string* cut_short) {
+  CameraTimes times;
+  times.camera = camera;
+  times.source = path;
+  const FootageFiles files = ListFootage(path);
+  if (files.is_video) {
+    VideoTimes video = ReadVideoTimes(files.paths);
+    times.time_s = std::move(video.time_s);
+    times.time_code_s = video.time_code_s;
+    if (cut_short) *cut_short = std::move(video.cut_short);
+    for (size_t i = 0; i < times.time_s.size(); ++i) times.frame.push_back(static_cast<int64_t>(i));
+    return times;
+  }
+  times.origin_s = 0;
+  for (size_t i = 0; i < files.paths.size(); ++i) {
+    const int64_t number = files.images.numbers[i];
+    if (!times.frame.empty() && number <= times.frame.back())
+      RefuseOrder(path, fs::path(files.paths[i]).filename().string(), number, times.frame.back());
+    times.frame.push_back(number);
+    times.time_s.push_back(static_cast<double>(number) / picture_fps_hz);
+  }
+  return times;
+}
+
 }  // namespace
 
 bool PlaceByTimeCodes(std::vector<CameraTimes>* times) {
@@ -112,26 +137,7 @@ bool PlaceByTimeCodes(std::vector<CameraTimes>* times) {
 }
 
 CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path, double picture_fps_hz) {
-  CameraTimes times;
-  times.camera = camera;
-  times.source = path;
-  const FootageFiles files = ListFootage(path);
-  if (files.is_video) {
-    VideoTimes video = ReadVideoTimes(files.paths);
-    times.time_s = std::move(video.time_s);
-    times.time_code_s = video.time_code_s;
-    for (size_t i = 0; i < times.time_s.size(); ++i) times.frame.push_back(static_cast<int64_t>(i));
-    return times;
-  }
-  times.origin_s = 0;
-  for (size_t i = 0; i < files.paths.size(); ++i) {
-    const int64_t number = files.images.numbers[i];
-    if (!times.frame.empty() && number <= times.frame.back())
-      RefuseOrder(path, fs::path(files.paths[i]).filename().string(), number, times.frame.back());
-    times.frame.push_back(number);
-    times.time_s.push_back(static_cast<double>(number) / picture_fps_hz);
-  }
-  return times;
+  return ReadTimes(camera, path, picture_fps_hz, nullptr);
 }
 
 std::vector<int64_t> FindRepeats(const std::string& path) {
@@ -167,12 +173,12 @@ TakeTimeline BuildTakeTimeline(const Session& session, const SessionTake& take, 
   TakeTimeline result;
   const double fps = take.fps_hz.value_or(session.fps_hz.value_or(kUsualFps));
   std::vector<CameraTimes> times(take.footage.size());
-  std::vector<std::string> paths;
+  std::vector<std::string> paths, cut_short(times.size());
   for (const SessionFootage& f : take.footage) paths.push_back(ResolveInSession(session, f.path, options.allow_outside));
   ProgressStage stage(run, "reading time stamps", static_cast<int64_t>(times.size()));
   ParallelFor(static_cast<int64_t>(times.size()), run.num_threads, [&](int64_t i) {
     const auto k = static_cast<size_t>(i);
-    times[k] = ReadFootageTimes(take.footage[k].camera, paths[k], fps);
+    times[k] = ReadTimes(take.footage[k].camera, paths[k], fps, &cut_short[k]);
     if (options.find_repeats) times[k].repeats = FindRepeats(paths[k]);
   });
   std::optional<SyncFile> sync;
@@ -180,6 +186,11 @@ TakeTimeline BuildTakeTimeline(const Session& session, const SessionTake& take, 
   result.timeline = BuildTimeline(times, clock, sync ? &*sync : nullptr, options.timeline);
   result.timeline.take = take.name;
   AddNotes(result.timeline, &result.notes);
+  for (size_t i = 0; i < times.size(); ++i) {
+    if (cut_short[i].empty()) continue;
+    result.notes.push_back("camera " + times[i].camera + ": its video is damaged after " +
+                           std::to_string(times[i].frame.size()) + " frames (" + cut_short[i] + "): copy it again");
+  }
   return result;
 }
 

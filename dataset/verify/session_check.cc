@@ -98,8 +98,9 @@ void InspectVideo(InspectedFootage* f, bool decode, Findings* findings) {
   f->sound = damage.empty() && f->num_frames > 0;
   if (f->num_frames == 0) damage.push_back("holds no frame");
   for (const std::string& line : damage) {
-    findings->push_back({true, "SES-DAMAGED", Where(*f) + " (" + f->path + "): " + line,
-                         "copy the video again, or use what decodes with option 'keep-undamaged'"});
+    findings->push_back(
+        {true, "SES-DAMAGED", Where(*f) + " (" + f->path + "): " + line,
+         "copy the video again; mask and dataset build use what decodes with option 'keep-undamaged', pose2d always"});
   }
 }
 

@@ -73,6 +73,29 @@ TEST(FitWarnings, NameEachHarmfulInput) {
   EXPECT_THAT(CodesOf(person), ElementsAre("BODY-MISSING"));
 }
 
+TEST(FitWarnings, ABodyBesideItsMasksIsNoFit) {
+  const auto fit_of = [](std::vector<double> ious) {
+    avatar::PersonFit person = SoundFit();
+    person.fit.cameras.clear();
+    for (const double iou : ious)
+      person.fit.cameras.push_back({"00_0" + std::to_string(person.fit.cameras.size()), 20, 0, iou, iou, {0, 0}, 0.1});
+    return person;
+  };
+  CommandResult shifted;
+  AddFitWarnings(fit_of({0.23, 0.02, 0.03}), &shifted);
+  EXPECT_EQ(shifted.exit, 4);
+  ASSERT_EQ(shifted.errors.size(), 1u);
+  EXPECT_EQ(shifted.errors[0].code, "BODY-POOR-FIT");
+  EXPECT_THAT(shifted.errors[0].text, HasSubstr("0.03"));
+  EXPECT_THAT(CodesOf(fit_of({0.61, 0.70, 0.64})), ElementsAre("BODY-POOR-FIT"));
+  EXPECT_THAT(CodesOf(fit_of({0.9, 0.9, 0.8})), ::testing::IsEmpty());
+  CommandResult one;
+  AddFitWarnings(fit_of({0.93, 0.1, 0.94}), &one);
+  EXPECT_EQ(one.exit, 0);
+  ASSERT_EQ(one.warnings.size(), 1u);
+  EXPECT_THAT(one.warnings[0].text, HasSubstr("camera 00_01"));
+}
+
 TEST(FitWarnings, SayWhetherOffsetsWereWorseOrNotBeyondChance) {
   const auto text = [](double offsets_iou) {
     avatar::PersonFit person = SoundFit();

@@ -77,6 +77,22 @@ TEST(TakeInput, ContradictionsAreRefusedByName) {
   EXPECT_THAT(Refused(name), HasSubstr("option 'video' a/b=a.mp4"));
 }
 
+TEST(TakeInput, OneRecordingIsNotOfTwoCameras) {
+  const TempDir folder;
+  const std::string video(4096, 'v');
+  Put(folder / "a.mp4", video), Put(folder / "b.mp4", video), Put(folder / "c.mp4", std::string(4096, 'w'));
+  TakeArguments arguments;
+  arguments.video = {{"left", folder / "a.mp4"}, {"right", folder / "c.mp4"}, {"top", folder / "b.mp4"}};
+  CommandResult result;
+  const std::string same = MessageOf<FormatError>([&] { ReadTakeInput(arguments, &result); });
+  EXPECT_THAT(same, HasSubstr("b.mp4: is the same recording as " + (folder / "a.mp4") + ": cameras left and top"));
+  arguments.video.pop_back();
+  EXPECT_EQ(ReadTakeInput(arguments, &result).footage.size(), 2u) << "of one size, but not the same";
+  Put(folder / "images/0.png", "x");
+  arguments.images = {{"top", folder / "images"}, {"side", (folder / "images") + "/*.png"}};
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadTakeInput(arguments, &result); }), HasSubstr("cameras top and side"));
+}
+
 TEST(TakeInput, ASessionsOnlyTakeWithPeople) {
   const TempDir folder;
   PutSession(folder);

@@ -102,6 +102,13 @@ TEST_F(AvatarCompare, SeedsOfAMethodShareARowBesideTheBaselines) {
   EXPECT_THAT(two.out, HasSubstr("spread is not known")) << "one seed each";
 }
 
+TEST_F(AvatarCompare, RowsThatDifferBearDifferentNames) {
+  const std::string a = Make("a", Run("tna", 1, 0.7)), b = Make("b", Run("direct", 1, 0.71));
+  const CliRun run = RunCli({"avatar", "compare", "x=" + a, "x=" + b});
+  EXPECT_EQ(run.exit, 2);
+  EXPECT_THAT(run.err, HasSubstr("both called 'x'"));
+}
+
 TEST_F(AvatarCompare, ARunIsNoSampleTwice) {
   const std::string a = Make("a", Run("tna", 1, 0.7)), b = Make("b", Run("tna", 1, 0.71));
   const CliRun twice = RunCli({"avatar", "compare", a, a + "/../a/"});

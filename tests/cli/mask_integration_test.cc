@@ -114,6 +114,13 @@ TEST(MaskCommand, DamagedAndOddPicturesAreNamed) {
   EXPECT_EQ(cut.exit, 3);
   EXPECT_NE(cut.err.find("0004.png"), std::string::npos) << cut.err;
   EXPECT_FALSE(std::filesystem::exists(out));
+  std::vector<std::string> kept = words;
+  kept.push_back("--keep-undamaged");
+  const CliRun rest = RunCli(kept);
+  EXPECT_EQ(rest.exit, 6) << rest.err;
+  EXPECT_NE(rest.err.find("MSK-FRAMES: camera A: "), std::string::npos) << rest.err;
+  EXPECT_FALSE(std::filesystem::exists(out + "/A/00000004.png"));
+  EXPECT_TRUE(std::filesystem::exists(out + "/A/00000005.png"));
 }
 
 TEST(MaskCommand, FramesWithNobodyAreEmptyAndSaid) {

@@ -77,6 +77,13 @@ TEST_F(MetricsTest, PairsByNameAndReportsTheRest) {
   EXPECT_GT(m["fd"]["value"], 0);
 }
 
+TEST_F(MetricsTest, MasksNeedNoOtherFlag) {
+  WriteFolders();
+  const CliRun run = RunCli({"metrics", Path("a"), Path("b"), "--masks", Path("m")});
+  EXPECT_EQ(run.exit, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("in the masks' boxes: SSIM 0."));
+}
+
 TEST_F(MetricsTest, BadPairsAreNamed) {
   WriteFolders();
   dataset::WriteImage(Image(20, 20, 3), Path("b/3.png"));
