@@ -11,7 +11,9 @@
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
+#include "core/error.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "core/units.h"
 #include "geometry/rig/rig_io.h"
 
@@ -59,11 +61,11 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   m["num_boards"] = check.num_boards;
   m["scale_error_percent"] = FiniteOrNull(100 * (check.scale - 1));
   const auto& lengths = check.board_metrics;
-  m["board_edge_mm"] = {{"rms", FiniteOrNull(lengths.edge_rms_mm)},
-                        {"median", FiniteOrNull(lengths.edge_median_mm)},
-                        {"bias", FiniteOrNull(lengths.edge_bias_mm)}};
-  m["pair_distance_rms_mm"] = FiniteOrNull(lengths.pair_rms_mm);
-  m["pair_distance_bias_mm"] = FiniteOrNull(lengths.pair_bias_mm);
+  const auto figure = [&](double mm) { return FiniteOrNull(check.status == Status::kOk ? mm : std::nan("")); };
+  m["board_edge_mm"] = {
+      {"rms", figure(lengths.edge_rms_mm)}, {"median", figure(lengths.edge_median_mm)}, {"bias", figure(lengths.edge_bias_mm)}};
+  m["pair_distance_rms_mm"] = figure(lengths.pair_rms_mm);
+  m["pair_distance_bias_mm"] = figure(lengths.pair_bias_mm);
   m["cameras"] = ordered_json::array();
   for (const calib::CameraCheck& camera : check.cameras) m["cameras"].push_back(CameraJson(camera));
 }
@@ -89,22 +91,54 @@ std::string Summary(const calib::RigCheck& check) {
   return text + app::VerdictLine(check.verdict);
 }
 
+/// Leaves out cameras that the calibration does not have. Throws FormatError when none is left.
+void LeaveOutUnknown(const geometry::Rig& rig, const std::string& path, calib::CalibrateInput* input, CommandResult* result) {
+  std::vector<std::string> unknown;
+  for (const calib::CameraInput& camera : input->cameras) {
+    if (rig.Find(camera.name) < 0) unknown.push_back(camera.name);
+  }
+  if (unknown.empty()) return;
+  if (unknown.size() == input->cameras.size())
+    throw FormatError(path, "cameras",
+                      "has no " + Join(unknown, ", ") + "; it has " + Join(geometry::CameraNames(rig), ", ") +
+                          ": rename its cameras with calib convert --rename");
+  std::vector<int> at;
+  std::vector<calib::CameraInput> cameras;
+  for (const calib::CameraInput& camera : input->cameras) {
+    at.push_back(rig.Find(camera.name) < 0 ? -1 : static_cast<int>(cameras.size()));
+    if (at.back() >= 0) cameras.push_back(camera);
+  }
+  std::vector<calib::Detection> detections;
+  for (calib::Detection& detection : input->detections) {
+    const int camera = at[static_cast<size_t>(detection.camera_idx)];
+    if (camera < 0) continue;
+    detection.camera_idx = camera;
+    detections.push_back(std::move(detection));
+  }
+  input->cameras = std::move(cameras), input->detections = std::move(detections), input->same_lens.clear();
+  result->exit = kExitPartial;
+  result->warnings.push_back({"CAL-LEFTOUT", path + " has no calibration of " + Join(unknown, ", ") + ": left out here",
+                              "rename its cameras with calib convert --rename, or calibrate them too"});
+}
+
 CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
   app::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
-  const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
+  calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
+  LeaveOutUnknown(imported.rig, arguments.calibration, &input, &result);
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
   FillMetrics(check, &result.metrics);
-  result.text = Summary(check);
+  if (check.status == Status::kOk) result.text = Summary(check);
   app::ReportCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone", &result);
   if (check.status != Status::kOk) {
     result.exit = kExitIllPosed;
     result.errors.push_back({"CAL-UNSOLVED", check.message, "show the board to at least two cameras at a time"});
     return result;
   }
-  for (const auto& reason : check.verdict.reasons) result.warnings.push_back({reason.code, reason.text, reason.hint, reason.fails});
+  for (const auto& reason : check.verdict.reasons)
+    result.warnings.push_back({reason.code, reason.text, reason.hint, reason.fails});
   if (check.verdict.status == "fail") result.exit = kExitQualityGate;
   if (!arguments.repair.empty()) {
     const OutputFiles place({arguments.repair}, result.inputs);
