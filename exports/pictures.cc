@@ -18,6 +18,9 @@ namespace mvstudio::exports {
 namespace fs = std::filesystem;
 namespace {
 
+/// By EXIF: some readers turn such a file and some do not. It is written turned, without the tag.
+bool AsksForTurn(const std::string& picture) { return dataset::ReadImageHeader(picture).turn.any(); }
+
 /// True when the file is linked: it takes no space.
 bool LinkOrCopy(const std::string& from, const std::string& to, bool link) {
   if (link && !fs::is_symlink(from) && HardLink(from, to)) return true;
@@ -157,7 +160,8 @@ bool Pictures::IsPlain(const std::string& mask) const {
   dataset::ReadMask(mask, dataset_.Masks());
   using Form = dataset::MaskMeaning::Form;
   const Form form = dataset_.Masks().form;
-  return header.codec == "png" && header.channels == 1 && header.bits == 8 && (form == Form::kBinary || form == Form::kSoft);
+  return header.codec == "png" && !header.turn.any() && header.channels == 1 && header.bits == 8 &&
+         (form == Form::kBinary || form == Form::kSoft);
 }
 
 std::string Pictures::EncodedPicture(size_t view, int frame) {
@@ -165,7 +169,7 @@ std::string Pictures::EncodedPicture(size_t view, int frame) {
   CountPicture(view, frame, from.empty());
   if (from.empty()) return "";
   ++contained_pictures_;
-  if (!take_.views[view].info.undistorted) return ReadFile(from);
+  if (!take_.views[view].info.undistorted && !AsksForTurn(from)) return ReadFile(from);
   return dataset::EncodeImage(LoadPicture(view, frame), "picture.jpg", options_.jpeg_quality);
 }
 
@@ -189,7 +193,7 @@ bool Pictures::Make(const Task& task) const {
   const View& view = take_.views[task.view];
   const bool same_format = fs::path(task.from).extension() == fs::path(task.to).extension();
   const bool as_it_is = !task.mask || (task.values == MaskValues::k255 && IsPlain(task.from));
-  if (!view.info.undistorted && same_format && as_it_is) {
+  if (!view.info.undistorted && same_format && as_it_is && !AsksForTurn(task.from)) {
     return LinkOrCopy(task.from, task.to, options_.pictures == ExportPictures::kLink);
   }
   Image image = task.mask ? dataset::ReadMask(task.from, dataset_.Masks()) : dataset::ReadImage(task.from);

@@ -4,7 +4,6 @@
 #include <filesystem>
 
 #include "app/input/pose3d_input.h"
-#include "app/result.h"
 #include "core/error.h"
 #include "dataset/pose/markers.h"
 
@@ -30,6 +29,14 @@ TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string&
   const bool coco19 =
       pose.skeleton != "coco19" && fs::exists(header) && dataset::ReadPose3d(table.parent_path().string()).skeleton == "coco19";
   return {ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows), reference, align)};
+}
+
+void AddNothingInCommon(const std::string& key, const std::string& path, const std::string& why, CommandResult* result) {
+  if (result->exit == kExitOk || result->exit == kExitPartial) result->exit = kExitQualityGate;
+  result->errors.push_back(
+      {"TRI-NO-COMMON", "option '" + key + "' " + path + ": nothing could be compared: " + why,
+       "joints are compared by frame and name: give the reference of this take (a marker file's frame 1 is our frame 0), and "
+       "joints called as in it"});
 }
 
 nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth) {

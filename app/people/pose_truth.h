@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "app/result.h"
 #include "dataset/pose/pose3d.h"
 #include "dataset/pose/pose3d_compare.h"
 
@@ -24,6 +25,9 @@ struct TruthComparison {
 /// Compares with `truth`: a folder of body3DScene files, a folder with points.csv, a single table, or a file of markers.
 /// Throws IoError, FormatError.
 TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, const TruthOptions& options);
+
+/// A comparison with nothing is none: it fails. `key`: the option that gave `path`; `why`: Pose3dComparison::why_none.
+void AddNothingInCommon(const std::string& key, const std::string& path, const std::string& why, CommandResult* result);
 
 /// Figures of a comparison with nothing are null.
 nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth);

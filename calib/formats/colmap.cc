@@ -181,6 +181,54 @@ std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::v
   return files;
 }
 
+namespace {
+
+/// The one rig of two cameras or more that took all images and whose cameras' places in it are known; else null.
+const std::vector<internal::ColmapSensor>* RigOfAll(const internal::ColmapFiles& model) {
+  const std::vector<internal::ColmapSensor>* of_all = nullptr;
+  for (const auto& rig : model.rigs) {
+    if (rig.size() < 2) continue;
+    if (of_all) return nullptr;
+    of_all = &rig;
+  }
+  if (!of_all) return nullptr;
+  for (const internal::ColmapImage& image : model.images) {
+    const auto it = [&](const internal::ColmapSensor& sensor) { return sensor.camera_id == image.camera_id; };
+    const auto found = std::find_if(of_all->begin(), of_all->end(), it);
+    if (found == of_all->end() || !found->sensor_from_rig) return nullptr;
+  }
+  return of_all;
+}
+
+/// The cameras of a rig, as they stood in the first image. `pictures`: as they stand one by one.
+void AddRigCameras(const internal::ColmapFiles& model, const std::vector<internal::ColmapSensor>& rig,
+                   const ReadOptions& options, const std::vector<internal::PictureCamera>& pictures, ImportedRig* imported) {
+  std::vector<internal::PictureCamera> cameras;
+  geometry::Rigid3 rig_from_world;
+  for (const internal::ColmapSensor& sensor : rig) {
+    if (model.images[0].camera_id != sensor.camera_id) continue;
+    rig_from_world = Inverse(*sensor.sensor_from_rig) * geometry::Rigid3{model.images[0].rotation, model.images[0].translation};
+  }
+  for (const internal::ColmapSensor& sensor : rig) {
+    for (size_t i = 0; i < pictures.size(); ++i) {
+      if (model.images[i].camera_id != sensor.camera_id) continue;
+      cameras.push_back(pictures[i]);
+      cameras.back().camera.cam_from_world = *sensor.sensor_from_rig * rig_from_world;
+      cameras.back().camera.cam_from_world.translation *= options.metres_per_unit;
+      break;
+    }
+  }
+  internal::AddPictureCameras(std::move(cameras), imported);
+  imported->notes.push_back({"CAL-MERGED",
+                             std::to_string(pictures.size()) + " images are of " +
+                                 std::to_string(imported->rig.cameras.size()) +
+                                 " cameras of one rig (rigs.txt or rigs.bin): one camera each, as they stood for " +
+                                 internal::Printable(model.images[0].name),
+                             "the world is the model's; a rig that moves is at rest in it"});
+}
+
+}  // namespace
+
 ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
   namespace fs = std::filesystem;
   const std::string folder = fs::is_directory(path) ? path : fs::path(path).parent_path().string();
@@ -203,7 +251,10 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
     camera.cam_from_world = {image.rotation, image.translation * options.metres_per_unit};
     pictures.push_back({image.name, name, std::move(camera), image.place});
   }
-  internal::AddPictureCameras(std::move(pictures), &imported);
+  if (const auto* rig = RigOfAll(model))
+    AddRigCameras(model, *rig, options, pictures, &imported);
+  else
+    internal::AddPictureCameras(std::move(pictures), &imported);
   imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   return imported;
 }

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <filesystem>
 #include <sstream>
 
 #include "core/disk/files.h"
@@ -76,6 +77,37 @@ void ReadTextImages(const std::string& path, ColmapFiles* model) {
   }
 }
 
+/// RIG_ID NUM_SENSORS REF_TYPE REF_ID, then TYPE ID HAS_POSE [QW QX QY QZ TX TY TZ] of each other sensor.
+void ReadTextRigs(const std::string& path, ColmapFiles* model) {
+  std::istringstream lines(ReadFile(path));
+  int number = 0;
+  for (std::string line; std::getline(lines, line);) {
+    const Place place{path, "line " + std::to_string(++number)};
+    const std::vector<std::string> words = Words(line);
+    if (words.empty() || words[0][0] == '#') continue;
+    const auto word = [&](size_t i) -> const std::string& {
+      if (i >= words.size()) throw FormatError(path, place.where, "the line ends too early; is the file truncated?");
+      return words[i];
+    };
+    std::vector<ColmapSensor> rig;
+    size_t at = 2;
+    for (uint32_t left = Id(word(1), place), first = left; left > 0; --left) {
+      const bool reference = left == first, camera = word(at) == "CAMERA";
+      ColmapSensor sensor{Id(word(at + 1), place), geometry::Rigid3()};
+      at += 2;
+      if (!reference && word(at++) == "0") sensor.sensor_from_rig.reset();
+      if (!reference && sensor.sensor_from_rig) {
+        double values[7];
+        for (double& value : values) value = ParseNumber(word(at++), place);
+        sensor.sensor_from_rig = {ColmapRotation(values[0], values[1], values[2], values[3], place),
+                                  {values[4], values[5], values[6]}};
+      }
+      if (camera) rig.push_back(sensor);
+    }
+    model->rigs.push_back(std::move(rig));
+  }
+}
+
 /// Reads little-endian numbers; every read is checked against the end.
 class BinaryReader {
  public:
@@ -122,6 +154,30 @@ class BinaryReader {
   const std::string path_, bytes_;
   size_t position_ = 0;
 };
+
+/// The same numbers; a type is 0 for a camera.
+void ReadBinaryRigs(const std::string& path, ColmapFiles* model) {
+  BinaryReader in(path);
+  for (uint64_t left = in.Count(8); left > 0; --left) {
+    std::vector<ColmapSensor> rig;
+    in.Read<uint32_t>();
+    const uint32_t count = in.Read<uint32_t>();
+    for (uint32_t i = 0; i < count; ++i) {
+      const bool camera = in.Read<int32_t>() == 0;
+      ColmapSensor sensor{in.Read<uint32_t>(), geometry::Rigid3()};
+      if (i > 0 && in.Read<uint8_t>() == 0) sensor.sensor_from_rig.reset();
+      if (i > 0 && sensor.sensor_from_rig) {
+        double values[7];
+        for (double& value : values) value = in.Number();
+        sensor.sensor_from_rig = {ColmapRotation(values[0], values[1], values[2], values[3], in.Here()),
+                                  {values[4], values[5], values[6]}};
+      }
+      if (camera) rig.push_back(sensor);
+    }
+    model->rigs.push_back(std::move(rig));
+  }
+  in.RequireEnd();
+}
 
 void ReadBinaryCameras(const std::string& path, ColmapFiles* model) {
   BinaryReader in(path);
@@ -210,6 +266,7 @@ ColmapFiles ReadColmapText(const std::string& folder) {
   ColmapFiles model;
   ReadTextCameras(folder + "/cameras.txt", &model);
   ReadTextImages(folder + "/images.txt", &model);
+  if (std::filesystem::exists(folder + "/rigs.txt")) ReadTextRigs(folder + "/rigs.txt", &model);
   return model;
 }
 
@@ -217,6 +274,7 @@ ColmapFiles ReadColmapBinary(const std::string& folder) {
   ColmapFiles model;
   ReadBinaryCameras(folder + "/cameras.bin", &model);
   ReadBinaryImages(folder + "/images.bin", &model);
+  if (std::filesystem::exists(folder + "/rigs.bin")) ReadBinaryRigs(folder + "/rigs.bin", &model);
   return model;
 }
 

@@ -5,12 +5,14 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "calib/formats/format_text.h"
 #include "calib/formats/writers.h"
+#include "geometry/rigid/rigid3.h"
 
 /// COLMAP's model files in their own conventions.
 /// https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
@@ -52,10 +54,17 @@ struct ColmapPoint {
   std::vector<std::pair<uint32_t, uint32_t>> track;  ///< image id, index into its features
 };
 
+/// A camera of a rig: COLMAP 3.12's rigs.txt and rigs.bin.
+struct ColmapSensor {
+  uint32_t camera_id = 0;
+  std::optional<geometry::Rigid3> sensor_from_rig;
+};
+
 struct ColmapFiles {
   std::map<uint32_t, ColmapCamera> cameras;
   std::vector<ColmapImage> images;
-  std::vector<ColmapPoint> points = {};  ///< written only; ids from 1
+  std::vector<std::vector<ColmapSensor>> rigs = {};  ///< each a list of its cameras; read where the file is there
+  std::vector<ColmapPoint> points = {};              ///< written only; ids from 1
 };
 
 ColmapFiles ReadColmapText(const std::string& folder);

@@ -55,6 +55,11 @@ const std::string& FileName(const std::string& name) {
   return name;
 }
 
+bool HoldsCamerasByName(std::string_view text) {
+  const auto has = [&](const char* piece) { return text.find(piece) != std::string_view::npos; };
+  return has("\"distCoeff\"") && has("\"imgSize\"") && has("\"K\"");
+}
+
 std::string Stem(const std::string& path) { return std::filesystem::path(path).stem().string(); }
 
 }  // namespace mvstudio::calib::internal

@@ -29,6 +29,9 @@ std::string Quoted(const std::string& text);
 /// Returns `name` if it is a valid file name; throws UsageError otherwise.
 const std::string& FileName(const std::string& name);
 
+/// JSON of cameras by name, as AvatarReX has it (ReadOpenCvYaml).
+bool HoldsCamerasByName(std::string_view text);
+
 /// Without folders and extension.
 std::string Stem(const std::string& path);
 

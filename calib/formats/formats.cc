@@ -91,7 +91,8 @@ ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& pat
     case CalibrationFormat::kNerfstudio:
       return ReadNerfstudio(paths[0], options);
     case CalibrationFormat::kKalibr:
-      return ReadKalibr(paths[0], options);
+      return ReadFile(paths[0]).find("T_BS:") == std::string::npos && paths.size() == 1 ? ReadKalibr(paths[0], options)
+                                                                                        : ReadEuroc(paths, options);
     case CalibrationFormat::kEasyMocap:
       return ReadEasyMocap(paths, options);
     default:
@@ -157,14 +158,16 @@ CalibrationFormat DetectFormat(const std::string& path) {
   if (text[start] == '{') {
     if (has("transform_matrix")) return CalibrationFormat::kNerfstudio;
     if (has("mvstudio.calibration")) return CalibrationFormat::kMvstudio;
+    if (internal::HoldsCamerasByName(text)) return CalibrationFormat::kOpenCvYaml;
     if (has("\"camera_matrix\"") || has("\"cameraMatrix\"")) return CalibrationFormat::kOpenCvYaml;
     if (geometry::LooksLikePanoptic(text)) return CalibrationFormat::kPanoptic;
     Unknown(path, text);
   }
+  if (text[start] == '[' && has("\"img_name\"") && has("\"position\"")) return CalibrationFormat::kNerfstudio;
   if (text[start] == '<' && has("<calibration")) return CalibrationFormat::kQca;
   if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return CalibrationFormat::kColmapText;
   if (has("camera_matrix:")) return CalibrationFormat::kOpenCvYaml;  // ROS's camera_info
-  if (has("camera_model:") && has("intrinsics:") && has("cam0:")) return CalibrationFormat::kKalibr;
+  if (has("intrinsics:") && (has("T_BS:") || (has("camera_model:") && has("cam0:")))) return CalibrationFormat::kKalibr;
   if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
     return has("[cameras") ? CalibrationFormat::kCaliscope : CalibrationFormat::kToml;
   }
@@ -174,9 +177,9 @@ CalibrationFormat DetectFormat(const std::string& path) {
 ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::string>& paths, const ReadOptions& options) {
   if (paths.empty()) throw UsageError("no calibration file given");
   const bool several = format == CalibrationFormat::kOpenCvYaml || format == CalibrationFormat::kMrcal ||
-                       format == CalibrationFormat::kEasyMocap;
+                       format == CalibrationFormat::kEasyMocap || format == CalibrationFormat::kKalibr;
   if (paths.size() > 1 && !several) {
-    throw UsageError(paths[1] + ": only opencv, mrcal and easymocap calibrations may be spread over several files");
+    throw UsageError(paths[1] + ": only opencv, mrcal, easymocap and EuRoC's calibrations may be spread over several files");
   }
   ImportedRig imported = ReadAs(format, paths, options);
   CheckNames(imported.rig, paths[0]);

@@ -160,7 +160,8 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
 ImportedRig ReadMrcal(const std::vector<std::string>& paths, const ReadOptions& options = {});
 
 /// A COLMAP model, text or binary: the folder, or its cameras file. Every image is a camera, named by the image without its
-/// extension. https://colmap.github.io/format.html
+/// extension; where one rig (rigs.txt, rigs.bin of COLMAP 3.12) took all images, its cameras are, as they stood in the first
+/// image. https://colmap.github.io/format.html
 ImportedRig ReadColmap(const std::string& path, const ReadOptions& options = {});
 
 /// A point of a COLMAP model and the images that see it.
@@ -180,10 +181,15 @@ struct ColmapModelPoint {
 std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::vector<std::string>& images,
                                           const std::vector<ColmapModelPoint>& points, const std::string& folder);
 
-/// nerfstudio's transforms.json (also instant-ngp's): every frame is a camera, named by its file.
+/// nerfstudio's transforms.json (also instant-ngp's): every frame is a camera, named by its file. A list is the cameras.json of
+/// 3D Gaussian splatting, whose principal points are in the middle.
 ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options = {});
 
 /// Kalibr's camchain.yaml: pinhole, omni, eucm and ds projections with radtan, equidistant or no distortion. World = cam0.
 ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options = {});
+
+/// EuRoC's sensor.yaml (ASL dataset format), one file per camera, named by its folder: T_BS is body from camera, in metres;
+/// pinhole with radial-tangential, equidistant or no distortion. World = body.
+ImportedRig ReadEuroc(const std::vector<std::string>& paths, const ReadOptions& options = {});
 
 }  // namespace mvstudio::calib

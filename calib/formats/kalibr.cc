@@ -1,3 +1,5 @@
+#include <filesystem>
+
 #include "calib/formats/document.h"
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
@@ -94,6 +96,42 @@ geometry::Camera ReadLens(const ValueView& view, const std::string& name) {
   return internal::MakeModelCamera(name, size[0], size[1], own->first, params, view.place());
 }
 
+/// EuRoC's words for the same lenses.
+geometry::Camera ReadEurocLens(const ValueView& root, const std::string& name) {
+  if (root["camera_model"].Text() != "pinhole") root["camera_model"].Fail("pinhole was expected");
+  KalibrLens lens{"pinhole", "none", {}, {}};
+  const std::string word = root.Has("distortion_model") ? root["distortion_model"].Text() : "none";
+  if (word != "none") {
+    lens.distortion_model = word == "radial-tangential" || word == "radtan" ? "radtan" : word;
+    lens.distortion = root["distortion_coefficients"].Vector(4);
+  }
+  std::string why;
+  const auto own = FromKalibr(lens, &why);
+  if (!own || (lens.distortion_model != "none" && lens.distortion_model != "radtan" && word != "equidistant"))
+    root["distortion_model"].Fail("'" + internal::Printable(word) +
+                                  "' is not known here (radial-tangential, equidistant, none)");
+  Eigen::VectorXd params(4 + own->second.size());
+  params << root["intrinsics"].Vector(4), own->second;
+  const Eigen::VectorXd size = root["resolution"].Vector(2);
+  return internal::MakeModelCamera(name, size[0], size[1], own->first, params, root.place());
+}
+
+/// `data` of 16 numbers, row by row, or a list of rows.
+geometry::Rigid3 EurocTransform(const ValueView& view) {
+  if (!view.Has("data")) return view.Transform();
+  const Eigen::VectorXd numbers = view["data"].Vector(16);
+  const Eigen::Matrix4d matrix = Eigen::Map<const Eigen::Matrix<double, 4, 4, Eigen::RowMajor>>(numbers.data());
+  if (matrix.row(3) != Eigen::RowVector4d(0, 0, 0, 1)) view["data"].Fail("the last row is not 0 0 0 1");
+  return {internal::MakeRotation(matrix.topLeftCorner<3, 3>(), view.place()), matrix.topRightCorner<3, 1>()};
+}
+
+/// The folder of a sensor.yaml, as EuRoC names cameras; else the file.
+std::string NameOfSensor(const std::string& path) {
+  namespace fs = std::filesystem;
+  const std::string folder = fs::absolute(path).parent_path().filename().string();
+  return fs::path(path).stem() == "sensor" && !folder.empty() ? folder : internal::Stem(path);
+}
+
 /// NAME of a rostopic /NAME/image_raw, as WriteKalibr writes it; else the key.
 std::string ReadName(const ValueView& view, const std::string& key) {
   if (!view.Has("rostopic") || view["rostopic"].value().kind != internal::Value::Kind::kText) return key;
@@ -106,6 +144,27 @@ std::string ReadName(const ValueView& view, const std::string& key) {
 }
 
 }  // namespace
+
+ImportedRig ReadEuroc(const std::vector<std::string>& paths, const ReadOptions& options) {
+  ImportedRig imported;
+  imported.rig.gauge = "EuRoC's body";
+  for (const std::string& path : paths) {
+    const internal::Value document = internal::ParseYaml(path, ReadFile(path));
+    const ValueView root(path, document);
+    if (root.Has("sensor_type") && root["sensor_type"].Text() != "camera")
+      root["sensor_type"].Fail("is '" + internal::Printable(root["sensor_type"].Text()) + "', a camera was expected");
+    geometry::RigCamera camera;
+    camera.camera = ReadEurocLens(root, NameOfSensor(path));
+    geometry::Rigid3 body_from_cam = EurocTransform(root["T_BS"]);
+    body_from_cam.translation *= options.metres_per_unit;
+    camera.cam_from_world = Inverse(body_from_cam);
+    internal::AddCamera(std::move(camera), root.place(), &imported.rig);
+    geometry::UnusedKeys unused(path, options.metres_per_unit);
+    internal::AddUnused(root, {"comment", "ratehz", "cols", "rows", "dt"}, &unused);
+    internal::AddUnusedNote(unused, &imported);
+  }
+  return imported;
+}
 
 ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
   const internal::Value document = internal::ParseYaml(path, ReadFile(path));

@@ -147,12 +147,47 @@ void UndoScale(const ValueView& root, ImportedRig* imported) {
                              "calib align brings it into another frame"});
 }
 
+/// cameras.json of 3D Gaussian splatting: a list of images, each with its centre, world_from_cam as rows, and focal lengths.
+ImportedRig ReadSplatCameras(const ValueView& root, const ReadOptions& options) {
+  ImportedRig imported;
+  imported.rig.gauge = "as imported";
+  std::vector<internal::PictureCamera> pictures;
+  for (size_t i = 0; i < root.ListSize(); ++i) {
+    const ValueView view = root[i];
+    const std::string& name = view["img_name"].Text();
+    const double width = view["width"].Number(), height = view["height"].Number();
+    geometry::Rigid3 world_from_cam;
+    world_from_cam.rotation = internal::MakeRotation(view["rotation"].Matrix(3, 3), view["rotation"].place());
+    world_from_cam.translation = view["position"].Vector(3) * options.metres_per_unit;
+    geometry::RigCamera camera;
+    const Eigen::Vector4d k(view["fx"].Number(), view["fy"].Number(), width / 2 - kCornerOriginShiftPx,
+                            height / 2 - kCornerOriginShiftPx);
+    camera.camera =
+        internal::MakeModelCamera(internal::Stem(name), width, height, geometry::LensModel::kPinhole, k, view.place());
+    camera.cam_from_world = Inverse(world_from_cam);
+    pictures.push_back({name, internal::Stem(name), std::move(camera), view.place()});
+  }
+  if (pictures.empty()) root.Fail("there is no entry, hence no camera");
+  internal::AddPictureCameras(std::move(pictures), &imported);
+  imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  imported.notes.push_back(
+      {"CAL-CENTRED",
+       "the file has no principal points: they are taken to be in the middle of the images, as 3D Gaussian "
+       "splatting takes them",
+       "the COLMAP model that was trained on has them"});
+  geometry::UnusedKeys unused(root.place().path, options.metres_per_unit);
+  for (size_t i = 0; i < root.ListSize(); ++i) internal::AddUnused(root[i], {"id"}, &unused);
+  internal::AddUnusedNote(unused, &imported);
+  return imported;
+}
+
 }  // namespace
 
 ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options) {
   const std::string file = std::filesystem::is_directory(path) ? path + "/transforms.json" : path;
   const internal::Value document = internal::ParseLiteral(file, ReadFile(file));
   const ValueView root(file, document);
+  if (document.kind == internal::Value::Kind::kList) return ReadSplatCameras(root, options);
   const ValueView frames = root["frames"];
   ImportedRig imported;
   imported.rig.gauge = "nerfstudio's world";

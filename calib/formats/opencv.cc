@@ -206,10 +206,38 @@ bool IsStereo(const geometry::Rig& rig) {
          internal::OpenCvLensOf(a).fisheye == internal::OpenCvLensOf(b).fisheye;
 }
 
+/// A table of cameras by name with K, R (camera from world), row by row, T, distCoeff and imgSize: AvatarReX, THuman4.
+ImportedRig ReadByName(const std::string& path, const internal::Value& document, const ReadOptions& options) {
+  const internal::ValueView root(path, document);
+  ImportedRig imported;
+  imported.rig.gauge = "as imported";
+  geometry::UnusedKeys unused(path, options.metres_per_unit);
+  for (const auto& [name, entry] : document.entries) {
+    const internal::ValueView view = root[name];
+    const auto square = [&](const char* key) -> Eigen::Matrix3d {
+      const Eigen::VectorXd rows = view[key].Vector(9);
+      return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data());
+    };
+    geometry::RigCamera camera =
+        internal::MakeRigCamera(name, view["imgSize"].Vector(2), square("K"), view["distCoeff"].Vector(),
+                                options.lens == geometry::LensKind::kFisheye, options, view.place(), &imported.notes);
+    const geometry::Rigid3 pose{internal::MakeRotation(square("R"), view["R"].place()),
+                                view["T"].Vector(3) * options.metres_per_unit};
+    camera.cam_from_world = camera.cam_from_world * pose;
+    internal::AddCamera(std::move(camera), view.place(), &imported.rig);
+    internal::AddUnused(view, {"rectifyalpha"}, &unused);
+  }
+  imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  internal::AddUnusedNote(unused, &imported);
+  return imported;
+}
+
 }  // namespace
 
 ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOptions& options) {
   if (paths.empty()) throw UsageError("no OpenCV file given");
+  if (const std::string text = paths.size() == 1 ? ReadFile(paths[0]) : ""; internal::HoldsCamerasByName(text))
+    return ReadByName(paths[0], internal::ParseLiteral(paths[0], text), options);
   std::vector<Entries> files(paths.size());
   for (size_t i = 0; i < paths.size(); ++i) internal::ReadEntries(paths[i], true, &files[i]);
   const bool one_each =

@@ -24,6 +24,7 @@
 #include "core/disk/output.h"
 #include "core/disk/place.h"
 #include "core/error.h"
+#include "core/log.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -160,6 +161,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   if (arguments.start.model.method == avatar::Method::kGaussians) return RunGaussians(arguments, context);
   app::RefuseGaussianOptions(arguments.start.given);
   Validate(arguments.train);
+  avatar::ResolveDevice(arguments.train.device);
   const std::optional<avatar::AvatarModel> from = StartOf(arguments.start);
   const avatar::ModelOptions model = ModelOf(arguments.start, from, !arguments.pack.iuv.empty());
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
@@ -171,7 +173,10 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   avatar::TrainOptions options = arguments.train;
   SettleGain(arguments.start.given("least-gain"), config.split, &options);
   const bool body_alone = TakesBodyAlone(arguments, model, options);
-  if (body_alone) options.steps = options.init_steps = 0;
+  if (body_alone) {
+    options.steps = options.init_steps = 0;
+    Log(LogLevel::kWarning, "no network is trained: a body is fitted and coloured (--validate-camera NAME trains one, too)");
+  }
   app::AvatarRun files(arguments.out);
   std::optional<OutputFolder> place;
   if (arguments.ranks.rank == 0) {
@@ -232,6 +237,7 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
                      " holds Gaussians, which cannot be resumed: train them again with --overwrite and more --steps");
   app::AvatarRun files(arguments.run);
   RunConfig config = avatar::ReadRunConfig(files.Path(avatar::kRunConfigFile));
+  if (!arguments.device.empty()) avatar::ResolveDevice(arguments.device);
   const avatar::TensorFile checkpoint = avatar::ReadTensorFile(files.checkpoint_path());
   avatar::TrainOptions options = avatar::TrainOptionsFrom(checkpoint, files.checkpoint_path());
   if (arguments.steps >= 0) options.steps = arguments.steps;

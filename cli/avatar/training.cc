@@ -126,8 +126,10 @@ void FillCommon(const avatar::RunConfig& config, const app::RunPacks& packs, con
   }
   std::ostringstream text;
   const auto& m = result->metrics;
-  text << "avatar (" << m["method"].get<std::string>() << ", " << m["num_parameters"] << " parameters) trained on "
-       << packs.train.size() << " images of " << config.split.train_cameras.size() << " cameras: " << m["steps"] << " steps in "
+  text << "avatar (" << m["method"].get<std::string>();
+  if (m["steps"] != 0) text << ", " << m["num_parameters"] << " parameters";
+  text << ") " << (m["steps"] == 0 ? "made of " : "trained on ") << packs.train.size() << " images of "
+       << config.split.train_cameras.size() << " cameras: " << m["steps"] << " steps in "
        << std::llround(m["wall_s"].get<double>()) << " s\n  " << folder << "\n";
   result->text = text.str() + result->text;
 }

@@ -10,6 +10,7 @@
 #include "cli/program/options.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "core/units.h"
 #include "geometry/rig/alignment.h"
 #include "geometry/rig/rig_covariance.h"
@@ -41,9 +42,11 @@ void KeepCommon(const Rig& other, const std::string& path, Rig* rig, CommandResu
     else
       missing += (missing.empty() ? "" : ", ") + name;
   }
-  if (!missing.empty())
+  if (!missing.empty()) {
+    result->exit = kExitPartial;
     result->warnings.push_back({"CAL-NOTINBOTH", path + ": left out, not in the other file: " + missing,
                                 "rename cameras with calib convert --rename"});
+  }
   if (kept.size() < rig->cameras.size()) *rig = geometry::SubsetOf(*rig, kept);
 }
 
@@ -62,28 +65,36 @@ ordered_json TimesJson(double value, double expected) {
   return expected > 0 && std::isfinite(expected) ? FiniteOrNull(value / expected) : ordered_json(nullptr);
 }
 
-void AddDifference(const geometry::RigDifference& difference, const Arguments& options, CommandResult* result) {
+void Fail(const std::string& text, CommandResult* result) {
+  result->exit = kExitQualityGate;
+  result->warnings.push_back({"CAL-DIFFERS", text, ""});
+}
+
+/// Of one camera alone the alignment is its pose, so that nothing is left of it to compare.
+void AddDifference(const geometry::RigDifference& difference, bool alone, const Arguments& options, CommandResult* result) {
   struct Row {
     const char* key;
     double value, mean, limit;
     const char* unit;
   };
-  const Row rows[] = {{"rotation_deg", RadToDeg(difference.max_rotation_rad), RadToDeg(difference.mean_rotation_rad),
-                       options.max_rotation_deg, "deg"},
-                      {"translation_mm", 1e3 * difference.max_translation_m, 1e3 * difference.mean_translation_m,
-                       options.max_translation_mm, "mm"},
+  const auto of_pose = [alone](double value) { return alone ? std::nan("") : value; };
+  const Row rows[] = {{"rotation_deg", of_pose(RadToDeg(difference.max_rotation_rad)),
+                       of_pose(RadToDeg(difference.mean_rotation_rad)), options.max_rotation_deg, "deg"},
+                      {"translation_mm", of_pose(1e3 * difference.max_translation_m),
+                       of_pose(1e3 * difference.mean_translation_m), options.max_translation_mm, "mm"},
                       {"focal_percent", 100 * difference.max_focal_relative, -1, options.max_focal_percent, "%"},
                       {"lens_px", difference.max_lens_px, -1, options.max_lens_px, "px"}};
   for (const Row& row : rows) {
-    result->metrics[std::string("max_") + row.key] = row.value;
-    if (row.mean >= 0) result->metrics[std::string("mean_") + row.key] = row.mean;
+    result->metrics[std::string("max_") + row.key] = FiniteOrNull(row.value);
+    if (!(row.mean < 0)) result->metrics[std::string("mean_") + row.key] = FiniteOrNull(row.mean);
     result->text += (std::isfinite(row.value) ? Format("%-15s max %.6g %s", row.key, row.value, row.unit)
+                     : std::isnan(row.value)  ? Format("%-15s not comparable: one camera alone is in both", row.key)
                                               : Format("%-15s somewhere in the image one lens alone sees", row.key)) +
                     (row.mean >= 0 ? Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
-    if (row.limit > 0 && row.value > row.limit) {
-      result->exit = kExitQualityGate;
-      result->warnings.push_back({"CAL-DIFFERS", Format("%s is %.6g, allowed %.6g", row.key, row.value, row.limit), ""});
-    }
+    if (row.limit > 0 && std::isnan(row.value))
+      Fail(Format("%s cannot be checked: one camera alone is in both", row.key), result);
+    else if (row.limit > 0 && row.value > row.limit)
+      Fail(Format("%s is %.6g, allowed %.6g", row.key, row.value, row.limit), result);
   }
 }
 
@@ -174,8 +185,10 @@ std::string DiffText(const calib::ProjectionDiff& diff, const std::vector<double
       Format("%-14s implied %.4f deg, %.3f mm\n", name.c_str(), RadToDeg(diff.rotation_rad), 1e3 * diff.translation_m);
   for (size_t r = 0; r < diff.ranges.size(); ++r) {
     const calib::ProjectionDiffAtRange& at = diff.ranges[r];
-    text += Format("  at %g m: rms %.3f max %.3f centre %.3f px", at.range_m, at.rms_px, at.max_px, at.centre_px) +
-            TimesText(at.rms_px, expected_px[r]) + "\n";
+    text += Format("  at %g m: ", at.range_m) +
+            (at.num_points == 0 ? std::string("no point is seen through both lenses\n")
+                                : Format("rms %.3f max %.3f centre %.3f px", at.rms_px, at.max_px, at.centre_px) +
+                                      TimesText(at.rms_px, expected_px[r]) + "\n");
   }
   return text;
 }
@@ -187,6 +200,7 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
   options.focus = arguments.focus;
   options.grid_cols = arguments.grid;
   double worst = 0;
+  std::vector<std::string> uncompared;
   result->text += arguments.implied
                       ? "projection by the lenses alone, with the motion of each camera that explains most of it taken out:\n"
                       : "projection by the lenses alone:\n";
@@ -199,6 +213,7 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
     list.push_back(DiffJson(diff, expected_px, name));
     result->text += DiffText(diff, expected_px, name);
     if (diff.status != Status::kOk) {
+      uncompared.push_back(name);
       result->warnings.push_back({"CAL-NOTCOMPARED",
                                   "camera " + name + ": the two lenses cannot be compared: " +
                                       (diff.ranges.empty() ? "the image sizes differ" : "no point is seen through both"),
@@ -206,12 +221,19 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
     }
     for (const auto& at : diff.ranges) worst = std::max(worst, at.rms_px);
   }
-  result->metrics["max_projection_rms_px"] = worst;
-  if (arguments.max_projection_px > 0 && worst > arguments.max_projection_px) {
+  const bool none = uncompared.size() == reference.cameras.size();
+  result->metrics["max_projection_rms_px"] = none ? ordered_json(nullptr) : ordered_json(worst);
+  if (none) {
     result->exit = kExitQualityGate;
-    result->warnings.push_back(
-        {"CAL-DIFFERS", Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px), ""});
+    result->errors.push_back(
+        {"CAL-NOTCOMPARED", "the lenses of no camera can be compared", "give two files of the same image sizes"});
+  } else if (!uncompared.empty() && result->exit == kExitOk) {
+    result->exit = kExitPartial;
   }
+  if (arguments.max_projection_px > 0 && worst > arguments.max_projection_px)
+    Fail(Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px), result);
+  else if (arguments.max_projection_px > 0 && !uncompared.empty())
+    Fail("the projection cannot be checked of " + Join(uncompared, ", "), result);
 }
 
 /// The rigid motion leaves one or two cameras or coincident ones alone: said, and the lenses are compared all the same.
@@ -223,7 +245,9 @@ void ComparePoses(const Rig& rig, const Rig& reference, const Arguments& argumen
     result->errors.push_back({"CAL-NOTALIGNED", "the rigs cannot be aligned: " + std::string(ToString(difference.status)), ""});
     return;
   }
-  AddDifference(difference, arguments, result);
+  const bool alone = rig.cameras.size() == 1;
+  AddDifference(difference, alone, arguments, result);
+  if (alone) return;
   AddCameras(rig, reference, difference.reference_from_rig, result);
   result->text += std::to_string(rig.cameras.size()) + " cameras, after the best rigid alignment\n";
 }

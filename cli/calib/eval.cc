@@ -11,7 +11,9 @@
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
+#include "core/error.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "core/units.h"
 #include "geometry/rig/rig_io.h"
 
@@ -68,11 +70,11 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   }
   m["scale_error_percent"] = FiniteOrNull(100 * (check.scale - 1));
   const auto& lengths = check.board_metrics;
-  m["board_edge_mm"] = {{"rms", FiniteOrNull(lengths.edge_rms_mm)},
-                        {"median", FiniteOrNull(lengths.edge_median_mm)},
-                        {"bias", FiniteOrNull(lengths.edge_bias_mm)}};
-  m["pair_distance_rms_mm"] = FiniteOrNull(lengths.pair_rms_mm);
-  m["pair_distance_bias_mm"] = FiniteOrNull(lengths.pair_bias_mm);
+  const auto figure = [&](double mm) { return FiniteOrNull(check.status == Status::kOk ? mm : std::nan("")); };
+  m["board_edge_mm"] = {
+      {"rms", figure(lengths.edge_rms_mm)}, {"median", figure(lengths.edge_median_mm)}, {"bias", figure(lengths.edge_bias_mm)}};
+  m["pair_distance_rms_mm"] = figure(lengths.pair_rms_mm);
+  m["pair_distance_bias_mm"] = figure(lengths.pair_bias_mm);
   m["cameras"] = ordered_json::array();
   for (const calib::CameraCheck& camera : check.cameras) m["cameras"].push_back(CameraJson(camera));
 }
@@ -114,15 +116,34 @@ void Repair(const calib::RigCheck& check, const std::string& path, CommandResult
   app::WarnOfCovariance(check.repaired, result);
 }
 
+/// Refuses corners of which the calibration has no camera. Throws FormatError.
+void RequireKnownCamera(const geometry::Rig& rig, const std::string& path, const calib::CalibrateInput& input) {
+  std::vector<std::string> names;
+  for (const calib::CameraInput& camera : input.cameras) names.push_back(camera.name);
+  if (std::any_of(names.begin(), names.end(), [&](const std::string& name) { return rig.Find(name) >= 0; })) return;
+  throw FormatError(path, "cameras",
+                    "has no " + Join(names, ", ") + "; it has " + Join(geometry::CameraNames(rig), ", ") +
+                        ": rename its cameras with calib convert --rename");
+}
+
+void ReportLeftOut(const std::vector<std::string>& unknown, const std::string& path, CommandResult* result) {
+  if (unknown.empty()) return;
+  result->exit = kExitPartial;
+  result->warnings.push_back({"CAL-LEFTOUT", path + " has no calibration of " + Join(unknown, ", ") + ": left out here",
+                              "rename its cameras with calib convert --rename, or calibrate them too"});
+}
+
 CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
   app::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
   const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
+  RequireKnownCamera(imported.rig, arguments.calibration, input);
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
+  ReportLeftOut(check.found.unknown, arguments.calibration, &result);
   FillMetrics(check, &result.metrics);
-  result.text = Summary(check);
+  if (check.status == Status::kOk) result.text = Summary(check);
   app::ReportCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone", &result);
   if (check.status != Status::kOk) {
     result.exit = kExitIllPosed;

@@ -40,13 +40,20 @@ CommandResult RunPanoptic(const ImportArguments& arguments, CommandContext& cont
                     {"wall_s", wall_s}};
   app::AddFindings(report.findings, &result);
   if (!result.errors.empty()) result.exit = kExitPartial;
-  result.text +=
-      arguments.out +
-      Format(
-          ": %d cameras, %d with footage; joints of %d frames (%d to %d), %d people at most; %d faces, %d hands files; "
-          "%.1f s\n",
-          report.cameras, report.cameras_with_footage, report.frames, report.first_frame, report.last_frame, report.most_people,
-          report.faces, report.hands, wall_s);
+  const std::string joints = report.frames == 0 ? "no joints"
+                                                : Format("joints of %d frames (%d to %d), %d people at most", report.frames,
+                                                         report.first_frame, report.last_frame, report.most_people);
+  result.text += arguments.out + Format(": %d cameras, %d with footage; %s; %d faces, %d hands files; %.1f s\n", report.cameras,
+                                        report.cameras_with_footage, joints.c_str(), report.faces, report.hands, wall_s);
+  if (report.cameras_with_footage == 0)
+    result.warnings.push_back({"DAT-IMAGE", arguments.folder + ": holds no footage of any camera: calibration and joints alone",
+                               "images belong in hdImgs/CAMERA, videos in hdVideos"});
+  if (report.frames > 0 && report.most_people == 0) {
+    result.exit = kExitQualityGate;
+    result.errors.push_back(
+        {"DAT-POSE", Format("%s: nobody is in any of the %d frames with joints", arguments.folder.c_str(), report.frames),
+         "choose other --frames"});
+  }
   return result;
 }
 

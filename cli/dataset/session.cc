@@ -15,6 +15,7 @@
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "dataset/session/session_scan.h"
 #include "dataset/session/timeline_source.h"
 
@@ -219,6 +220,16 @@ CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& co
   for (const std::string& note : made.notes) result.warnings.push_back({"SES-TIMELINE", note, ""});
   for (const dataset::CameraTimeline& c : made.timeline.cameras) {
     if (c.status == dataset::ClockStatus::kNoTime || c.status == dataset::ClockStatus::kNoOffset) result.exit = kExitPartial;
+  }
+  std::vector<std::string> unfilmed;
+  for (const dataset::SessionCamera& camera : session.cameras) {
+    const auto filmed = [&](const dataset::SessionFootage& f) { return f.camera == camera.name; };
+    if (std::none_of(take.footage.begin(), take.footage.end(), filmed)) unfilmed.push_back(camera.name);
+  }
+  if (!unfilmed.empty()) {
+    result.exit = kExitPartial;
+    result.warnings.push_back({"SES-NO-FOOTAGE", "take " + take.name + " has no footage of " + Join(unfilmed, ", "),
+                               "name it in mvstudio.toml; `mvstudio doctor` lists what is there"});
   }
   const std::string path = arguments.out.empty() ? dataset::TimelinePath(session, take.name) : arguments.out;
   for (const dataset::SessionFootage& f : take.footage) result.inputs.push_back((fs::path(session.folder) / f.path).string());

@@ -59,6 +59,7 @@ std::string ReportText(const dataset::Split& split, const dataset::SplitReport& 
   text += Format("  %zu frames in no part; %zu uninterrupted motions\n", split.unused_frames.size(), split.blocks.size());
   text += Format("  test cameras are %.1f degrees from a training camera (median; at most %.1f)\n", report.median_angle_deg,
                  report.max_angle_deg);
+  if (!std::isfinite(report.median_novelty_m)) return text;
   text += Format(
       "  test poses are %.0f mm a joint from the most similar training pose (median; 90 %%: %.0f); "
       "neighbouring frames: %.0f mm\n",

@@ -168,6 +168,30 @@ void AddTruth(const app::MaskArguments& arguments, const std::string& folder, Co
                          pictures ? sum / pictures : 0.0, pictures, worst, worst_picture.c_str());
 }
 
+/// Joints that were given and guided no mask of a camera, or of any.
+void WarnOfJoints(const app::MaskArguments& arguments, const app::MaskJob& job, const app::MaskRunResult& masks,
+                  CommandResult* result) {
+  const bool posed = !arguments.pose3d.empty();
+  if (!posed && arguments.pose2d.empty()) return;
+  std::vector<std::string> without;
+  for (size_t c = 0; c < job.cameras.size(); ++c) {
+    if (masks.cameras[c].take.joints == 0) without.push_back(job.cameras[c].footage.camera);
+  }
+  if (without.empty()) return;
+  const std::string given = posed ? "--pose3d" : "--pose2d", names = Join(without, ", ");
+  const char* hint = "frame numbers of joints and footage must be the same, and the calibration that of these cameras";
+  if (without.size() < job.cameras.size()) {
+    result->warnings.push_back({"MSK-NO-JOINTS", "no joint of " + given + " lies in an image of " + names, hint});
+    return;
+  }
+  std::string frames;
+  if (!job.poses.empty())
+    frames = Format(" (joints are of frames %d to %d)", job.poses.begin()->first, job.poses.rbegin()->first);
+  result->exit = kExitQualityGate;
+  result->errors.push_back(
+      {"MSK-NO-JOINTS", "no joint of " + given + frames + " lies in an image of the footage: they guided no mask", hint});
+}
+
 /// Sheets, figures and warnings into the result; `folder` is where the masks are now.
 void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const app::MaskRunResult& masks,
             const std::string& folder, CommandResult* result) {
@@ -209,6 +233,7 @@ void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const 
     result->errors.push_back({"MSK-NOBODY", "every mask of every camera is empty: nobody was found",
                               "is anybody in view? otherwise give joints, a clean --plate, or another --backend"});
   }
+  WarnOfJoints(arguments, job, masks, result);
   AddTruth(arguments, folder, result);
 }
 

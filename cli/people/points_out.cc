@@ -22,17 +22,6 @@ namespace {
 
 double NumberOf(const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); }
 
-/// A comparison with nothing is none: it fails.
-void RequireComparison(const std::string& key, const std::string& path, const app::TruthComparison& comparison,
-                       CommandResult* result) {
-  if (comparison.comparison.num > 0) return;
-  if (result->exit == app::kExitOk || result->exit == app::kExitPartial) result->exit = app::kExitQualityGate;
-  result->errors.push_back(
-      {"TRI-NO-COMMON", "--" + key + " " + path + ": nothing could be compared: " + comparison.comparison.why_none,
-       "joints are compared by frame and name: give the reference of this take (a marker file's frame 1 is our frame 0), and "
-       "joints called as in it"});
-}
-
 /// The points as they were written as markers, where that changed them.
 void CompareWritten(const MarkerFolderArguments& arguments, const dataset::Pose3d& written, CommandResult* result) {
   if (arguments.options.filter == "none" && arguments.options.fill_frames == 0) return;
@@ -68,7 +57,7 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
     const app::TruthComparison comparison = app::CompareWithTruth(pose, truth, {align, arguments.marker_unit});
     result->metrics[key] = app::ComparisonToJson(comparison);
     result->inputs.push_back(truth);
-    RequireComparison(key, truth, comparison, result);
+    if (comparison.comparison.num == 0) app::AddNothingInCommon(key, truth, comparison.comparison.why_none, result);
     for (const std::string& note : comparison.notes)
       result->warnings.push_back({"TRI-MARKER-FILE", note, "check the file, or export it again"});
     if (comparison.unit_doubt.empty()) return;

@@ -25,6 +25,7 @@ CommandResult RunSurface(const SurfaceArguments& arguments, CommandContext& cont
   result.text = app::SurfaceTableHead();
   for (const std::string& path : arguments.bodies)
     app::AddSurfaceScores(path, body::ScoreBody(body::ReadPerson(path), truth, arguments.options, context.run), &result);
+  if (result.text == app::SurfaceTableHead()) result.text.clear();
   return result;
 }
 

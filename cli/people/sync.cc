@@ -135,9 +135,10 @@ std::string RateText(const CameraSync& camera) {
 }
 
 std::string Summary(const SyncResult& sync, double fps) {
-  std::string text = Format("reference %s; median residual %.2f -> %.2f px\n",
-                            sync.cameras[static_cast<size_t>(sync.reference_idx)].name.c_str(), sync.residual_before_px,
-                            sync.residual_after_px);
+  std::string text = "reference " + sync.cameras[static_cast<size_t>(sync.reference_idx)].name;
+  if (std::isfinite(sync.residual_after_px))
+    text += Format("; median residual %.2f -> %.2f px", sync.residual_before_px, sync.residual_after_px);
+  text += "\n";
   for (const CameraSync& camera : sync.cameras) {
     if (camera.status != SyncStatus::kOk) {
       text += camera.name + "  " + std::string(ToString(camera.status)) + "\n";

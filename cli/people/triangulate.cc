@@ -183,7 +183,7 @@ bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const trian
   options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
   const bool timed = !arguments.timing.sync.empty();
   const triangulate::TakeBody body = app::BodyOf(input.skeleton);
-  if (result->errors.empty()) {
+  if (result->errors.empty() || result->errors.back().code == "TRI-NO-COMMON") {
     const bool apart = std::any_of(take.cameras.begin(), take.cameras.end(), [](const triangulate::CameraDiagnosis& camera) {
       return 2 * camera.num_rejected > camera.num_detections;
     });

@@ -1,5 +1,6 @@
 #include "calib/calibrate.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <memory>
@@ -171,6 +172,12 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   for (size_t i = 0; i < trials.size(); ++i) trials[i].on_front = on_front[i];
   result.metrics["trials"] = ToJson(trials);
   result.text = ToText(trials);
+  if (std::none_of(trials.begin(), trials.end(), [](const Trial& t) { return std::isfinite(t.holdout_px); })) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back({"CAL-UNSOLVED",
+                             "no way to calibrate gave a result; the first, " + trials[0].Name() + ": " + trials[0].status,
+                             "`mvstudio calibrate` on the same input says what is missing"});
+  }
   if (arguments.out.empty()) return result;
   app::WriteTradeoffPage({"calibrate", "Calibration: speed against accuracy",
                           "Ways to calibrate: time against error on time steps that took no part", "detection and solution (s)",

@@ -46,6 +46,7 @@ struct Trial {
   double points_per_s = 0, coverage = 0, truth_mm = std::nan("");
   double limb_std_mm = 0;
   triangulate::LeftOutFigures holdout;
+  std::string why_no_truth;  ///< where nothing could be compared
 
   std::string Name() const {
     return std::string(ToString(method)) + (precision == "float" ? " in float, " : ", ") +
@@ -128,7 +129,7 @@ double Coverage(const triangulate::TakeProblem& problem, const std::vector<trian
     ++seen;
     solved += points[i].point.status == Status::kOk;
   }
-  return solved / seen;
+  return seen > 0 ? solved / seen : std::nan("");
 }
 
 std::vector<triangulate::Point> SolveTimed(const triangulate::TakeProblem& problem, const triangulate::PointSolver& solve,
@@ -183,8 +184,10 @@ Trial Run(const Arguments& arguments, const app::PoseInput& input, const triangu
   trial.limb_std_mm = 1000 * MeanLimbStd(MeasureLimbs(take.points, input.limbs));
   trial.holdout = HoldOut(problem, solve, arguments.take.holdout_points, trial.threads).all;
   if (!arguments.truth.empty()) {
-    trial.truth_mm = app::CompareWithTruth(app::ToPose3d(take, input.skeleton), arguments.truth, {arguments.align_truth})
-                         .comparison.median_mm;
+    const app::TruthComparison truth =
+        app::CompareWithTruth(app::ToPose3d(take, input.skeleton), arguments.truth, {arguments.align_truth});
+    if (truth.comparison.num > 0) trial.truth_mm = truth.comparison.median_mm;
+    trial.why_no_truth = truth.comparison.why_none;
   }
   return trial;
 }
@@ -214,10 +217,11 @@ std::string ToText(const std::vector<Trial>& trials, const std::vector<bool>& on
       "method          precision  views  threads   points/s  coverage  left-out px  (90 %)  limbs mm  truth mm\n";
   for (size_t i = 0; i < trials.size(); ++i) {
     const Trial& t = trials[i];
-    text +=
-        Format("%-14s  %9s  %5s  %7d  %9.0f  %8.3f  %11.3f  %6.2f  %8.2f  %8.3f %s\n", std::string(ToString(t.method)).c_str(),
-               t.precision.c_str(), t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s, t.coverage,
-               t.holdout.median_px, t.holdout.p90_px, t.limb_std_mm, t.truth_mm, on_front[i] ? "*" : "");
+    text += Format("%-14s  %9s  %5s  %7d  %9.0f  %8s  %11s  %6s  %8s  %8s %s\n", std::string(ToString(t.method)).c_str(),
+                   t.precision.c_str(), t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s,
+                   app::Shown(t.coverage, 3).c_str(), app::Shown(t.holdout.median_px, 3).c_str(),
+                   app::Shown(t.holdout.p90_px, 2).c_str(), app::Shown(t.limb_std_mm, 2).c_str(),
+                   app::Shown(t.truth_mm, 3).c_str(), on_front[i] ? "*" : "");
   }
   return text + "*: no other way is both faster and better\n";
 }
@@ -251,6 +255,23 @@ std::vector<Trial> Trials(const Arguments& arguments) {
   return trials;
 }
 
+/// Ways that have no point, or nothing to compare with, are not compared. True: there is nothing to show.
+bool AddErrors(const Arguments& arguments, const triangulate::TakeProblem& problem, const std::vector<Trial>& trials,
+               CommandResult* result) {
+  const auto seen_twice = [](const std::vector<triangulate::Observation>& seen) { return seen.size() > 1; };
+  if (std::none_of(problem.observations.begin(), problem.observations.end(), seen_twice)) {
+    result->exit = kExitIllPosed;
+    result->errors.push_back({"TRI-NO-POINTS", "nothing to compare: no joint is seen by 2 cameras in one frame",
+                              "frame numbers of the cameras must overlap: `mvstudio sync` finds offsets"});
+    return true;
+  }
+  for (const Trial& trial : trials) {
+    if (!trial.why_no_truth.empty() && result->errors.empty())
+      app::AddNothingInCommon("truth", arguments.truth, trial.why_no_truth, result);
+  }
+  return false;
+}
+
 CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   std::vector<Trial> trials = Trials(arguments);
@@ -259,6 +280,7 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   const app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
   const triangulate::TakeProblem problem =
       PrepareTake(input.rig, input.frames, app::BodyOf(input.skeleton), arguments.take, context.run);
+  if (AddErrors(arguments, problem, {}, &result)) return result;
   ProgressStage stage(context.run, "tradeoff", static_cast<int64_t>(trials.size()));
   for (Trial& trial : trials) {
     trial = Run(arguments, input, problem, trial);
@@ -273,6 +295,7 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   result.metrics["sigma_px"] = problem.sigma_px;
   result.metrics["trials"] = ToJson(trials, on_front);
   result.text = ToText(trials, on_front);
+  AddErrors(arguments, problem, trials, &result);
   if (arguments.out.empty()) return result;
   app::WriteTradeoffPage({"triangulate", "Triangulation: speed against accuracy", "Ways to triangulate: time against error",
                           "time for a point (microseconds)",

@@ -214,7 +214,9 @@ std::map<int, Body3dScene> VerifyScenes(const PanopticFrames& frames, Findings* 
   faults.without_numbers.Report("DAT-JOINT", false, findings);
   faults.fps_type.Report("DAT-RATE", false, findings);
   faults.implausible.Report("DAT-UNITS", false, findings);
-  if (without_people > 0)
+  if (!scenes.empty() && without_people == static_cast<int>(scenes.size()))
+    findings->Error("DAT-POSE", frames.folder, "nobody is in any of its " + std::to_string(without_people) + " frames");
+  else if (without_people > 0)
     findings->Warning("DAT-POSE", frames.folder, std::to_string(without_people) + " frames hold no person");
   CheckTimes(scenes, frames.folder, findings);
   CheckGaps(scenes, frames.folder, findings);

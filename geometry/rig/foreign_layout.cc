@@ -32,8 +32,6 @@ std::string ForeignLayout(std::string_view text) {
       {"AvatarReX's calibration_full.json", {"\"distCoeff\"", "\"imgSize\""}},
       {"Human3.6M's camera-parameters.json", {"\"calibration_matrix\"", "\"extrinsics\""}},
       {"Dynamic 3D Gaussians' meta file", {"\"w2c\"", "\"k\"", "\"cam_id\""}},
-      {"cameras.json of 3D Gaussian splatting (its sparse/0 or transforms.json is read)",
-       {"\"img_name\"", "\"position\"", "\"rotation\""}},
       {"openMVG's sfm_data.json", {"\"sfm_data_version\""}},
       {"AliceVision's scene (Meshroom)", {"\"intrinsicId\""}},
       {"OpenSfM's reconstruction.json", {"\"shots\"", "\"rotation\""}},
@@ -43,7 +41,7 @@ std::string ForeignLayout(std::string_view text) {
       {"cameras by K, R and T (HuMMan and others)", {"\"K\"", "\"R\"", "\"T\""}},
       {"OpenCV's XML (its .yml is read)", {"<opencv_storage>"}},
       {"Metashape's XML", {"<document", "<chunk"}},
-      {"EuRoC's sensor.yaml", {"sensor_type:", "T_BS:"}},
+      {"EuRoC's sensor.yaml of another sensor than a camera", {"sensor_type:", "T_BS:"}},
   };
   for (const Layout& layout : kLayouts) {
     if (HasAll(text, layout.pieces)) return layout.name;

@@ -13,6 +13,7 @@
 namespace mvstudio::calib {
 namespace {
 
+namespace fs = std::filesystem;
 using mvstudio::testing::MessageOf;
 using mvstudio::testing::TempDir;
 using ::testing::ElementsAre;
@@ -105,6 +106,101 @@ TEST(DetectFormat, UnknownFilesAreCalledThatWithTheirLayout) {
   EXPECT_THAT(said("{\"hello\": 1}"),
               ::testing::AllOf(HasSubstr("not a calibration that is known here"), HasSubstr("panoptic")));
   EXPECT_THAT(said("[1, 2]"), HasSubstr("not a calibration that is known here"));
+}
+
+/// Two cameras of a rig that moves, at two moments each: text and binary.
+TEST(ReadColmap, CamerasOfARigAreNotTheirImages) {
+  const TempDir folder;
+  fs::create_directories(folder / "text");
+  WriteFileAtomic(folder / "text/cameras.txt", "1 PINHOLE 1024 1024 290 290 512 512\n2 PINHOLE 1920 1080 1500 1500 960 540\n");
+  WriteFileAtomic(folder / "text/images.txt",
+                  "1 1 0 0 0 0 0 0 1 rig/cam1/0001.jpg\n\n2 1 0 0 0 -0.2 0 0 2 rig/cam2/0001.jpg\n\n"
+                  "3 1 0 0 0 0 0 -1 1 rig/cam1/0002.jpg\n\n4 1 0 0 0 -0.2 0 -1 2 rig/cam2/0002.jpg\n\n");
+  WriteFileAtomic(folder / "text/rigs.txt", "# Rig\n1 3 CAMERA 1 IMU 7 0 CAMERA 2 1 1 0 0 0 -0.2 0 0\n");
+  const ImportedRig read = ReadColmap(folder / "text");
+  ASSERT_EQ(read.rig.cameras.size(), 2u);
+  EXPECT_EQ(read.rig.cameras[0].camera.name, "cam1");
+  EXPECT_EQ(read.rig.cameras[1].camera.name, "cam2");
+  EXPECT_NEAR((read.rig.cameras[1].CenterInWorld() - Eigen::Vector3d(0.2, 0, 0)).norm(), 0, 1e-12);
+  EXPECT_THAT(CodesOf(read), HasSubstr("CAL-MERGED"));
+
+  // A rig of each camera by itself, as COLMAP 3.12 writes where nobody made rigs: images are cameras.
+  WriteFileAtomic(folder / "text/rigs.txt", "1 1 CAMERA 1\n2 1 CAMERA 2\n");
+  EXPECT_EQ(ReadColmap(folder / "text").rig.cameras.size(), 4u);
+  WriteFileAtomic(folder / "text/rigs.txt", "1 2 CAMERA 1 CAMERA 2 1 1 0 0\n");
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadColmap(folder / "text"); }), HasSubstr("rigs.txt: line 1"));
+}
+
+TEST(ReadColmap, RigsInBinary) {
+  const TempDir folder;
+  geometry::Rig rig;
+  for (int c = 0; c < 2; ++c) {
+    geometry::RigCamera camera;
+    camera.camera.name = "cam" + std::to_string(c);
+    camera.camera.width_px = camera.camera.height_px = 100;
+    camera.camera.params = Eigen::Vector4d(90, 90, 50, 50);
+    camera.cam_from_world.translation = {-0.2 * c, 0, 0};
+    rig.cameras.push_back(camera);
+  }
+  WriteColmapModel(rig, {"cam0/1.png", "cam1/1.png"}, {}, folder.path());
+  std::string bytes;
+  const auto add = [&bytes](auto value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
+  add(uint64_t{1}), add(uint32_t{1}), add(uint32_t{2}), add(int32_t{0}), add(uint32_t{1});
+  add(int32_t{0}), add(uint32_t{2}), add(uint8_t{1});
+  for (const double value : {1.0, 0.0, 0.0, 0.0, -0.2, 0.0, 0.0}) add(value);
+  WriteFileAtomic(folder / "rigs.bin", bytes);
+  const ImportedRig read = ReadColmap(folder.path());
+  ASSERT_EQ(read.rig.cameras.size(), 2u);
+  EXPECT_EQ(read.rig.cameras[1].camera.name, "cam1");
+  EXPECT_THAT(CodesOf(read), HasSubstr("CAL-MERGED"));
+  WriteFileAtomic(folder / "rigs.bin", bytes.substr(0, bytes.size() - 3));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadColmap(folder.path()); }), HasSubstr("truncated"));
+}
+
+TEST(ReadEuroc, BodyFromCameraAndItsLens) {
+  const TempDir folder;
+  for (const std::string name : {"cam0", "cam1"}) {
+    fs::create_directories(folder / name);
+    WriteFileAtomic(folder / name + "/sensor.yaml",
+                    "sensor_type: camera\ncomment: VI\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, "
+                    "0, 0, 1, 0.3, 0, 0, 0, 1]\nrate_hz: 20\nresolution: [752, 480]\ncamera_model: pinhole\n"
+                    "intrinsics: [458, 457, 367, 248]\ndistortion_model: radial-tangential\n"
+                    "distortion_coefficients: [-0.28, 0.07, 0.0002, 0.00001]\n");
+  }
+  const std::string first = folder / "cam0/sensor.yaml";
+  EXPECT_EQ(DetectFormat(first), CalibrationFormat::kKalibr);
+  const ImportedRig read = ReadCalibration(CalibrationFormat::kKalibr, {first, folder / "cam1/sensor.yaml"});
+  ASSERT_EQ(read.rig.cameras.size(), 2u);
+  EXPECT_EQ(read.rig.cameras[1].camera.name, "cam1");
+  EXPECT_EQ(read.rig.cameras[0].camera.model, geometry::LensModel::kBrown4);
+  EXPECT_NEAR((read.rig.cameras[0].CenterInWorld() - Eigen::Vector3d(0.1, 0.2, 0.3)).norm(), 0, 1e-12);
+  // x of the camera lies along y of the body.
+  EXPECT_NEAR(
+      (Inverse(read.rig.cameras[0].cam_from_world).rotation * Eigen::Vector3d::UnitX() - Eigen::Vector3d::UnitY()).norm(), 0,
+      1e-12);
+  WriteFileAtomic(first, "sensor_type: imu\nT_BS: 1\nintrinsics: 0\n");
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadCalibration(CalibrationFormat::kKalibr, {first}); }), HasSubstr("imu"));
+}
+
+TEST(ReadCalibration, SplatCamerasAndCamerasByName) {
+  const TempDir folder;
+  const std::string splats = folder / "cameras.json", named = folder / "calibration_full.json";
+  WriteFileAtomic(splats,
+                  "[{\"id\": 0, \"img_name\": \"a\", \"width\": 640, \"height\": 480, \"position\": [1, 2, 3], "
+                  "\"rotation\": [[0, -1, 0], [1, 0, 0], [0, 0, 1]], \"fy\": 501, \"fx\": 500}]");
+  const ImportedRig read = ReadCalibration(DetectFormat(splats), {splats});
+  EXPECT_EQ(read.rig.cameras[0].camera.name, "a");
+  EXPECT_NEAR((read.rig.cameras[0].CenterInWorld() - Eigen::Vector3d(1, 2, 3)).norm(), 0, 1e-12);
+  EXPECT_NEAR(read.rig.cameras[0].camera.cx(), 319.5, 1e-12);
+  EXPECT_THAT(CodesOf(read), HasSubstr("CAL-CENTRED"));
+
+  WriteFileAtomic(named,
+                  "{\"22\": {\"K\": [1000, 0, 959.5, 0, 1001, 539.5, 0, 0, 1], \"R\": [0, 1, 0, -1, 0, 0, 0, 0, 1], "
+                  "\"T\": [0, 0, 2], \"distCoeff\": [0, 0, 0, 0, 0], \"imgSize\": [1920, 1080], \"rectifyAlpha\": 0.0}}");
+  const ImportedRig by_name = ReadCalibration(DetectFormat(named), {named});
+  EXPECT_EQ(by_name.rig.cameras[0].camera.name, "22");
+  EXPECT_EQ(by_name.rig.cameras[0].camera.fy(), 1001);
+  EXPECT_NEAR((by_name.rig.cameras[0].cam_from_world * Eigen::Vector3d(1, 0, 0) - Eigen::Vector3d(0, -1, 2)).norm(), 0, 1e-12);
 }
 
 }  // namespace

@@ -171,6 +171,24 @@ TEST(Export, LinksTakeNoSpaceAndCopiesAreOnTheirOwn) {
   EXPECT_FALSE(fs::exists(folder / "none/00_00"));
 }
 
+TEST(Export, ImagesThatExifTurnsAreWrittenTurned) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  const std::string original = dataset.ImagePath("00_00", 245), jpeg = ReadFile(original);
+  // Orientation 3, a half turn, as the only tag of a little-endian directory.
+  const std::string exif("Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x03\0\0\0\0\0\0\0", 32);
+  WriteFileAtomic(original, jpeg.substr(0, 2) + std::string("\xff\xe1\0\x22", 4) + exif + jpeg.substr(2));
+  ASSERT_TRUE(dataset::ReadImageHeader(original).turn.any());
+  ExportDataset(dataset, "zju", folder / "out", {});
+  const std::string written = folder / "out/00_00/000245.jpg";
+  EXPECT_FALSE(dataset::ReadImageHeader(written).turn.any());
+  const Image shown = dataset::ReadImage(original), read = dataset::ReadImage(written);
+  ASSERT_EQ(read.pixels.size(), shown.pixels.size());
+  double difference = 0;
+  for (size_t i = 0; i < read.pixels.size(); ++i) difference += std::abs(read.pixels[i] - shown.pixels[i]);
+  EXPECT_LT(difference / static_cast<double>(read.pixels.size()), 3);
+}
+
 TEST(Export, StudioNamesAreMadeSafeAndTheMappingIsKept) {
   const TempDir folder;
   dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});

@@ -38,7 +38,9 @@ std::string ResolveCamera(const dataset::PanopticDataset& data, const std::strin
   const std::string resolved = data.Resolve(name);
   if (!resolved.empty() && data.rig.Find(resolved) >= 0) return resolved;
   std::vector<std::string> known = geometry::CameraNames(data.rig);
-  for (const auto& [alias, panoptic] : data.aliases) known.push_back(alias);
+  for (const auto& [alias, panoptic] : data.aliases) {
+    if (data.rig.Find(panoptic) >= 0) known.push_back(alias);
+  }
   throw UsageError("camera '" + name + "' is not in the dataset " + data.root + "; it has " + Join(known, ", "));
 }
 
