@@ -7,7 +7,7 @@
 
 #include "calib/board/homography.h"
 #include "calib/bundle/rig_problem.h"
-#include "calib/lens/focal_evidence.h"
+#include "calib/lens/evidence.h"
 #include "calib/lens/gross_errors.h"
 #include "calib/lens/resection.h"
 #include "calib/lens/space_points.h"

@@ -1,4 +1,4 @@
-#include "calib/lens/focal_evidence.h"
+#include "calib/lens/evidence.h"
 
 #include <gtest/gtest.h>
 
