@@ -43,6 +43,17 @@ TEST(AtFrameTimes, FollowsTheParabolaThroughNeighboursUpToTwoFramesAway) {
   }
 }
 
+/// A clock that runs apart is a frame late and more.
+TEST(AtFrameTimes, FollowsTheImagesAroundTheTime) {
+  const auto x = [](double f) { return 100 + 7 * f - 0.3 * f * f; };
+  for (const double late : {0.8, 1.7, -2.4}) {
+    const CalibrateInput seen = AtFrameTimes(Moving({0, 1, 2, 3, 4, 5, 6}, x), {{0}, {late}});
+    EXPECT_NEAR(seen.detections[3].points_px(0, 0), x(3 - late), 1e-9) << late;
+  }
+  const CalibrateInput beyond = AtFrameTimes(Moving({0, 1, 2}, x), {{0}, {5}});
+  EXPECT_EQ(beyond.detections[1].points_px(0, 0), x(1)) << "no image near the time";
+}
+
 TEST(AtFrameTimes, LeavesWhatNoNeighbourMovesAndCamerasInTime) {
   const auto x = [](double f) { return 9 * f; };
   const CalibrateInput alone = AtFrameTimes(Moving({0, 3, 6}, x), {{0}, {0.5}});
@@ -81,13 +92,9 @@ struct Case {
 };
 
 std::vector<Case> Cases() {
-  const auto none = [](Detection*) {};
   return {
-      {"as it is", {0, 0, 0}, none},
       {"one camera upside down", {0, 0}, [](Detection* d) { d->camera_idx == 1 ? Turn(d) : void(); }},
       {"any view turned", {0, 0, 0}, [](Detection* d) { (d->camera_idx * 7 + d->frame_idx * 5) % 11 < 5 ? Turn(d) : void(); }},
-      {"late by a part of a frame", {0, 0.4, -0.2}, none},
-      {"whole frames", {0, 0, 0}, [](Detection* d) { d->frame_idx += d->camera_idx == 2 ? 7 : 0; }},
       {"frames and a part", {0, 0, 0.3}, [](Detection* d) { d->frame_idx -= d->camera_idx == 2 ? 5 : 0; }},
       {"turned and late", {0, 0.3, 0}, [](Detection* d) { d->frame_idx % 3 == 0 && d->camera_idx > 0 ? Turn(d) : void(); }}};
 }
@@ -95,7 +102,7 @@ std::vector<Case> Cases() {
 /// Numbering and timing of the input, whatever they are: no motion in the calibration, and none on its own corners.
 TEST(SeenCorners, ACalibrationAgreesWithItsOwnCorners) {
   for (const Case& each : Cases()) {
-    CalibrateInput input = testing::ToInput(Film(each.late, 48, 0.2));
+    CalibrateInput input = testing::ToInput(Film(each.late, 36, 0.2));
     for (Detection& d : input.detections) each.change(&d);
     const CalibrateReport report = Calibrate(input, Given(), {});
     ASSERT_EQ(report.status, Status::kOk) << each.what << ": " << report.message;
@@ -114,7 +121,6 @@ TEST(SeenCorners, CamerasThatTheCalibrationLacksAreLeftOut) {
   const RigCheck check = CheckRig(report.rig, input, {}, {});
   ExpectNothingMoved(check, "one left out");
   EXPECT_EQ(check.found.unknown, std::vector<std::string>{"cam2"});
-  EXPECT_EQ(check.verdict.status, "warn");
 }
 
 /// From frame 30 on, camera 1 stands elsewhere; `in_time` are the frames that are kept.
