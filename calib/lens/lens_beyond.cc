@@ -48,6 +48,17 @@ std::string Figures(const LensCandidate& candidate, const BeyondBoards& beyond, 
   return ToString(candidate.config) + " (" + ToString(beyond) + Loss(candidate, best_error) + ")";
 }
 
+/// Simpler, and no less honest where no board was: the curves of one or two parameters of other wide lenses claim to know
+/// what is there.
+bool MayReplace(const LensCandidate& candidate, const LensCandidate& chosen) {
+  using geometry::LensModel;
+  const int cameras = static_cast<int>(candidate.fit.state.cameras.size());
+  if (NumLensParams(candidate.config, cameras) >= NumLensParams(chosen.config, cameras)) return false;
+  const LensModel model = candidate.config.model;
+  return !geometry::IsWide(model) || model == LensModel::kKannalaBrandt4 || model == LensModel::kKannalaBrandt4P ||
+         model == chosen.config.model;
+}
+
 }  // namespace
 
 BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, double need_px) {
@@ -75,12 +86,10 @@ int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<
   const LensCandidate& of_chosen = candidates[static_cast<size_t>(chosen)];
   const BeyondBoards wanted = JudgeBeyond(of_chosen.fit, options, need_px);
   if (wanted.level == Level::kPass) return chosen;
-  const double best_error = of_chosen.relative_error;
   int taken = chosen, closest = -1;
   BeyondBoards of_taken = wanted, of_closest;
   for (size_t i = 0; i < candidates.size(); ++i) {
-    const int cameras = static_cast<int>(candidates[i].fit.state.cameras.size());
-    if (NumLensParams(candidates[i].config, cameras) >= NumLensParams(of_chosen.config, cameras)) continue;
+    if (!MayReplace(candidates[i], of_chosen)) continue;
     const BeyondBoards beyond = JudgeBeyond(candidates[i].fit, options, need_px);
     if (near[i] && beyond.level < of_taken.level) taken = static_cast<int>(i), of_taken = beyond;
     const bool nearer = closest < 0 || beyond.level < of_closest.level ||
@@ -88,6 +97,7 @@ int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<
                          candidates[i].relative_error < candidates[static_cast<size_t>(closest)].relative_error);
     if (nearer) closest = static_cast<int>(i), of_closest = beyond;
   }
+  const double best_error = of_chosen.relative_error;
   if (taken != chosen) {
     *note = Figures(candidates[static_cast<size_t>(taken)], of_taken, best_error) + " in place of " +
             Figures(of_chosen, wanted, best_error);

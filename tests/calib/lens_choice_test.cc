@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "calib/corners/corner_files.h"
 #include "calib/lens/lens_beyond.h"
@@ -70,6 +71,20 @@ TEST(PassingLens, TheSimplerLensThatPassesIsTakenWhereHeldOutBoardsDoNotTellThem
   EXPECT_EQ(PassingLens(candidates, {false, true}, 1, BundleOptions(), 20, &note), 1);
   EXPECT_NE(note.find("comes nearest"), std::string::npos) << note;
   EXPECT_NE(note.find("+50.0 %"), std::string::npos) << note;
+}
+
+/// A curve of two parameters claims to know the image where no board was: it stands for no lens of four.
+TEST(PassingLens, AShorterCurveOfAnotherWideFamilyDoesNotStandIn) {
+  const LensPool pool = PoolOf(LensModel::kKannalaBrandt4, InTheMiddle(ViewsOf(LensModel::kKannalaBrandt4, 14, 0.2), 120));
+  std::vector<LensCandidate> candidates;
+  for (const LensModel model : {LensModel::kEucm, LensModel::kKannalaBrandt4})
+    candidates.push_back(FitCandidate(pool, {model, {}, false, false}, BundleOptions()));
+  candidates[0].relative_error = candidates[1].relative_error = 1;
+  const double claimed_px = JudgeBeyond(candidates[0].fit, BundleOptions(), 0).side_px;
+  const double stated_px = JudgeBeyond(candidates[1].fit, BundleOptions(), 0).side_px;
+  ASSERT_LT(claimed_px, stated_px);
+  std::string note;
+  EXPECT_EQ(PassingLens(candidates, {true, true}, 1, BundleOptions(), std::sqrt(claimed_px * stated_px), &note), 1) << note;
 }
 
 TEST(PixelLimits, GrowWithTheImageAndFollowTheNeed) {
