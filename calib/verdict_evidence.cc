@@ -208,16 +208,19 @@ std::string CellsText(const geometry::RigBoard& shape) {
 
 /// The images give the ratio of height to width alone, so one of the two must be as stated.
 std::string CellsHint(const geometry::RigBoard& shape) {
+  if (shape.board.rfind("points:", 0) == 0) return "measure them";
   const Board board = ParseBoard(shape.board);
-  const double ratio = (1 - shape.stretch.y()) / (1 + shape.stretch.y()), stated_mm = 1e3 * board.square_m;
-  const std::string as_wide = Format("%.3gx%.3gmm", stated_mm, stated_mm * ratio);
-  const std::string as_high = Format("%.3gx%.3gmm", stated_mm / ratio, stated_mm);
+  const double ratio = (1 - shape.stretch.y()) / (1 + shape.stretch.y());
+  const double width_mm = 1e3 * board.square_m, height_mm = 1e3 * board.row_step();
+  const std::string as_wide = Format("%.4gx%.4gmm", width_mm, height_mm * ratio);
+  const std::string as_high = Format("%.4gx%.4gmm", width_mm / ratio, height_mm);
   std::string hint = "measure them: " + as_wide + " if they are as wide as stated, " + as_high +
                      " if they are as high; until then all lengths of the rig may be off by " +
                      Format("%.1f %%", 100 * std::abs(std::sqrt(ratio) - 1));
   const size_t cell = shape.board.find(':', shape.board.find(':') + 1);
-  if (board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kGrid)
-    hint += "; option 'board' " + shape.board.substr(0, cell + 1) + as_wide;
+  const bool takes_two =
+      board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kGrid || board.kind == Board::Kind::kCircles;
+  if (takes_two) hint += "; option 'board' " + shape.board.substr(0, cell + 1) + as_wide;
   return hint;
 }
 

@@ -261,8 +261,8 @@ Board ParseGrid(const Parts& parts, Board::Kind kind, const std::string& text) {
   Board board;
   board.kind = kind;
   const bool coloured = kind == Board::Kind::kChessboard;
-  if (parts.size() < 3 || parts.size() > (coloured ? 4 : 3))
-    Fail(text, "a " + parts[0] + " has 3 parts" + (coloured ? ", and inverted as the fourth" : ""));
+  if (parts.size() < 3) Fail(text, "the numbers of columns and rows and a length are needed");
+  if (parts.size() > (coloured ? 4 : 3)) Fail(text, "'" + parts.back() + "' is too much");
   ParseGridSize(parts[1], text, 2, &board);
   ParseSteps(parts[2], text, &board);
   if (parts.size() == 4 && PlainWord(parts[3]) != "inverted") Fail(text, "'" + parts[3] + "' is not 'inverted'");
@@ -273,7 +273,8 @@ Board ParseGrid(const Parts& parts, Board::Kind kind, const std::string& text) {
 Board ParseCircles(const Parts& parts, Board::Kind kind, const std::string& text) {
   Board board;
   board.kind = kind;
-  if (parts.size() < 3 || parts.size() > 5) Fail(text, "a grid of circles has 3 to 5 parts");
+  if (parts.size() < 3) Fail(text, "the numbers of columns and rows and a length are needed");
+  if (parts.size() > 5) Fail(text, "'" + parts.back() + "' is too much");
   ParseGridSize(parts[1], text, kind == Board::Kind::kCircles ? 3 : 2, &board);
   if (board.num_corners() < 9 || board.rows < 3) Fail(text, "a grid of circles needs 3 rows and 9 circles or more");
   const bool shifted = kind == Board::Kind::kAsymmetricCircles;

@@ -139,6 +139,7 @@ std::vector<BoardDetection> DetectCircles(const Board& board, const DetectOption
     result.back().inverted = layout.inverted;
     found |= result.back().status == Status::kOk;
   }
+  if (!found && result.size() > 1 && result[0].status == Status::kTooFewViews) result[0].reason = result[1].reason;
   return result;
 }
 

@@ -25,8 +25,9 @@ BoardDetection DetectCircleGrid(const Board& board, const Image& grey, const Det
   const std::vector<int> circles = CirclesInLattice(board, lattice, seen);
   if (circles.empty()) {
     if (lattice.size() < 4) return NotDetected(Status::kTooFewViews, "no grid of circles found");
-    return NotDetected(Status::kDegenerate, Format("the %zu circles in rows are not the %d of the board, or not all of them",
-                                                   lattice.size(), board.num_corners()));
+    const bool fewer = lattice.size() < static_cast<size_t>(board.num_corners());
+    return NotDetected(Status::kDegenerate, fewer ? "not all circles of the board are in sight, or it has fewer"
+                                                  : "the circles in sight are more than the board's, or in other rows");
   }
   Located located(board);
   std::vector<Spot> spots;

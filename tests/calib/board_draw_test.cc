@@ -209,5 +209,30 @@ TEST(WriteBoardPage, ByExtension) {
   EXPECT_THROW(WriteBoardPage(board, folder / "a.png", coarse), UsageError);
 }
 
+TEST(BoardDraw, Circles) {
+  const auto count = [](const std::string& text, const std::string& piece) {
+    int n = 0;
+    for (size_t at = text.find(piece); at != std::string::npos; at = text.find(piece, at + 1)) ++n;
+    return n;
+  };
+  BoardDrawOptions options;
+  for (const bool inverted : {false, true}) {
+    const Board board = ParseBoard(std::string("acircles:4x11:15mm:8mm") + (inverted ? ":inverted" : ""));
+    const BoardPage page = LayOutBoard(board, options);
+    ASSERT_EQ(page.discs.size(), 44u);
+    EXPECT_NEAR(page.discs[1].x - page.discs[0].x, 30, 1e-9) << "mm";
+    EXPECT_NEAR(page.discs[4].y - page.discs[0].y, 15, 1e-9);
+    EXPECT_NEAR(page.discs[0].radius, 4, 1e-9);
+    EXPECT_EQ(count(ToSvg(page), "<circle"), 44);
+    EXPECT_EQ(count(ToPdf(page), " c\n"), 4 * 44);
+    const Image print = DrawBoard(board, 40, 1);
+    double ink = 0;
+    for (const uint8_t value : print.pixels) ink += (255 - value) / 255.0;
+    const double discs = 44 * M_PI * std::pow(40 * 4 / 15.0, 2);
+    const Eigen::Vector2d size = (PrintOf(board).high_m - PrintOf(board).low_m) / board.square_m * 40;
+    EXPECT_NEAR(ink, inverted ? size.prod() - discs : discs, 0.005 * size.prod()) << inverted;
+  }
+}
+
 }  // namespace
 }  // namespace mvstudio::calib
