@@ -129,9 +129,10 @@ double SmallestEigenvalue(const Eigen::MatrixXd& matrix) {
 /// vanishes or turns down along some, which then says nothing about what the data determine.
 bool IsCurved(const Eigen::MatrixXd& curved, const Eigen::MatrixXd& geometry) {
   constexpr double kLeastShare = 0.05;
+  if (!curved.allFinite()) return false;
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> eigen(curved, geometry,
                                                                         Eigen::EigenvaluesOnly | Eigen::Ax_lBx);
-  return curved.allFinite() && eigen.info() == Eigen::Success && eigen.eigenvalues()[0] > kLeastShare;
+  return eigen.info() == Eigen::Success && eigen.eigenvalues()[0] > kLeastShare;
 }
 
 /// Inverse within the motions, over all unknowns.

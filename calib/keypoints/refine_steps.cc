@@ -173,7 +173,8 @@ KeypointSolution Refinement::SolvePoses(const geometry::Rig& start, const Keypoi
 
 bool Refinement::MeasureCovariance(const KeypointFreedom& freedom) {
   covariance_ = CovarianceOfKeypoints(solution_, train_, freedom, num_threads_, &given_);
-  const std::string loose = WhyLoose(solution_.rig, covariance_);
+  const bool views_agree = !CamerasThatDoNotFit(solution_, ThinnedTo(train_, kJudges), num_threads_);
+  const std::string loose = WhyLoose(solution_.rig, covariance_, views_agree);
   if (!loose.empty()) return Fail(Status::kDegenerate, loose);
   report_.unsteady = WhyUnsteady(solution_.rig, covariance_);
   return true;

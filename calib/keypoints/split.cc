@@ -135,9 +135,10 @@ std::optional<LooseCamera> FirstLoose(const geometry::Rig& rig, const std::vecto
 
 }  // namespace
 
-std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covariance) {
+std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covariance, bool views_agree) {
   if (covariance.status != Status::kOk) return covariance.message;
-  const auto loose = FirstLoose(rig, covariance.begin, covariance.from_geometry);
+  auto loose = FirstLoose(rig, covariance.begin, covariance.from_geometry);
+  if (!loose && views_agree) loose = FirstLoose(rig, covariance.begin, covariance.from_joints);
   if (!loose) return "";
   return Format("the points leave camera %s uncertain by %.0f mm and %.1f deg: they must be seen in more of the space",
                 loose->name.c_str(), 1e3 * loose->place_m, RadToDeg(loose->turn_rad));

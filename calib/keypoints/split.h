@@ -33,8 +33,9 @@ std::vector<KeypointJoint> Limited(const std::vector<KeypointJoint>& joints, int
 std::string WhyTooFew(const geometry::Rig& rig, const std::vector<KeypointJoint>& train);
 
 /// Why the views that fit together do not determine a camera; empty if they do. The limits are a tenth of the rig's size and
-/// 0.1 rad. What the residuals are has no part in it.
-std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covariance);
+/// 0.1 rad, for what J^T J of the views says. `views_agree`: so is what parts of the take say; where views disagree, parts
+/// differ however much they determine.
+std::string WhyLoose(const geometry::Rig& rig, const KeypointCovariance& covariance, bool views_agree);
 
 /// Why a rig that the views would determine hangs on which frames are used, by the same limits; empty if it does not.
 std::string WhyUnsteady(const geometry::Rig& rig, const KeypointCovariance& covariance);

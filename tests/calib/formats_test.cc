@@ -10,7 +10,6 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "geometry/rig/alignment.h"
-#include "geometry/rig/lenses_only.h"
 #include "tests/support/temp_dir.h"
 #include "tests/support/test_data.h"
 
@@ -255,27 +254,6 @@ TEST(OpenCvYaml, ReadsStereoFromTwoFiles) {
   EXPECT_EQ(right.camera.model, LensModel::kPinhole);
   EXPECT_LT((right.cam_from_world * Eigen::Vector3d(1, 0, 0) - Eigen::Vector3d(-0.083, 1.001, 0.002)).norm(), 1e-15);
   EXPECT_EQ(imported.notes.at(0).code, "CAL-UNIT");
-}
-
-/// Lenses whose poses no file states are lenses only; a pose in halves, or of some cameras, is damage.
-TEST(LensesOnly, AreNoRigAtTheOrigin) {
-  const std::string lens =
-      "size = [640, 480]\nmatrix = [[500.0, 0.0, 319.5], [0.0, 500.0, 239.5], [0.0, 0.0, 1.0]]\n"
-      "distortions = [0.1, 0.0, 0.0, 0.0]\n";
-  const std::string pose = "rotation = [0.0, 0.0, 0.1]\ntranslation = [0.1, 0.0, 0.0]\n";
-  const ImportedRig toml = Read(CalibrationFormat::kToml, "[cam_0]\n" + lens + "[cam_1]\n" + lens);
-  EXPECT_EQ(toml.rig.gauge, geometry::kLensesOnly);
-  EXPECT_EQ(toml.notes.at(0).code, "CAL-NOPOSE");
-  EXPECT_NE(Complaint(CalibrationFormat::kToml, "[cam_0]\n" + lens + pose + "[cam_1]\n" + lens).find("all or none"),
-            std::string::npos);
-  EXPECT_NE(Complaint(CalibrationFormat::kToml, "[cam_0]\n" + lens + "rotation = [0.0, 0.0, 0.1]\n").find("translation"),
-            std::string::npos);
-  EXPECT_EQ(Read(CalibrationFormat::kOpenCvYaml, kStereo).rig.gauge, geometry::kLensesOnly);
-  Rig rig = toml.rig;
-  rig.gauge = "as imported";
-  EXPECT_TRUE(geometry::HasLensesOnly(rig)) << "a program that has no poses wrote them at the origin";
-  rig.cameras[1].cam_from_world.translation.x() = 0.1;
-  EXPECT_FALSE(geometry::HasLensesOnly(rig));
 }
 
 TEST(OpenCvYaml, SaysWhatItMisses) {

@@ -51,6 +51,30 @@ TEST(PlaceFromKeypoints, CamerasComeOutWhereTheyAre) {
   }
 }
 
+/// Cameras that are off by far more than an adjustment mends: by the others' points, and all anew.
+TEST(PlaceFromKeypoints, CamerasFarOffArePlacedByTheOthers) {
+  const geometry::Rig truth = PeopleRig(5);
+  testing::PeopleOptions options;
+  options.num_joints = 1, options.num_frames = 150;
+  const std::vector<KeypointJoint> joints = testing::JointsOf(truth, FilmPeople(truth, options));
+  geometry::Rig off = truth;
+  testing::Bump({0.6, -0.4, 0.3}, {1, 1, 0}, &off.cameras[1]);
+  testing::Bump({0, 0.8, 0.3}, {0, -1, 0.5}, &off.cameras[4]);
+  const auto mended = PlaceByOthers(off, joints, {1, 4});
+  ASSERT_TRUE(mended);
+  for (size_t c = 0; c < truth.cameras.size(); ++c) {
+    EXPECT_LT(geometry::RotationAngle(mended->cameras[c].cam_from_world.rotation, truth.cameras[c].cam_from_world.rotation),
+              0.03);
+    EXPECT_LT((mended->cameras[c].CenterInWorld() - truth.cameras[c].CenterInWorld()).norm(), 0.15);
+  }
+  EXPECT_FALSE(PlaceByOthers(off, joints, {0, 1, 2, 4})) << "one camera has no points";
+  const auto anew = PlaceAnew(off, joints);
+  ASSERT_TRUE(anew);
+  Eigen::Matrix3Xd found(3, 5), wanted(3, 5);
+  for (int c = 0; c < 5; ++c) found.col(c) = anew->cameras[c].CenterInWorld(), wanted.col(c) = truth.cameras[c].CenterInWorld();
+  EXPECT_LT(geometry::AlignPoints(found, wanted, true).rms, 0.3);
+}
+
 TEST(PlaceFromKeypoints, WhatCannotBePlacedIsSaid) {
   const geometry::Rig truth = PeopleRig(3);
   testing::PeopleOptions options;

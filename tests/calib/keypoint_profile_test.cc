@@ -1,11 +1,10 @@
-#include "calib/keypoints/profile.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
 #include <limits>
 
 #include "calib/keypoints/choice.h"
+#include "calib/keypoints/profile.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
 
@@ -134,6 +133,22 @@ TEST(KeypointProfile, WithoutAGroupTheMinimumIsThatOfTheBundle) {
     const geometry::RigDifference moved = geometry::CompareRigs(AlignToGiven(bundle.rig, whole.rig), *newton);
     EXPECT_LT(moved.max_rotation_rad, 2e-4) << out;
   }
+}
+
+/// At a bad rig the cost turns down along some motion; what the views determine does not depend on it.
+TEST(KeypointProfile, InliersDetermineARigWhateverTheCostDoes) {
+  const geometry::Rig truth = PeopleRig(4), off = testing::Disturbed(truth, 0.01, 0.03, 3);
+  const std::vector<KeypointJoint> joints = JointsOf(truth, FilmPeople(truth, Small(30)));
+  std::vector<KeypointFit> fits = FitKeypoints(off, joints, 6, 2, 1);
+  const std::vector<int> groups(fits.size(), 0);
+  const KeypointProfile profile = ProfileOf(off, fits, groups, 1, {}, 6, 1);
+  const auto smallest = [&](bool of_inliers) {
+    const Eigen::MatrixXd h =
+        profile.motions.transpose() * CurvatureUnder(profile, profile.layout, of_inliers) * profile.motions;
+    return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(h).eigenvalues()[0];
+  };
+  EXPECT_LT(smallest(false), 0) << "else this rig tests nothing";
+  EXPECT_GT(smallest(true), 1e-6);
 }
 
 TEST(KeypointProfile, ThreadsDoNotMatter) {

@@ -14,6 +14,7 @@ namespace mvstudio::testing {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 using Words = std::vector<std::string>;
 
 Words Refine(const std::string& out) {
@@ -86,6 +87,22 @@ TEST(CalibKeypoints, APersonPlacesCamerasOfKnownLenses) {
     EXPECT_LT(RadToDeg(geometry::RotationAngle(found.rotation, wanted.rotation)), 8) << c;
     EXPECT_NEAR(found.translation.norm() / wanted.translation.norm(), 1, 0.2) << c;
   }
+}
+
+/// A wand of two balls, lenses that another program wrote with poses at the origin: the wand places the cameras, and its length
+/// is the rig's scale. Commands that need poses refuse such lenses.
+TEST(CalibKeypoints, AWandPlacesCamerasOfKnownLenses) {
+  MVS_NEEDS_DATA("reports");
+  const TempDir folder;
+  const std::string p = DataRoot() + "/reports/calib/32_";
+  const Words input = {"--calib", p + "lenses.json", "--points2d", p + "wand.csv", "--skeleton", p + "wand.toml"};
+  const CliRun run = RunCli(Words{"calib", "refine", "--from-keypoints"} + input + Words{"--out", folder / "run", "--json"});
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  EXPECT_NEAR(run.Json()["metrics"]["limb_mean_mm"]["after"].get<double>(), 500, 1);
+  EXPECT_THAT(run.out, Not(HasSubstr("TRI-DUPLICATE")));
+  const CliRun refused = RunCli(Words{"triangulate"} + input + Words{"--out", folder / "pose3d"});
+  EXPECT_EQ(refused.exit, 3) << refused.out;
+  EXPECT_THAT(refused.err + refused.out, HasSubstr("holds lenses only"));
 }
 
 TEST(CalibKeypoints, MistakesAreNamed) {
