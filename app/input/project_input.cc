@@ -1,7 +1,5 @@
 #include "app/input/project_input.h"
 
-#include <algorithm>
-
 #include "core/error.h"
 #include "core/format.h"
 #include "core/some_of.h"
@@ -22,15 +20,9 @@ void FillUnit(const dataset::TrackedProject& project, PoseArguments* pose, Comma
 
 void WarnOfUnused(const dataset::TrackedProject& project, CommandResult* result) {
   if (project.unused.empty()) return;
-  const auto has = [&](const std::string& key) {
-    return std::find(project.unused.begin(), project.unused.end(), "triangulation." + key) != project.unused.end();
-  };
-  const bool world = has("axes") || has("reference_point");
-  result->warnings.push_back(
-      {"POSE-PROJECT",
-       "settings of the project's config.toml that are not used: " + SomeOf(project.unused, 30) +
-           (world ? "; points are in the world of its calibration, not in that of axes and reference_point" : ""),
-       "options of this command are used instead: option 'min-score' for a score_threshold"});
+  result->warnings.push_back({"POSE-PROJECT",
+                              "settings of the project's configuration that are not used: " + SomeOf(project.unused, 30),
+                              "options of this command are used instead"});
 }
 
 void WarnOfLeftOut(const dataset::TrackedProject& project, CommandResult* result) {
@@ -46,7 +38,8 @@ void WarnOfLeftOut(const dataset::TrackedProject& project, CommandResult* result
 
 }  // namespace
 
-void FillFromProject(const std::string& folder, const SessionArguments& session, PoseArguments* pose, CommandResult* result) {
+dataset::ProjectSettings FillFromProject(const std::string& folder, const SessionArguments& session, PoseArguments* pose,
+                                         CommandResult* result) {
   if (!session.session.empty()) throw UsageError("give either option 'session' or option 'project'");
   if (!pose->pose2d.empty() || !pose->points2d.empty()) {
     throw UsageError("give either option 'project' or the 2D points, option 'pose2d' or 'points2d'");
@@ -59,9 +52,13 @@ void FillFromProject(const std::string& folder, const SessionArguments& session,
   }
   pose->points2d = found.table, pose->bones = project.bones;
   for (const auto& [camera, path] : found.files) pose->pose2d.push_back({camera, path});
+  if (pose->skeleton.empty()) pose->skeleton = project.settings.skeleton;
+  if (pose->changes.frames.empty()) pose->changes.frames = project.settings.frames;
+  for (const std::string& note : project.notes) result->text += "project: " + note + "\n";
   WarnOfUnused(project, result);
   WarnOfLeftOut(project, result);
   result->metrics["project"] = {{"program", project.program}, {"take", found.name}, {"filtered", found.filtered}};
+  return project.settings;
 }
 
 }  // namespace mvstudio::app

@@ -373,7 +373,8 @@ void RegisterSync(CLI::App& app, Registry& registry) {
   StartGroup(sub, "Session");
   AddSessionArguments(sub, arguments->session, "calibration, poses and footage", "people");
   AddOption(sub, "--project", arguments->project,
-            "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
+            "folder of an anipose, caliscope or Pose2Sim project instead: calibration and 2D points come from it; --take names "
+            "one of "
             "its takes");
   StartGroup(sub, "Offsets");
   AddOption(sub, "--from", arguments->from,

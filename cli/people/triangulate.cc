@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 #include <functional>
+#include <set>
 
 #include "app/calib/calibration_use.h"
 #include "app/input/pose_input.h"
@@ -15,6 +16,7 @@
 #include "app/people/marker_export.h"
 #include "app/people/triangulate_metrics.h"
 #include "cli/people/points_out.h"
+#include "cli/people/project_options.h"
 #include "cli/people/take_images.h"
 #include "cli/people/take_timing.h"
 #include "cli/program/arguments.h"
@@ -40,6 +42,8 @@ struct Arguments {
   app::PoseArguments pose;
   ImageArguments images;  ///< for the report
   std::string project, out;
+  std::set<std::string> given;  ///< options that were typed, of those that a project may state
+  dataset::ProjectSettings of_project;
   ComparisonArguments comparison;
   int chunk_frames = 0;
   bool refine = false;
@@ -117,6 +121,7 @@ triangulate::TakeResult SolveWhole(const Arguments& arguments, const app::PoseIn
   pose.covariance_note = app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method));
   pose.world = app::WorldText(input.rig);
   pose.frame_rate_hz = arguments.markers.rate_hz;
+  WriteProjectParts(arguments.of_project, input.rig, arguments.project, arguments.out, &pose, result);
   dataset::WritePose3d(pose, arguments.out);
   return take;
 }
@@ -257,6 +262,9 @@ void CheckArguments(const Arguments& arguments) {
   // A wrong path must not cost the run.
   if (arguments.chunk_frames > 0 && !arguments.images.Paths().empty())
     throw UsageError("--video and --images need the whole take: leave --chunk-frames out");
+  const dataset::ProjectSettings& project = arguments.of_project;
+  if (arguments.chunk_frames > 0 && (!project.axes.empty() || !project.reference_point.empty() || !project.angles.empty()))
+    throw UsageError("axes, reference_point and [angles] of the project need the whole take: leave --chunk-frames out");
   CheckFootage(arguments.images);
   CheckComparison(arguments.comparison);
 }
@@ -268,9 +276,20 @@ std::vector<std::string> InputsOf(const Arguments& arguments) {
                 arguments.images.Paths());
 }
 
+std::vector<std::string> FilesOf(const Arguments& arguments) {
+  const dataset::ProjectSettings& project = arguments.of_project;
+  std::vector<std::string> files = {"points.csv", "covariance.csv", "pose3d.json", app::kJointViewsFolder};
+  if (!project.axes.empty() || !project.reference_point.empty()) files.push_back("calibration.json");
+  if (!project.angles.empty()) files.push_back("angles.csv");
+  return files;
+}
+
 CommandResult Run(Arguments arguments, CommandContext& context) {
   CommandResult result;
-  if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.timing.session, &arguments.pose, &result);
+  if (!arguments.project.empty()) {
+    arguments.of_project = app::FillFromProject(arguments.project, arguments.timing.session, &arguments.pose, &result);
+    ApplyProject(arguments.of_project, arguments.given, &arguments.options, &arguments.markers, &result);
+  }
   const auto found = arguments.project.empty() ? app::FindTake(arguments.timing.session, &result) : std::nullopt;
   if (found) {
     const bool own = !arguments.pose.pose2d.empty();
@@ -285,8 +304,7 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     throw UsageError("--rate is for takes outside sessions; a session's clocks state their rates");
   FillMarkerOptions(found, arguments.pose.changes, &arguments.markers);
   const auto& pose = arguments.pose;
-  const OutputFolder place(arguments.out, InputsOf(arguments),
-                           {"points.csv", "covariance.csv", "pose3d.json", app::kJointViewsFolder});
+  const OutputFolder place(arguments.out, InputsOf(arguments), FilesOf(arguments));
   result.folder = arguments.out;
   arguments.had_points = std::filesystem::exists(PointsPath(arguments));
   std::unique_ptr<AtomicFolder> markers;
@@ -334,7 +352,8 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   AddImageArguments(sub, arguments->images);
   StartGroup(sub, "Session");
   AddOption(sub, "--project", arguments->project,
-            "folder of an anipose or caliscope project instead: calibration and 2D points come from it; --take names one of "
+            "folder of an anipose, caliscope or Pose2Sim project instead: calibration and 2D points come from it; --take names "
+            "one of "
             "its takes");
   StartGroup(sub, "Output");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder,
@@ -370,7 +389,12 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
             "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
   AddFlag(sub, "--align-truth", arguments->comparison.align_truth,
           "take out the best rigid motion before comparing with --truth");
-  registry.Add(sub, "triangulate", [arguments](CommandContext& context) { return Run(*arguments, context); });
+  registry.Add(sub, "triangulate", [arguments, sub](CommandContext& context) {
+    for (const char* option : {"--min-score", "--min-views", "--frame-rate", "--filter", "--fill", "--to"}) {
+      if (sub->count(option) > 0) arguments->given.insert(option);
+    }
+    return Run(*arguments, context);
+  });
 }
 
 }  // namespace mvstudio::cli

@@ -26,6 +26,7 @@ struct Config {
   double board_square = 0;
   std::vector<std::pair<std::string, std::string>> bones;
   std::vector<std::string> unused;
+  ProjectSettings settings;
 };
 
 /// Keys, with those of the tables in it, that are neither used here nor without effect on where points are.
@@ -42,7 +43,11 @@ void AddUnused(const toml::table& table, const std::string& above, std::vector<s
                                                "filter.enabled",
                                                "triangulation.cam_regex",
                                                "triangulation.triangulate",
-                                               "triangulation.constraints"};
+                                               "triangulation.constraints",
+                                               "triangulation.axes",
+                                               "triangulation.reference_point",
+                                               "triangulation.score_threshold",
+                                               "angles"};
   for (const auto& [key, node] : table) {
     const std::string name = above + std::string(key.str());
     if (kKnown.count(name) > 0) continue;
@@ -93,6 +98,40 @@ std::vector<std::pair<std::string, std::string>> Lines(const toml::table& root, 
   return bones;
 }
 
+/// Two directions between points, as `[["x", "tail", "nose"], ["z", "paw", "ear"]]`.
+void ReadAxes(const toml::table& root, const std::string& path, ProjectSettings* settings) {
+  const toml::array* axes = root.at_path("triangulation.axes").as_array();
+  if (!axes || axes->empty()) return;
+  const auto fail = [&] {
+    throw FormatError(path, "triangulation.axes", "is not two of [axis, from, to], with axes x, y or z that differ");
+  };
+  for (const toml::node& node : *axes) {
+    const toml::array* entry = node.as_array();
+    if (!entry || entry->size() != 3) fail();
+    const auto axis = (*entry)[0].value<std::string>(), from = (*entry)[1].value<std::string>(),
+               to = (*entry)[2].value<std::string>();
+    if (!axis || !from || !to || (*axis != "x" && *axis != "y" && *axis != "z") || *from == *to) fail();
+    settings->axes.push_back({(*axis)[0], *from, *to});
+  }
+  if (settings->axes.size() != 2 || settings->axes[0].axis == settings->axes[1].axis) fail();
+}
+
+/// `[angles]`: name = ["hinge", a, b, c], or the three points alone. Others are not used.
+void ReadAngles(const toml::table& root, Config* config) {
+  const toml::table* angles = root.get_as<toml::table>("angles");
+  if (!angles) return;
+  for (const auto& [name, node] : *angles) {
+    std::vector<std::string> words;
+    const toml::array* list = node.as_array();
+    for (size_t i = 0; list && i < list->size(); ++i) words.push_back((*list)[i].value_or(std::string()));
+    if (words.size() == 4 && words[0] == "hinge") words.erase(words.begin());
+    if (words.size() == 3)
+      config->settings.angles.push_back({std::string(name.str()), {words[0], words[1], words[2]}});
+    else
+      config->unused.push_back("angles." + std::string(name.str()) + (words.empty() ? "" : " (" + words[0] + ")"));
+  }
+}
+
 Config ReadConfig(const std::string& folder) {
   Config config;
   config.path = (fs::path(folder) / "config.toml").string();
@@ -106,6 +145,10 @@ Config ReadConfig(const std::string& folder) {
   config.bones = Lines(root, "triangulation.constraints");
   if (config.bones.empty()) config.bones = Lines(root, "labeling.scheme");
   AddUnused(root, "", &config.unused);
+  ReadAxes(root, config.path, &config.settings);
+  ReadAngles(root, &config);
+  config.settings.reference_point = root.at_path("triangulation.reference_point").value_or(std::string());
+  config.settings.min_score = root.at_path("triangulation.score_threshold").value<double>();
   RefuseCrops(root, config.path);
   return config;
 }
@@ -224,6 +267,7 @@ TrackedProject ReadAniposeProject(const std::string& folder) {
   TrackedProject project;
   project.program = "anipose";
   project.board_square = config.board_square, project.bones = config.bones, project.unused = config.unused;
+  project.settings = config.settings;
   const fs::path root = PlainPath(folder);
   const fs::path project_folder = root.has_filename() ? root : root.parent_path();
   for (const std::string& session : Sessions(project_folder.string(), config.nesting)) {

@@ -16,5 +16,8 @@ std::string FindCameraArray(const std::string& folder);
 /// `camera_array` may be empty where every recording has its own.
 TrackedProject ReadCaliscopeProject(const std::string& folder, const std::string& camera_array);
 TrackedProject ReadAniposeProject(const std::string& folder);
+/// Whether the folder, or one above that a trial belongs to, has a Config.toml.
+bool IsPose2SimProject(const std::string& folder);
+TrackedProject ReadPose2SimProject(const std::string& folder);
 
 }  // namespace mvstudio::dataset::internal

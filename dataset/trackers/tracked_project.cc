@@ -33,7 +33,7 @@ std::vector<std::string> ListFolder(const std::string& folder, bool folders) {
 }  // namespace internal
 
 TrackedProject ReadTrackedProject(const std::string& folder) {
-  RequireFolder(folder, "; give the folder of an anipose or caliscope project");
+  RequireFolder(folder, "; give the folder of an anipose, caliscope or Pose2Sim project");
   std::error_code error;
   const std::string array = internal::FindCameraArray(folder);
   TrackedProject project;
@@ -41,14 +41,11 @@ TrackedProject ReadTrackedProject(const std::string& folder) {
     project = internal::ReadCaliscopeProject(folder, array);
   } else if (fs::is_regular_file(fs::path(folder) / "config.toml", error)) {
     project = internal::ReadAniposeProject(folder);
+  } else if (internal::IsPose2SimProject(folder)) {
+    project = internal::ReadPose2SimProject(folder);
   } else {
-    const bool pose2sim = fs::is_regular_file(fs::path(folder) / "Config.toml", error);
-    throw FormatError(
-        folder, "",
-        std::string("holds neither config.toml (anipose) nor camera_array.toml (caliscope)") +
-            (pose2sim ? "; a project of Pose2Sim is read by its parts: option 'calib' calibration/Calib_….toml, option "
-                        "'pose2d' CAMERA=pose/…_json of each camera (docs/neighbours.md)"
-                      : ""));
+    throw FormatError(folder, "",
+                      "holds neither config.toml (anipose) nor Config.toml (Pose2Sim) nor camera_array.toml (caliscope)");
   }
   std::sort(project.takes.begin(), project.takes.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   return project;
