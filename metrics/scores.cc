@@ -107,6 +107,7 @@ Interval BlockBootstrap(const std::vector<double>& values, const std::vector<int
   std::vector<std::pair<double, double>> sums;
   for (const auto& [frame, sum] : by_frame) sums.push_back(sum);
   const auto count = static_cast<int64_t>(sums.size());
+  if (count < 2) return {std::nan(""), std::nan("")};
   const auto block = std::max<int64_t>(1, std::llround(std::sqrt(static_cast<double>(count))));
   constexpr int kResamples = 1000;
   Rng rng(seed);

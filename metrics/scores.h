@@ -47,7 +47,7 @@ struct Interval {
 };
 /// 95 % interval of the mean of `values` by a block bootstrap: blocks of neighbouring frames (sqrt(number of frames)
 /// long), all pictures of a frame together, because neighbouring frames are not independent. `frames` is as long as
-/// `values`.
+/// `values`. NaN for a single frame, which shows no spread.
 Interval BlockBootstrap(const std::vector<double>& values, const std::vector<int64_t>& frames, uint64_t seed);
 
 }  // namespace mvstudio::metrics

@@ -100,7 +100,7 @@ void Validate(const SynthOptions& o) {
   ParseSize(o.size);
   Require(geometry::LensModelFromString(o.lens).has_value() && o.lens != "splined", "lens",
           "a lens model with a fixed number of parameters, not '" + o.lens + "'");
-  Require(o.focal_px == 0 || (o.focal_px > 10 && o.focal_px < 1e5), "focal-px", "0 or 10 to 100000");
+  Require(o.focal_px == 0 || (o.focal_px >= 10 && o.focal_px <= 1e5), "focal-px", "0 or 10 to 100000");
   Require(o.noise_px >= 0 && o.noise_px < 1000, "noise-px", "0 to 1000");
   Require(o.board_frames >= 0 && o.board_frames <= 100000, "board-frames", "0 to 100000");
   Require(o.take_frames >= 0 && o.take_frames <= 100000, "take-frames", "0 to 100000");

@@ -108,6 +108,7 @@ void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& 
 struct TakePass {
   std::vector<MaskCameraResult> cameras;
   std::vector<int> instants;  ///< that any camera has, ascending
+  std::vector<int> shared;    ///< those that most cameras have: all, unless one has none of the others' frames
 };
 
 MaskCameraResult SegmentCamera(const MaskJob& job, const MaskCamera& camera, const MaskBackend& backend,
@@ -159,8 +160,12 @@ TakePass SegmentAll(const MaskJob& job, const MaskBackend& backend, const std::v
       stage.Advance();
     });
   });
+  int most = 0;
   for (const auto& [instant, count] : seen) {
-    if (instant >= 0) pass.instants.push_back(instant);
+    if (instant < 0) continue;
+    pass.instants.push_back(instant);
+    if (count > most) most = count, pass.shared.clear();
+    if (count == most) pass.shared.push_back(instant);
   }
   return pass;
 }
@@ -258,7 +263,7 @@ MaskRunResult RunMasks(const MaskJob& job, const MaskBackend& backend, const std
   MaskRunResult result;
   result.cameras = std::move(pass.cameras);
   if (together && job.run.hull_frames > 0) {
-    result.hull = CompareWithHull(job, folder, Spread(pass.instants, job.run.hull_frames), run);
+    result.hull = CompareWithHull(job, folder, Spread(pass.shared, job.run.hull_frames), run);
     result.disagreeing = result.hull.Disagreeing(job.hull.most_outside);
   }
   return result;

@@ -48,7 +48,7 @@ void AddGround(const app::PicturePairs& pairs, const MetricsArguments& arguments
     result->text += Format("\n  whole images, %lld pixels; no masks", static_cast<long long>(all_px));
   } else {
     const ordered_json box = result->metrics["bbox"], masked = result->metrics["masked"];  // copies: a new key moves them
-    const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : std::nan(""); };
+    const auto number = [](const ordered_json& value) { return value.is_number() ? value.get<double>() : INFINITY; };
     result->metrics["mask_pixels"] = mask_px;
     result->text +=
         Format("\n  in the masks' boxes: SSIM %.4f, PSNR %.2f dB; on the masks, %lld of %lld pixels: SSIM %.4f, PSNR %.2f dB",

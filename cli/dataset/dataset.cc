@@ -9,6 +9,7 @@
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
+#include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/some_of.h"
@@ -29,6 +30,23 @@ struct BuildArguments {
   dataset::BuildOptions options;
 };
 
+/// What `mask` doubted of a camera's masks: they follow the joints, so nothing here would notice it.
+void RepeatDoubts(const std::string& masks, CommandResult* result) {
+  const std::string path = masks + "/mask.result.json";
+  if (!std::filesystem::exists(path)) return;
+  const auto made = nlohmann::json::parse(ReadFile(path), nullptr, false);
+  if (!made.is_object() || !made.contains("warnings") || !made["warnings"].is_array()) return;
+  for (const auto& warning : made["warnings"]) {
+    const auto word = [&](const char* key) {
+      const auto at = warning.is_object() ? warning.find(key) : warning.end();
+      return at != warning.end() && at->is_string() ? at->get<std::string>() : "";
+    };
+    const std::string code = word("code");
+    if (code == "MSK-HULL" || code == "MSK-JOINTS" || code == "MSK-EMPTY")
+      result->warnings.push_back({code, "of the masks in " + masks + ": " + word("text"), word("hint")});
+  }
+}
+
 /// Masks that `mask` made, or a person painted, come before new ones.
 void FindMasks(const app::TakeInput& take, BuildArguments* arguments, CommandResult* result) {
   arguments->options.masks = !arguments->no_masks;
@@ -38,7 +56,9 @@ void FindMasks(const app::TakeInput& take, BuildArguments* arguments, CommandRes
     return std::filesystem::is_directory(made + "/" + footage.camera);
   });
   if (!arguments->masks_given && there) arguments->masks = made;
-  if (!arguments->masks.empty()) result->inputs.push_back(arguments->masks);
+  if (arguments->masks.empty()) return;
+  result->inputs.push_back(arguments->masks);
+  RepeatDoubts(arguments->masks, result);
 }
 
 /// Inputs; what a session says takes the place of flags that were not given.

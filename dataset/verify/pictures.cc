@@ -145,9 +145,13 @@ void Summarise(const Checker& c, const std::string& images, const std::string& m
   if (!c.empty_masks.empty())
     c.findings->Warning("DAT-MASK-EMPTY", masks, "the mask is empty though joints are in view in " + FramesText(c.empty_masks));
   if (c.on_some_mask > 0 && c.on_mask < options.least_cover * c.on_some_mask) {
-    c.findings->Warning("DAT-COVER", masks,
-                        "only " + std::to_string(100 * c.on_mask / c.on_some_mask) +
-                            " % of the joints in view lie on the masks: wrong camera, wrong frame numbers or poor masks");
+    const std::string text = "only " + std::to_string(100 * c.on_mask / c.on_some_mask) +
+                             " % of the joints in view lie on the masks: wrong camera, wrong frame numbers or poor masks";
+    if (2 * c.on_mask < c.on_some_mask) {
+      c.findings->Error("DAT-COVER", masks, text);
+    } else {
+      c.findings->Warning("DAT-COVER", masks, text);
+    }
   }
 }
 

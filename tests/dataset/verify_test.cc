@@ -190,6 +190,7 @@ TEST_F(VerifyTest, JointsOffTheMasks) {
     WriteImage(mask, Mask0(frame));
   }
   EXPECT_EQ(Only("DAT-COVER"), 1);
+  EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 1) << "none of them lies on one";
 }
 
 TEST_F(VerifyTest, DuplicatedPerson) {

@@ -160,8 +160,9 @@ std::string ToTable(const Evaluation& e) {
     for (const GroupScore& motion : e.per_motion) text += Row("motion " + motion.name, {motion.mean, {}, motion.lpips});
   }
   const metrics::Interval &ssim = e.intervals.at("ssim"), &psnr = e.intervals.at("psnr_db");
-  text += Format("  95 %% intervals over blocks of frames: SSIM %.4f to %.4f, PSNR %.2f to %.2f dB", ssim.low, ssim.high,
-                 psnr.low, psnr.high);
+  text += std::isfinite(ssim.low) ? Format("  95 %% intervals over blocks of frames: SSIM %.4f to %.4f, PSNR %.2f to %.2f dB",
+                                           ssim.low, ssim.high, psnr.low, psnr.high)
+                                  : "  no intervals: a single held-out frame shows no spread";
   text += Format("\n  outlines F %.4f, flicker %.4f, masked: SSIM %.4f, PSNR %.2f dB", e.holdout.mean.boundary_f, e.flicker,
                  e.holdout.mean.masked.ssim, e.holdout.mean.masked.psnr_db);
   if (!e.lpips.name.empty()) text += "\n  LPIPS (" + e.lpips.name + ") " + std::to_string(e.holdout.lpips);
