@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <vector>
+#include <set>
+#include <tuple>
+#include <utility>
 
+#include "core/format.h"
 #include "core/statistics.h"
 
 namespace mvstudio::calib {
@@ -60,7 +63,8 @@ struct Best {
 
 Best BestOffset(const BoardPoses& a, const BoardPoses& b, FrameRate rate, std::vector<double>* all) {
   Best best;
-  for (rate.offset = -kMostOffset; rate.offset <= kMostOffset; ++rate.offset) {
+  const int64_t most = kMostOffset * rate.denominator;
+  for (rate.offset = -most; rate.offset <= most; ++rate.offset) {
     const double disagreement = RateDisagreement(SharedSightings(a, b, rate));
     if (std::isfinite(disagreement)) all->push_back(disagreement);
     if (disagreement < best.disagreement) best = {rate, disagreement};
@@ -71,14 +75,8 @@ Best BestOffset(const BoardPoses& a, const BoardPoses& b, FrameRate rate, std::v
 }  // namespace
 
 std::optional<int64_t> FrameRate::At(int64_t frame) const {
-  const int64_t scaled = frame * numerator;
-  if (scaled % denominator != 0) return std::nullopt;
-  return scaled / denominator + offset;
-}
-
-FrameRate FrameRate::Inverse() const {
-  const double back = -static_cast<double>(offset) * denominator / numerator;
-  return {denominator, numerator, static_cast<int64_t>(std::llround(back))};
+  const int64_t scaled = frame * numerator + offset;
+  return scaled % denominator == 0 ? std::optional(scaled / denominator) : std::nullopt;
 }
 
 std::optional<FrameRate> FindFrameRate(const BoardPoses& a, const BoardPoses& b) {
@@ -95,6 +93,85 @@ std::optional<FrameRate> FindFrameRate(const BoardPoses& a, const BoardPoses& b)
   const double unrelated = UpperMedian(std::move(all));
   const bool clear = best.disagreement < kClearly * equal.disagreement && best.disagreement < kClearly * unrelated;
   return clear && unrelated > kStill ? std::optional(best.rate) : std::nullopt;
+}
+
+namespace {
+
+struct RatedPair {
+  int a = 0, b = 0;
+  FrameRate rate;  // from frames of b to those of a
+
+  bool Has(int camera) const { return a == camera || b == camera; }
+};
+
+/// The camera in most of the pairs; of two alike the one with fewer frames a second.
+int OddCamera(const std::vector<RatedPair>& pairs, int num_cameras) {
+  int odd = -1, most = 0;
+  double slowest = 0;
+  for (int c = 0; c < num_cameras; ++c) {
+    int count = 0;
+    double per_frame = 0;  // frames of the others in one of its own
+    for (const RatedPair& pair : pairs) {
+      if (!pair.Has(c)) continue;
+      const double ratio = static_cast<double>(pair.rate.numerator) / pair.rate.denominator;
+      ++count, per_frame = std::max(per_frame, pair.b == c ? ratio : 1 / ratio);
+    }
+    if (count > most || (count == most && count > 0 && per_frame > slowest)) odd = c, most = count, slowest = per_frame;
+  }
+  return odd;
+}
+
+}  // namespace
+
+std::vector<FrameRate> FindFrameRates(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board,
+                                      const std::vector<int64_t>& frames, const FrameOffsets& offsets) {
+  const int num_cameras = static_cast<int>(offsets.shift.size());
+  std::vector<BoardPoses> poses(offsets.shift.size());
+  for (size_t v = 0; v < views.size(); ++v) {
+    if ((views[v].weights.array() > 0).any() && cam_from_board[v].translation.norm() > 0)
+      poses[static_cast<size_t>(views[v].camera_idx)][{frames[static_cast<size_t>(views[v].frame)], views[v].board}] =
+          cam_from_board[v];
+  }
+  std::vector<RatedPair> pairs;
+  for (const FramePair& pair : offsets.pairs) {
+    if (pair.kind != FramePair::Kind::kInconsistent) continue;
+    const auto rate = FindFrameRate(poses[static_cast<size_t>(pair.a)], poses[static_cast<size_t>(pair.b)]);
+    if (rate) pairs.push_back({pair.a, pair.b, *rate});
+  }
+  std::vector<FrameRate> rates;
+  while (!pairs.empty()) {
+    rates.resize(offsets.shift.size());
+    const int odd = OddCamera(pairs, num_cameras);
+    const auto of_odd = std::find_if(pairs.begin(), pairs.end(), [&](const RatedPair& pair) { return pair.Has(odd); });
+    rates[static_cast<size_t>(odd)] = of_odd->b == odd ? of_odd->rate : of_odd->rate.Inverse();
+    pairs.erase(std::remove_if(pairs.begin(), pairs.end(), [&](const RatedPair& pair) { return pair.Has(odd); }), pairs.end());
+  }
+  return rates;
+}
+
+std::string ToString(const std::vector<FrameRate>& rates, const std::vector<std::string>& camera_names) {
+  std::string text;
+  for (size_t c = 0; c < rates.size(); ++c) {
+    const FrameRate& rate = rates[c];
+    if (rate.same()) continue;
+    text += Format("%s%d frames of %s last as long as %d of the others (its frame f is their frame (%d f %+lld) / %d)",
+                   text.empty() ? "" : ", ", rate.denominator, camera_names[c].c_str(), rate.numerator, rate.numerator,
+                   static_cast<long long>(rate.offset), rate.denominator);
+  }
+  return text;
+}
+
+void ApplyFrameRates(const std::vector<FrameRate>& rates, std::vector<Detection>* detections) {
+  std::set<std::tuple<int, int64_t, int>> taken;
+  std::vector<Detection> kept;
+  for (Detection& detection : *detections) {
+    const FrameRate& rate = rates[static_cast<size_t>(detection.camera_idx)];
+    const auto frame = rate.At(detection.frame_idx);
+    if (!frame || !taken.insert({detection.camera_idx, *frame, detection.board_idx}).second) continue;
+    detection.frame_idx = *frame;
+    kept.push_back(std::move(detection));
+  }
+  *detections = std::move(kept);
 }
 
 }  // namespace mvstudio::calib

@@ -33,9 +33,12 @@ TEST(FrameRate, RatiosAreFoundWithTheirOffset) {
   ASSERT_TRUE(half.has_value());
   EXPECT_EQ(half->numerator, 2 * half->denominator);
   EXPECT_EQ(half->offset, 3);
-  const auto twice = Found(0.5, 0);
+  const auto twice = Found(0.5, 0.5);
   ASSERT_TRUE(twice.has_value());
   EXPECT_EQ(twice->denominator, 2 * twice->numerator);
+  EXPECT_EQ(twice->At(7), 4);
+  EXPECT_EQ(ToString({{}, *twice}, {"left", "right"}),
+            "2 frames of right last as long as 1 of the others (its frame f is their frame (1 f +1) / 2)");
   const auto film = Found(6.0 / 5, 0);
   ASSERT_TRUE(film.has_value());
   EXPECT_EQ(5 * film->numerator, 6 * film->denominator);
@@ -48,10 +51,15 @@ TEST(FrameRate, EqualRatesAreNone) {
 
 TEST(FrameRate, MapsFramesThere) {
   const FrameRate rate{3, 2, 4};
-  EXPECT_EQ(rate.At(6), 13);
+  EXPECT_EQ(rate.At(6), 11);
   EXPECT_FALSE(rate.At(5).has_value());
-  EXPECT_EQ(rate.Inverse().numerator, 2);
-  EXPECT_EQ(FrameRate({2, 1, 6}).Inverse().offset, -3);
+  EXPECT_EQ(rate.Inverse().At(11), 6);
+  std::vector<Detection> detections(4);
+  for (int f = 0; f < 4; ++f) detections[static_cast<size_t>(f)].frame_idx = f;
+  ApplyFrameRates({{1, 2, 1}}, &detections);
+  ASSERT_EQ(detections.size(), 2u);
+  EXPECT_EQ(detections[0].frame_idx, 1);
+  EXPECT_EQ(detections[1].frame_idx, 2);
 }
 
 }  // namespace
