@@ -14,7 +14,7 @@ namespace mvstudio::calib {
 namespace {
 
 using Eigen::Index;
-using Projection = Eigen::Matrix<double, 3, 4>;
+using PinholeMatrix = Eigen::Matrix<double, 3, 4>;
 
 constexpr double kOffPlane = 1.0 / 30;  // of the extent
 constexpr Index kMinPoints = 6;
@@ -26,7 +26,7 @@ Eigen::Matrix3d CrossOf(const Eigen::Vector3d& v) {
 }
 
 /// Moves points to a mean of zero and a size of about one: x -> (x - mean) / size.
-Eigen::Matrix4d Normalizer(const Eigen::Matrix3Xd& points) {
+Eigen::Matrix4d SpaceNormalizer(const Eigen::Matrix3Xd& points) {
   const Eigen::Vector3d mean = points.rowwise().mean();
   const double size = std::sqrt((points.colwise() - mean).squaredNorm() / static_cast<double>(points.cols()));
   Eigen::Matrix4d normalize = Eigen::Matrix4d::Identity();
@@ -36,12 +36,12 @@ Eigen::Matrix4d Normalizer(const Eigen::Matrix3Xd& points) {
 }
 
 /// The points of a view that count, and where they were seen.
-struct Seen {
+struct SeenPoints {
   Eigen::Matrix3Xd points;
   Eigen::Matrix2Xd px;
 };
 
-Seen Weighted(const View& view) {
+SeenPoints WeightedPoints(const View& view) {
   std::vector<Index> kept;
   for (Index i = 0; i < view.size(); ++i) {
     if (view.weights[i] > 0) kept.push_back(i);
@@ -64,9 +64,9 @@ bool SpansSpace(const Eigen::Matrix3Xd& points, const Eigen::VectorXd& weights) 
   return spread.eigenvalues()[0] > kOffPlane * kOffPlane * spread.eigenvalues()[2];
 }
 
-std::optional<Projection> FitProjection(const Eigen::Matrix3Xd& points, const Eigen::Matrix3Xd& rays) {
+std::optional<PinholeMatrix> FitProjection(const Eigen::Matrix3Xd& points, const Eigen::Matrix3Xd& rays) {
   if (!SpansSpace(points)) return std::nullopt;
-  const Eigen::Matrix4d normalize = Normalizer(points);
+  const Eigen::Matrix4d normalize = SpaceNormalizer(points);
   Eigen::MatrixXd rows(3 * points.cols(), 12);
   for (Index i = 0; i < points.cols(); ++i) {
     const Eigen::Vector4d x = normalize * points.col(i).homogeneous();
@@ -79,10 +79,10 @@ std::optional<Projection> FitProjection(const Eigen::Matrix3Xd& points, const Ei
   constexpr double kMinRatio = 1e-7;
   if (!(svd.singularValues()[10] > kMinRatio * svd.singularValues()[0])) return std::nullopt;
   const Eigen::Matrix<double, 12, 1> p = svd.matrixV().col(11);
-  Projection projection = Eigen::Map<const Projection>(p.data()) * normalize;
+  PinholeMatrix projection = Eigen::Map<const PinholeMatrix>(p.data()) * normalize;
   double side = 0;
   for (Index i = 0; i < points.cols(); ++i) side += rays.col(i).normalized().dot(projection * points.col(i).homogeneous());
-  return side < 0 ? Projection(-projection) : projection;
+  return side < 0 ? PinholeMatrix(-projection) : projection;
 }
 
 std::optional<geometry::Rigid3> PoseInSpace(const Eigen::Matrix3Xd& points, const Eigen::Matrix3Xd& rays) {
@@ -100,7 +100,7 @@ std::optional<geometry::Rigid3> PoseInSpace(const Eigen::Matrix3Xd& points, cons
 }
 
 std::optional<double> FocalInSpace(const View& view, int width_px, int height_px) {
-  const Seen seen = Weighted(view);
+  const SeenPoints seen = WeightedPoints(view);
   const Eigen::Vector2d centre((width_px - 1) / 2.0, (height_px - 1) / 2.0);
   const double size = std::max(width_px, height_px);
   const auto projection = FitProjection(seen.points, ((seen.px.colwise() - centre) / size).colwise().homogeneous());
