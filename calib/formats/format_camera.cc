@@ -124,7 +124,8 @@ void StateLensesOnly(ImportedRig* imported) {
   imported->rig.gauge = geometry::kLensesOnly;
   imported->notes.push_back(
       {"CAL-NOPOSE", "the file has no rotations and translations (R, T): the lenses are known, where the cameras stand is not",
-       "give the file with them as well, or place the cameras: calibrate --start, calib refine --from-keypoints"});
+       "give the file with them as well, or place the cameras: calibrate with option 'start', calib refine with option "
+       "'from-keypoints'"});
 }
 
 ImportNote UnitNote(double metres_per_unit) {
