@@ -304,6 +304,15 @@ std::string WorstCamera(const calib::CalibrateReport& report) {
 
 std::string Figure(double value, int decimals) { return std::isfinite(value) ? Format("%.*f", decimals, value) : "-"; }
 
+/// fx/fy where pixels are not square, else the mean.
+std::string FocalText(const calib::CalibrateReport& report, size_t i) {
+  constexpr double kSquare = 0.01;
+  const double mean = report.cameras[i].focal_px;
+  if (i >= report.rig.cameras.size() || report.rig.cameras[i].camera.name != report.cameras[i].name) return Figure(mean, 2);
+  const double fx = report.rig.cameras[i].camera.fx(), fy = report.rig.cameras[i].camera.fy();
+  return std::abs(fx - fy) > kSquare * mean ? Figure(fx, 1) + "/" + Figure(fy, 1) : Figure(mean, 2);
+}
+
 std::string EdgeText(const calib::CalibrateReport& report, const std::string& camera) {
   for (const calib::CameraUncertainty& c : report.uncertainty.cameras) {
     if (c.name == camera) return Figure(c.edge_px, c.edge_px < 100 ? 2 : 0);
@@ -318,13 +327,13 @@ std::string CalibrateSummary(const calib::CalibrateReport& report) {
   for (size_t i = 0; i < report.cameras.size(); ++i) {
     const calib::CameraReport& c = report.cameras[i];
     const std::string sigma = LensSigmaKnown(report, i) ? Format("%.2f", c.focal_sigma_px) : "?";
-    text += Format("%-19s %-9s %9.2f  %-6s %7.3f  %11s  %10s  %6d  %6.0f %%\n", c.name.c_str(),
-                   std::string(geometry::ToString(c.model)).c_str(), c.focal_px, sigma.c_str(), c.rms_px,
+    text += Format("%-19s %-9s %9s  %-6s %7.3f  %11s  %10s  %6d  %6.0f %%\n", c.name.c_str(),
+                   std::string(geometry::ToString(c.model)).c_str(), FocalText(report, i).c_str(), sigma.c_str(), c.rms_px,
                    Figure(c.holdout_rms_px, 3).c_str(), EdgeText(report, c.name).c_str(), c.num_views, 100 * c.coverage);
   }
-  text += Format("rig: rms %.3f px, held-out %.3f px, %d corners in %d frames, %.1f %% rejected, world: %s\n", report.rms_px,
-                 report.holdout_rms_px, report.num_corners, report.num_frames, 100 * report.rejected_fraction,
-                 report.gauge.c_str());
+  text += Format("rig: rms %.3f px, held-out %s px, %d corners in %d frames, %.1f %% rejected, world: %s\n", report.rms_px,
+                 Figure(report.holdout_rms_px, 3).c_str(), report.num_corners, report.num_frames,
+                 100 * report.rejected_fraction, report.gauge.c_str());
   if (report.rig.cameras.size() == 2) {
     text += Format("baseline %.3f mm\n", BaselineMm(report.rig));
   }

@@ -21,6 +21,9 @@ struct Arguments {
   std::vector<std::string> in;
 };
 
+/// "-" where the lens does not reach the image's edge.
+std::string Degrees(double degrees) { return std::isfinite(degrees) ? Format("%4.0f", degrees) : std::string("   -"); }
+
 std::string Table(const Rig& rig) {
   std::string text = Format("%-14s %-14s %11s %9s %9s %9s %9s  %-15s %26s %9s %s\n", "camera", "lens", "size px", "fx px",
                             "fy px", "cx px", "cy px", "fov deg", "position in world m", "sigma f", "sigma position mm");
@@ -29,9 +32,9 @@ std::string Table(const Rig& rig) {
     const Eigen::Vector3d at = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
     const Eigen::Vector3d fov = app::FieldOfViewDeg(c);
     const app::CameraSigmas sigmas = app::SigmasOf(camera);
-    text += Format("%-14s %-14s %5d x %-4d %9.2f %9.2f %9.2f %9.2f  %4.0f %4.0f %4.0f  %8.3f %8.3f %8.3f",
-                   OneLine(c.name).c_str(), std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(),
-                   c.fy(), c.cx(), c.cy(), fov[0], fov[1], fov[2], at[0], at[1], at[2]);
+    text += Format("%-14s %-14s %5d x %-4d %9.2f %9.2f %9.2f %9.2f  %s %s %s  %8.3f %8.3f %8.3f", OneLine(c.name).c_str(),
+                   std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(), c.fy(), c.cx(), c.cy(),
+                   Degrees(fov[0]).c_str(), Degrees(fov[1]).c_str(), Degrees(fov[2]).c_str(), at[0], at[1], at[2]);
     text += std::isfinite(sigmas.focal_px) ? Format(" %9.3f", sigmas.focal_px) : std::string("         -");
     text += std::isfinite(sigmas.position_m) ? Format(" %8.3f\n", 1e3 * sigmas.position_m) : std::string("        -\n");
     const std::vector<std::string> names = geometry::ParamNames(c);

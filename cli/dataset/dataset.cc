@@ -10,6 +10,7 @@
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/disk/files.h"
+#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/some_of.h"
@@ -71,6 +72,12 @@ dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) 
   inputs.pose3d = arguments->pose3d.empty() ? take.Folder("pose3d") : arguments->pose3d;
   inputs.marker_unit = arguments->marker_unit, inputs.skeleton = arguments->skeleton;
   if (inputs.pose3d.empty()) throw UsageError("--pose3d is needed: the folder that triangulate wrote");
+  if (std::filesystem::is_directory(inputs.pose3d) && !std::filesystem::exists(inputs.pose3d + "/points.csv") &&
+      !FilesNamed(inputs.pose3d, "body3DScene_", ".json").empty())
+    throw UsageError(
+        "--pose3d " + inputs.pose3d +
+        " holds body3DScene files, which are joints of a dataset already: give the folder that triangulate wrote, or "
+        "turn that dataset into a session with `mvstudio dataset import panoptic`");
   if (arguments->out.empty()) arguments->out = take.Folder("dataset");
   if (arguments->out.empty()) throw UsageError("--out is needed without --session");
   if (!arguments->sequence_given && !take.take.empty()) arguments->options.sequence = dataset::Slug(take.take);

@@ -64,6 +64,8 @@ std::string PanopticDataset::MaskPath(const std::string& camera, int frame) cons
 std::string FindPanopticCalibration(const std::string& root) {
   RequireFolder(root, "; a dataset is a folder in Panoptic's layout, or a pack, which begins like HDF5");
   const std::vector<std::string> found = FilesNamed(root, "calibration_", ".json");
+  if (found.empty() && !FilesNamed(root, "shard-", ".h5").empty())
+    throw IoError(root, "is a pack; this command reads the dataset that the pack was made from");
   if (found.empty()) throw IoError(root, "holds no calibration_<sequence>.json: not a dataset in Panoptic layout");
   if (found.size() > 1) {
     throw FormatError(root, "",
