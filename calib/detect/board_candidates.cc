@@ -247,10 +247,12 @@ void AddCircleGuesses(const Pictures& pictures, int num_threads, Candidates* can
   ParallelFor(looks, num_threads, [&](int64_t i) {
     const size_t at = static_cast<size_t>(i) * pictures.grey.size() / static_cast<size_t>(looks);
     for (const bool inverted : {false, true}) {
-      auto board = GuessCircles(FindLattice(FindSpots(inverted ? pictures.negative[at] : pictures.grey[at])));
-      if (!board || boards[static_cast<size_t>(i)]) continue;
-      board->inverted = inverted;
-      boards[static_cast<size_t>(i)] = board;
+      for (const SpotLattice& lattice : FindLattices(FindSpots(inverted ? pictures.negative[at] : pictures.grey[at]))) {
+        auto board = GuessCircles(lattice);
+        if (!board || boards[static_cast<size_t>(i)]) continue;
+        board->inverted = inverted;
+        boards[static_cast<size_t>(i)] = board;
+      }
     }
   });
   for (const auto& board : boards) {

@@ -17,7 +17,7 @@ using Cell = std::pair<int, int>;
 constexpr double kLeastArea = 16, kMostShare = 0.05;  // px^2; of the image
 constexpr double kOutlineSlack = 0.12;                // of the ellipse's area
 constexpr double kLeastFlat = 0.12;                   // of the short axis to the long one
-constexpr double kStepSlack = 0.35;                   // of a step, between a spot and where its neighbours put it
+constexpr double kStepSlack = 0.25;                   // of a step, between a spot and where its neighbours put it
 
 /// The ellipse with the moments of the outline's inside; nothing where the outline is none.
 std::optional<Spot> SpotOf(const std::vector<cv::Point>& outline, double most_area) {
@@ -72,7 +72,7 @@ Eigen::Vector2d Unfolded(const Spot& from, const Eigen::Vector2d& to) {
 }
 
 bool AlikeInSize(const Spot& a, const Spot& b) {
-  constexpr double kRatio = 2.5;  // of areas of neighbours
+  constexpr double kRatio = 2;  // of areas of neighbours
   return a.area_px() < kRatio * b.area_px() && b.area_px() < kRatio * a.area_px();
 }
 
@@ -216,22 +216,22 @@ std::vector<Spot> FindSpots(const Image& grey) {
   return spots;
 }
 
-SpotLattice FindLattice(const std::vector<Spot>& spots) {
-  constexpr size_t kMostSpots = 4000, kMostSeeds = 60;
-  SpotLattice best;
-  if (spots.size() > kMostSpots) return best;
+std::vector<SpotLattice> FindLattices(const std::vector<Spot>& spots) {
+  constexpr size_t kMostSpots = 4000, kMostSeeds = 60, kFewest = 4;
+  std::vector<SpotLattice> lattices;
+  if (spots.size() > kMostSpots) return lattices;
   std::set<int> used;
   for (size_t i = 0, seeds = 0; i < spots.size() && seeds < kMostSeeds; ++i) {
     const int seed = static_cast<int>((i * 7919) % spots.size());  // spread over the image
     if (!used.insert(seed).second) continue;
     SpotLattice lattice = Grower(spots).From(seed);
     ++seeds;
-    if (2 * lattice.size() > spots.size()) return lattice;
-    if (lattice.size() < 4) continue;
+    if (lattice.size() < kFewest) continue;
     for (const auto& [cell, spot] : lattice) used.insert(spot);
-    if (lattice.size() > best.size()) best = std::move(lattice);
+    lattices.push_back(std::move(lattice));
   }
-  return best;
+  std::stable_sort(lattices.begin(), lattices.end(), [](const auto& a, const auto& b) { return a.size() > b.size(); });
+  return lattices;
 }
 
 std::vector<int> CirclesInLattice(const Board& board, const SpotLattice& lattice, const std::vector<Spot>& spots) {

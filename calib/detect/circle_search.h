@@ -22,10 +22,11 @@ struct Spot {
 /// Dark spots on light ground of 5 px across or more, by thresholds that follow the brightness around.
 std::vector<Spot> FindSpots(const Image& grey);
 
-/// Spots in rows and columns: the largest set of neighbours of neighbours. Cell (i, j) -> spot; i runs along x of the lattice,
-/// j along y, and x cross y points away from the viewer.
+/// Spots in rows and columns. Cell (i, j) -> spot; i runs along x of the lattice, j along y, and x cross y points away from
+/// the viewer.
 using SpotLattice = std::map<std::pair<int, int>, int>;
-SpotLattice FindLattice(const std::vector<Spot>& spots);
+/// Sets of neighbours of neighbours with 4 spots or more, the largest first.
+std::vector<SpotLattice> FindLattices(const std::vector<Spot>& spots);
 
 /// The spot of each circle of the board, by number; of a board that looks alike in several turns in the one whose x axis points
 /// most to the right. Empty when the lattice does not hold the whole board, or more than it in its rows.

@@ -21,11 +21,12 @@ double NearestPx(const Eigen::Matrix2Xd& px, Eigen::Index at) {
 
 BoardDetection DetectCircleGrid(const Board& board, const Image& grey, const DetectOptions& options) {
   const std::vector<Spot> seen = FindSpots(grey);
-  const SpotLattice lattice = FindLattice(seen);
-  const std::vector<int> circles = CirclesInLattice(board, lattice, seen);
+  const std::vector<SpotLattice> lattices = FindLattices(seen);
+  std::vector<int> circles;
+  for (size_t l = 0; l < lattices.size() && circles.empty(); ++l) circles = CirclesInLattice(board, lattices[l], seen);
   if (circles.empty()) {
-    if (lattice.size() < 4) return NotDetected(Status::kTooFewViews, "no grid of circles found");
-    const bool fewer = lattice.size() < static_cast<size_t>(board.num_corners());
+    if (lattices.empty()) return NotDetected(Status::kTooFewViews, "no grid of circles found");
+    const bool fewer = lattices[0].size() < static_cast<size_t>(board.num_corners());
     return NotDetected(Status::kDegenerate, fewer ? "not all circles of the board are in sight, or it has fewer"
                                                   : "the circles in sight are more than the board's, or in other rows");
   }
