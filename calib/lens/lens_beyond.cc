@@ -100,7 +100,7 @@ int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<
   const double best_error = of_chosen.relative_error;
   if (taken != chosen) {
     *note = Figures(candidates[static_cast<size_t>(taken)], of_taken, best_error) + " in place of " +
-            Figures(of_chosen, wanted, best_error);
+            ToString(of_chosen.config) + " (" + ToString(wanted) + ")";
   } else if (closest >= 0) {
     *note =
         "of the simpler lenses " + Figures(candidates[static_cast<size_t>(closest)], of_closest, best_error) + " comes nearest";

@@ -178,6 +178,18 @@ PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, con
   return result;
 }
 
+std::vector<std::vector<double>> ErrorsOnOwnBoards(const LensPool& fit) {
+  std::vector<std::vector<double>> errors_px(fit.views.size());
+  for (size_t v = 0; v < fit.views.size(); ++v) {
+    View view = fit.views[v];
+    view.weights = fit.prior[v];
+    if ((view.weights.array() > 0).count() < kMinCorners) continue;
+    AppendHeldOutErrors(fit.state.cameras[static_cast<size_t>(view.camera_idx)], view, fit.state, fit.state.world_from_board[v],
+                        &errors_px[v]);
+  }
+  return errors_px;
+}
+
 HoldoutSummary Summarize(const LensPool& pool, const PoolHoldout& holdout, int camera_idx) {
   std::vector<double> errors;
   for (size_t v = 0; v < pool.views.size() && v < holdout.view_errors_px.size(); ++v) {

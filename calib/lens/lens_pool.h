@@ -54,6 +54,9 @@ struct PoolHoldout {
 /// the others are trained on, unless one of the same cluster is held out.
 PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, const BundleOptions& options);
 
+/// The same errors with the lenses of the fit, which the boards took part in: less than held out, at no cost.
+std::vector<std::vector<double>> ErrorsOnOwnBoards(const LensPool& fit);
+
 inline constexpr double kGrossPx = 5;  ///< held-out corners beyond this are gross errors
 
 struct HoldoutSummary {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 
 #include "calib/bundle/camera_noise.h"
 #include "calib/lens/lens_configs.h"
@@ -34,23 +35,11 @@ bool IsStandard(const LensConfig& config) {
   return config.model == geometry::LensModel::kKannalaBrandt4 || config.model == geometry::LensModel::kKannalaBrandt4P;
 }
 
-/// Errors on the very boards of the fit, px, of all corners that held-out errors count.
-std::vector<std::vector<double>> OwnErrors(const LensPool& fit) {
-  const std::vector<Eigen::VectorXd> distances = CornerDistances(fit.views, fit.state);
-  std::vector<std::vector<double>> errors(fit.views.size());
-  for (size_t v = 0; v < fit.views.size(); ++v) {
-    for (Eigen::Index k = 0; k < distances[v].size(); ++k) {
-      if (fit.prior[v][k] > 0) errors[v].push_back(distances[v][k]);
-    }
-  }
-  return errors;
-}
-
-/// Whether the candidate's residuals on its own boards already exceed the held-out errors of `best`.
+/// Whether the candidate's errors already exceed the held-out ones of `best` with lenses in which these very boards took part.
 bool LosesSurely(const LensCandidate& candidate, const LensCandidate& best) {
   const std::vector<double> medians = BestMedians({best}, static_cast<int>(best.fit.state.cameras.size()));
   const std::vector<double> of_best = ClusterScores(best.fit, best.holdout.view_errors_px, medians);
-  const std::vector<double> own = ClusterScores(candidate.fit, OwnErrors(candidate.fit), medians);
+  const std::vector<double> own = ClusterScores(candidate.fit, ErrorsOnOwnBoards(candidate.fit), medians);
   const UnitMean worse_by = DifferenceOverUnits(own, of_best);
   const double loss = MeanLoss(of_best);
   return worse_by.num_units > 1 && worse_by.mean > 2 * kSureLoss * loss &&
@@ -63,10 +52,19 @@ double GainOver(const LensCandidate& candidate, const LensCandidate& best, doubl
   return std::accumulate(a.begin(), a.end(), 0.0) - std::accumulate(b.begin(), b.end(), 0.0);
 }
 
-bool CanWin(const LensCandidate& candidate, const LensCandidate& best, double sigma_px) {
-  if (LosesSurely(candidate, best)) return false;
-  const int more = NumParams(candidate) - NumParams(best);
-  return more <= 0 || IsStandard(candidate.config) || GainOver(candidate, best, sigma_px) > more;
+/// Whether `simpler` is a case of the other lens: some of its terms zero, or one lens for all cameras.
+bool IsCaseOf(const LensConfig& simpler, const LensConfig& richer) {
+  if (IsGrid(simpler) || IsGrid(richer) || simpler.shared < richer.shared) return false;
+  if (simpler.model == richer.model) return simpler.shared != richer.shared;
+  if (geometry::IsWide(richer.model)) return geometry::WithDecentring(simpler.model) == richer.model;
+  auto model = geometry::TraitsOf(richer.model).simpler;
+  while (model && *model != simpler.model) model = geometry::TraitsOf(*model).simpler;
+  return model.has_value();
+}
+
+/// Whether its further terms explain no more than noise would: one coordinate's variance each.
+bool ExplainsNothing(const LensCandidate& richer, const LensCandidate& simpler, double sigma_px) {
+  return GainOver(richer, simpler, sigma_px) <= NumParams(richer) - NumParams(simpler);
 }
 
 /// Whether a smoother lens could still explain something: what varies smoothly over a board, in any camera. Boards of few
@@ -113,10 +111,13 @@ class Trials {
 
   /// Of those that are not held out yet, the ones that can win against `best`.
   std::vector<size_t> Hopeful(const std::vector<size_t>& of, size_t best) const {
-    const double sigma_px = SmallestSigma(candidates_);
+    std::vector<char> can_win(of.size(), false);
+    ParallelFor(static_cast<int64_t>(of.size()), run_.num_threads, [&](int64_t i) {
+      can_win[static_cast<size_t>(i)] = !held_out_[of[static_cast<size_t>(i)]] && CanWin(of[static_cast<size_t>(i)], best);
+    });
     std::vector<size_t> hopeful;
-    for (const size_t i : of) {
-      if (!held_out_[i] && CanWin(candidates_[i], candidates_[best], sigma_px)) hopeful.push_back(i);
+    for (size_t i = 0; i < of.size(); ++i) {
+      if (can_win[i]) hopeful.push_back(of[i]);
     }
     return hopeful;
   }
@@ -148,6 +149,18 @@ class Trials {
   }
 
  private:
+  bool CanWin(size_t index, size_t best) const {
+    const LensCandidate& candidate = candidates_[index];
+    const double sigma_px = SmallestSigma(candidates_);
+    const auto in_vain = [&](const LensCandidate& other) {
+      return IsCaseOf(other.config, candidate.config) && ExplainsNothing(candidate, other, sigma_px);
+    };
+    if (std::any_of(candidates_.begin(), candidates_.end(), in_vain)) return false;
+    const bool more = NumParams(candidate) > NumParams(candidates_[best]) && !IsStandard(candidate.config);
+    if (more && ExplainsNothing(candidate, candidates_[best], sigma_px)) return false;
+    return !LosesSurely(candidate, candidates_[best]);
+  }
+
   const LensPool& pool_;
   SelectionOptions options_;
   BundleOptions bundle_;
