@@ -66,6 +66,19 @@ std::string KindOfNpz(const std::map<std::string, std::string>& members) {
   return "something else";
 }
 
+/// Variances are not negative, and no correlation is beyond 1.
+void RequireCorrelations(const at::Tensor& covariance, const std::string& path) {
+  constexpr double kRounding = 1e-6;
+  const at::Tensor variance = covariance.diagonal();
+  const double most = covariance.abs().max().item<double>();
+  const bool negative = variance.min().item<double>() < -kRounding * most;
+  const at::Tensor bound = at::outer(variance, variance).clamp_min(0).sqrt() + kRounding * most;
+  if (negative || (covariance.abs() > bound).any().item<bool>())
+    throw FormatError(
+        path, "sigma",
+        negative ? "has negative variances: it is no covariance" : "has correlations beyond 1: it is no covariance");
+}
+
 Features StatisticsOf(const std::map<std::string, std::string>& members, const std::string& path) {
   const NpyArray mu = ParseNpy(members.at("mu"), path + ": mu"), sigma = ParseNpy(members.at("sigma"), path + ": sigma");
   if (mu.shape.size() != 1 || sigma.shape != std::vector<int64_t>{mu.shape[0], mu.shape[0]} || mu.shape[0] == 0)
@@ -76,6 +89,7 @@ Features StatisticsOf(const std::map<std::string, std::string>& members, const s
   const double most = covariance.abs().max().item<double>();
   if ((covariance - covariance.t()).abs().max().item<double>() > 1e-6 * most)
     throw FormatError(path, "sigma", "is not symmetric");
+  RequireCorrelations(covariance, path);
   Features features;
   features.gaussian = avatar::GaussianOf(mean, covariance);
   features.d = mu.shape[0];

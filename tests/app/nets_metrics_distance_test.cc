@@ -110,6 +110,12 @@ TEST(MetricsDistance, ArchivesOfSomethingElseAreCalledThat) {
   Put(folder / "odd.npz", NpzOf({{"mu", zero}, {"sigma", zero}}));
   EXPECT_THAT(Refused(folder, "motion.npz", "a.npy"), HasSubstr("AMASS"));
   EXPECT_THAT(Refused(folder, "odd.npz", "a.npy"), HasSubstr("mu, sigma"));
+  const auto with_sigma = [&](std::vector<double> sigma) {
+    Put(folder / "no.npz", NpzOf({{"mu", NpyOfDoubles({2}, {0, 0})}, {"sigma", NpyOfDoubles({2, 2}, std::move(sigma))}}));
+    return Refused(folder, "no.npz", "a.npy");
+  };
+  EXPECT_THAT(with_sigma({1, 0, 0, -1}), HasSubstr("negative variances"));
+  EXPECT_THAT(with_sigma({1, 2, 2, 1}), HasSubstr("correlations beyond 1"));
 }
 
 TEST(MetricsDistance, FeaturesThatCannotBeComparedAreRefusedWithThePlace) {
