@@ -104,6 +104,8 @@ MarkerFile ReadMarkers(const std::string& path, const std::string& unit, const s
   }
   if (bvh && up != "y" && file.pose.definition) file.pose.definition->rest_m.clear();  // a rest has y up
   file.up = up, file.y_up = up == "y";
+  const auto about_up = [](const std::string& note) { return note.find("option 'up'") != std::string::npos; };
+  file.notes.erase(std::remove_if(file.notes.begin(), file.notes.end(), about_up), file.notes.end());
   return file;
 }
 
