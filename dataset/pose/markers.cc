@@ -126,6 +126,8 @@ std::vector<std::string> NotesOf(const MarkerFile& file, const std::string& path
 Pose3d ReadPoints3d(const std::string& path, const std::string& unit, const std::string& up, MarkerFile* file) {
   namespace fs = std::filesystem;
   std::error_code error;
+  if (!fs::exists(path, error))
+    throw IoError(path, "does not exist; give a folder of triangulate, its points.csv, or a file of markers");
   const std::string name = Lower(fs::path(path).filename().string());
   if (name == "pose3d.json" || name == "points.csv") {
     const fs::path folder = fs::path(path).parent_path();
