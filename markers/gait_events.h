@@ -39,9 +39,9 @@ struct GaitReport {
 
 /// Zeni et al., Gait & Posture 27, 2008: a heel strike where the heel is farthest before the pelvis, a toe off where the toes
 /// are farthest behind it, along the direction in which the hips face. Events count where heel strikes of both sides alternate
-/// in steps of 0.2 to 1.5 s, each with its heel ahead of the other by a fifth of the leg or more: nobody else walks. Beside
-/// each stands the extremum of the vertical velocity of the foot's middle (O'Connor et al., Gait & Posture 25, 2007). Ankles
-/// stand in for missing heels and toes, which is said. `has_up`: z is up in the world.
+/// in even steps of 0.2 to 1.5 s, each with its heel ahead of the other by a fifth of the leg or more: nobody else walks.
+/// Beside each stands the extremum of the vertical velocity of the foot's middle (O'Connor et al., Gait & Posture 25, 2007).
+/// Ankles stand in for missing heels and toes, which is said. `has_up`: z is up in the world.
 GaitReport FindGaitEvents(const MarkerTake& take, bool has_up);
 
 /// frame,time_s,side,event,confidence,velocity_frame.

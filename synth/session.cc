@@ -176,7 +176,9 @@ class Take {
   }
 
   void WriteJoints() const {
-    dataset::WritePose3d(truth_, studio_.Path("truth/pose3d"));
+    dataset::Pose3d truth = truth_;
+    truth.frame_rate_hz = studio_.options.fps;
+    dataset::WritePose3d(truth, studio_.Path("truth/pose3d"));
     surface_truth_.Finish(skeleton_, studio_.options.fps);
     for (int c = 0; c < studio_.num_cameras(); ++c) {
       dataset::Pose2dTrack track{studio_.name(c), {}};

@@ -102,7 +102,7 @@ std::vector<std::string> Lost(const MarkerTake& take, const std::string& to) {
   if (filled && (to == "trc" || to == "wide" || to == "sto" || to == "bvh")) lost.push_back("which positions were filled");
   if (to == "c3d") lost.push_back("digits beyond single precision");
   if (to == "bvh" && any_missing) lost.push_back("that positions are missing: rotations are held there");
-  if (to == "bvh") lost.push_back("bones that change their lengths");
+  if (to == "bvh") lost.push_back("bones that change their lengths; how bones turn about themselves");
   if (to == "bvh" && take.first_frame != 0) lost.push_back("the numbers of the frames: they begin with 0");
   return lost;
 }

@@ -244,7 +244,8 @@ std::string RefinementText(const triangulate::SkeletonRefineReport& report) {
   std::string text = Format("refined by %s: one camera left out %.2f -> %.2f px", terms.c_str(), report.before.median_px,
                             report.after.median_px);
   if (std::isfinite(report.limb_std_before_mm))
-    text += Format(", bones vary by %.1f -> %.1f mm", report.limb_std_before_mm, report.limb_std_after_mm);
+    text +=
+        ", bones vary by " + LengthText(report.limb_std_before_mm / 1e3) + " -> " + LengthText(report.limb_std_after_mm / 1e3);
   text += Format(", %d joints filled\n", report.num_filled);
   if (report.num_unrefined_frames == 0) return text;
   return text +

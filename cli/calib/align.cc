@@ -124,7 +124,7 @@ void Describe(const RigAlignment& found, CommandResult* result) {
   if (found.status != Status::kOk) return;
   AddMotion(found, &m);
   m["gauge"] = found.rig.gauge;
-  const std::string rms = std::isfinite(found.rms_px) ? Format("%.3f px", found.rms_px) : Format("%.2f mm", 1e3 * found.rms_m);
+  const std::string rms = std::isfinite(found.rms_px) ? Format("%.3f px", found.rms_px) : app::LengthText(found.rms_m);
   result->text += Format("%d of %d points, rms %s", found.num_used, found.num_points, rms.c_str());
   if (found.scale != 1) result->text += Format(", scale %.6f", found.scale);
   result->text += "\n";

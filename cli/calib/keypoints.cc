@@ -150,7 +150,7 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
 
 std::string Limbs(const calib::KeypointError& error) {
   if (!std::isfinite(error.limb_mean_mm)) return "";
-  return Format("; limbs %.1f mm long +- %.1f mm", error.limb_mean_mm, error.limb_std_mm);
+  return "; limbs " + app::LengthText(error.limb_mean_mm / 1e3) + " long +- " + app::LengthText(error.limb_std_mm / 1e3);
 }
 
 std::string Line(const calib::KeypointCamera& c, bool kept) {

@@ -26,7 +26,7 @@ using nlohmann::ordered_json;
 
 struct BuildArguments {
   app::TakeArguments take;
-  std::string calib, pose3d, marker_unit, skeleton, masks, out;
+  std::string calib, pose3d, marker_unit, skeleton, frames, masks, out;
   bool sequence_given = false, rate_given = false, masks_given = false, no_masks = false;
   dataset::BuildOptions options;
 };
@@ -71,6 +71,7 @@ dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) 
   if (inputs.calibration.empty()) throw UsageError("--calib is needed: the calibration of these cameras");
   inputs.pose3d = arguments->pose3d.empty() ? take.Folder("pose3d") : arguments->pose3d;
   inputs.marker_unit = arguments->marker_unit, inputs.skeleton = arguments->skeleton;
+  if (!arguments->frames.empty()) inputs.frames = ParseRanges("--frames", arguments->frames);
   if (inputs.pose3d.empty()) throw UsageError("--pose3d is needed: the folder that triangulate wrote");
   if (std::filesystem::is_directory(inputs.pose3d) && !std::filesystem::exists(inputs.pose3d + "/points.csv") &&
       !FilesNamed(inputs.pose3d, "body3DScene_", ".json").empty())
@@ -199,6 +200,7 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   AddOption(sub, "--pose3d", arguments->pose3d,
             "folder with points.csv, as triangulate writes it, or a .trc or .c3d file of markers; the session's pose3d/TAKE "
             "unless given");
+  AddOption(sub, "--frames", arguments->frames, "80-99 or 1,4,7-9: time steps of the joints; all unless given");
   AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
   AddSkeletonOption(sub, arguments->skeleton, "of the 3D joints, where --pose3d does not state it");
   StartGroup(sub, "Dataset");

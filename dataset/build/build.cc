@@ -8,6 +8,7 @@
 #include <set>
 
 #include "body/skeleton_text.h"
+#include "core/choice/frame_choice.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
@@ -259,9 +260,23 @@ Pose3d ReadMarkersOf(const BuildInputs& inputs, BuildReport* report) {
   return std::move(file.pose);
 }
 
+void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose) {
+  if (inputs.frames.empty()) return;
+  std::set<int> there;
+  for (const JointRow& row : pose->rows) there.insert(row.frame);
+  const auto refuse = [&](int frame) {
+    throw UsageError("option 'frames': " + inputs.pose3d + " has no frame " + std::to_string(frame));
+  };
+  const std::vector<int> kept = KnownFrames(
+      inputs.frames, [&](int frame) { return there.count(frame) > 0; }, refuse);
+  const auto gone = [&](const JointRow& row) { return !std::binary_search(kept.begin(), kept.end(), row.frame); };
+  pose->rows.erase(std::remove_if(pose->rows.begin(), pose->rows.end(), gone), pose->rows.end());
+}
+
 Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
   Pose3d pose = IsMarkerFile(inputs.pose3d) ? ReadMarkersOf(inputs, report) : ReadPoints3d(inputs.pose3d, inputs.marker_unit);
   if (!inputs.skeleton.empty()) UseSkeleton(body::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
+  KeepTimeSteps(inputs, &pose);
   RequireJoints(inputs.pose3d, pose);
   return pose;
 }

@@ -29,6 +29,7 @@ struct BuildInputs {
   std::string marker_unit = {};  ///< m, cm, mm or in, instead of what such a file states
   std::string masks = {};        ///< folder with a folder of masks for each camera, instead of making them; may be empty
   std::string skeleton = {};     ///< name or file of the joints' skeleton, instead of what `pose3d` states; may be empty
+  std::vector<int> frames = {};  ///< time steps of the joints that are built, sorted; empty: all
 };
 
 struct BuildOptions {

@@ -104,6 +104,8 @@ MarkerFile ReadMarkers(const std::string& path, const std::string& unit, const s
   }
   if (bvh && up != "y" && file.pose.definition) file.pose.definition->rest_m.clear();  // a rest has y up
   file.up = up, file.y_up = up == "y";
+  const auto about_up = [](const std::string& note) { return note.find("option 'up'") != std::string::npos; };
+  file.notes.erase(std::remove_if(file.notes.begin(), file.notes.end(), about_up), file.notes.end());
   return file;
 }
 
@@ -124,6 +126,8 @@ std::vector<std::string> NotesOf(const MarkerFile& file, const std::string& path
 Pose3d ReadPoints3d(const std::string& path, const std::string& unit, const std::string& up, MarkerFile* file) {
   namespace fs = std::filesystem;
   std::error_code error;
+  if (!fs::exists(path, error))
+    throw IoError(path, "does not exist; give a folder of triangulate, its points.csv, or a file of markers");
   const std::string name = Lower(fs::path(path).filename().string());
   if (name == "pose3d.json" || name == "points.csv") {
     const fs::path folder = fs::path(path).parent_path();

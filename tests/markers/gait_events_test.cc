@@ -4,9 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 
 #include "core/random.h"
 #include "core/units.h"
+#include "dataset/pose/markers.h"
 
 namespace mvstudio::markers {
 namespace {
@@ -103,6 +106,26 @@ TEST(GaitEvents, NobodyWalksIsAnAnswer) {
   MarkerTake hips = Walk(1.3, false, 0);
   for (size_t m = 2; m < 6; ++m) hips.names[m] = "x" + std::to_string(m);
   EXPECT_THAT(FindGaitEvents(hips, true).why_none, HasSubstr("needed"));
+}
+
+TEST(GaitEvents, OfRecordedPeople) {
+  const char* data = std::getenv("MVSTUDIO_DATA");
+  const std::string folder = std::string(data ? data : "../shared/data") + "/bvh/";
+  if (!std::filesystem::exists(folder + "zombie.bvh")) GTEST_SKIP() << "no " << folder;
+  const auto events = [&](const std::string& name, const std::string& up) {
+    const dataset::MarkerFile file = dataset::ReadMarkers(folder + name, "cm", up);
+    return FindGaitEvents(MarkersOf(file.pose, file.pose.frame_rate_hz).at(0), true);
+  };
+  const GaitReport walks = events("zombie.bvh", "z");
+  EXPECT_GE(walks.events.size(), 40u);
+  EXPECT_THAT(walks.note, HasSubstr("ankles"));
+  for (size_t i = 1; i < walks.events.size(); ++i) {  // the other foot leaves after each strike
+    const GaitEvent &a = walks.events[i - 1], &b = walks.events[i];
+    EXPECT_NE(a.kind, b.kind) << b.frame;
+    EXPECT_EQ(a.kind == GaitEventKind::kHeelStrike, a.left != b.left) << b.frame;
+  }
+  for (const char* name : {"dab.bvh", "jumping.bvh", "wave_hello.bvh"}) EXPECT_TRUE(events(name, "z").events.empty()) << name;
+  EXPECT_TRUE(events("jumping_jacks.bvh", "y").events.empty());
 }
 
 }  // namespace
