@@ -117,6 +117,13 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
   return imported;
 }
 
+void RequirePoses(const geometry::Rig& rig, const std::string& path) {
+  if (!geometry::HasLensesOnly(rig)) return;
+  throw FormatError(path, "",
+                    "holds lenses only, and where the cameras stand is unknown: place them by boards (`mvstudio calibrate`) "
+                    "or by people or a wand (`mvstudio calib refine`, option 'from-keypoints')");
+}
+
 void AddDoubts(const geometry::Rig& rig, CommandResult* result) {
   std::vector<calib::ImportNote> notes;
   for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) notes.push_back({doubt.code, doubt.text, doubt.hint});
