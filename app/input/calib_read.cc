@@ -107,10 +107,7 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
                                   ": the format " + std::string(calib::ToString(format)) + " has a unit of its own",
                               "option 'out-unit' of calib convert writes other units, in formats that name none"});
   }
-  if (geometry::HasLensesOnly(imported.rig)) {
-    imported.rig.gauge = geometry::kLensesOnly;
-    return imported;  // nothing to doubt about poses that nobody stated
-  }
+  if (geometry::HasLensesOnly(imported.rig)) imported.rig.gauge = geometry::kLensesOnly;
   for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(imported.rig)) {
     imported.notes.push_back({doubt.code, doubt.text, doubt.hint});
   }
