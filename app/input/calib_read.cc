@@ -107,14 +107,18 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
                                   ": the format " + std::string(calib::ToString(format)) + " has a unit of its own",
                               "option 'out-unit' of calib convert writes other units, in formats that name none"});
   }
-  if (geometry::HasLensesOnly(imported.rig)) {
-    imported.rig.gauge = geometry::kLensesOnly;
-    return imported;  // nothing to doubt about poses that nobody stated
-  }
+  if (geometry::HasLensesOnly(imported.rig)) imported.rig.gauge = geometry::kLensesOnly;
   for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(imported.rig)) {
     imported.notes.push_back({doubt.code, doubt.text, doubt.hint});
   }
   return imported;
+}
+
+void RequirePoses(const geometry::Rig& rig, const std::string& path) {
+  if (!geometry::HasLensesOnly(rig)) return;
+  throw FormatError(path, "",
+                    "holds lenses only, and where the cameras stand is unknown: place them by boards (`mvstudio calibrate`) "
+                    "or by people or a wand (`mvstudio calib refine`, option 'from-keypoints')");
 }
 
 void AddDoubts(const geometry::Rig& rig, CommandResult* result) {

@@ -54,4 +54,7 @@ CameraSigmas SigmasOf(const geometry::RigCamera& camera);
 /// Adds num_cameras and cameras[].
 void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result);
 
+/// Throws FormatError for lenses only (geometry::HasLensesOnly): the command needs to know where the cameras stand.
+void RequirePoses(const geometry::Rig& rig, const std::string& path);
+
 }  // namespace mvstudio::app

@@ -50,10 +50,7 @@ PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
   const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, read);
   AddNotes(imported.notes, result);
   input.rig = imported.rig;
-  if (!arguments.lenses_suffice && geometry::HasLensesOnly(input.rig))
-    throw FormatError(arguments.calib, "",
-                      "holds lenses only, and where the cameras stand is unknown: place them by boards (`mvstudio calibrate`) "
-                      "or by people (`mvstudio calib refine`, option 'from-keypoints')");
+  if (!arguments.lenses_suffice) RequirePoses(input.rig, arguments.calib);
   return input;
 }
 

@@ -157,6 +157,7 @@ ImportedRig ReadToml(const std::string& path, const ReadOptions& options) {
   imported.rig.gauge = "as imported";
   geometry::UnusedKeys unused(path, options.metres_per_unit);
   const std::vector<CameraTable> cameras = CamerasInFileOrder(root, path);
+  const auto first = std::find_if(cameras.begin(), cameras.end(), [](const CameraTable& t) { return !t.Flag("ignore"); });
   for (const CameraTable& table : cameras) {
     if (table.Flag("ignore")) {
       imported.notes.push_back(
@@ -164,14 +165,14 @@ ImportedRig ReadToml(const std::string& path, const ReadOptions& options) {
       continue;
     }
     geometry::RigCamera camera = ReadCamera(table, options, &imported.notes);
-    if (table.HasPose() != cameras.front().HasPose())
+    if (table.HasPose() != first->HasPose())
       Fail(table.place, "it has " + std::string(table.HasPose() ? "a pose" : "no rotation and translation") + ", and camera " +
-                            cameras.front().name + (table.HasPose() ? " has none" : " has") + ": give all or none");
+                            first->name + (table.HasPose() ? " has none" : " has") + ": give all or none");
     internal::AddCamera(std::move(camera), table.place, &imported.rig);
     table.AddUnused(&unused);
   }
   internal::AddUnusedNote(unused, &imported);
-  if (!cameras.empty() && !cameras.front().HasPose()) internal::StateLensesOnly(&imported);
+  if (first != cameras.end() && !first->HasPose()) internal::StateLensesOnly(&imported);
   if (imported.rig.cameras.empty()) throw FormatError(path, "", "no camera in it: no table has a key 'matrix'");
   return imported;
 }

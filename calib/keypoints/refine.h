@@ -65,7 +65,7 @@ struct KeypointRefineReport {
   KeypointError before, after;  ///< on all held-out frames
   std::vector<KeypointHeldOut> held_out;
   int num_gap_frames = 0;          ///< time steps between the halves that belong to neither
-  std::string unsteady;            ///< one line where parts of the take ask for different rigs (WhyUnsteady)
+  std::string unsteady;            ///< one line where parts of the take ask for different rigs, or a camera fits none
   std::vector<std::string> notes;  ///< one line each: a half that cannot be adjusted to, and why
   LeftOutPersons left_out;
   double cauchy_px = 0;  ///< scale of the noise in the train frames

@@ -5,6 +5,7 @@
 
 #include "calib/keypoints/place.h"
 #include "calib/keypoints/profile.h"
+#include "core/format.h"
 #include "core/parallel.h"
 
 namespace mvstudio::calib {
@@ -43,22 +44,26 @@ bool SameJoints(const std::vector<KeypointJoint>& a, const std::vector<KeypointJ
   return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), same);
 }
 
-constexpr size_t kJudges = 6000;  // observations
+constexpr size_t kJudges = 6000;       // observations
+constexpr double kLeastFitting = 0.4;  // a camera of which a smaller part of the views fits has no part in the rig
+
+/// Cameras, and what part of their views fits.
+using Misfits = std::vector<std::pair<double, size_t>>;
 
 /// The cameras of which less than most views fit a solution, the worst first. Empty optional: nothing speaks against it; an
 /// empty list: none stands out, and the residuals are beyond what detectors err.
-std::optional<std::vector<size_t>> CamerasThatDoNotFit(const KeypointSolution& solution,
-                                                       const std::vector<KeypointJoint>& joints, int num_threads) {
+std::optional<Misfits> CamerasThatDoNotFit(const KeypointSolution& solution, const std::vector<KeypointJoint>& joints,
+                                           int num_threads) {
   constexpr double kMostNoise = 0.004, kLeastShare = 0.6;  // of the images' diagonal; of a Cauchy variable 0.8 fit
   std::vector<double> fitting(solution.rig.cameras.size(), 0), count = fitting;
-  if (solution.status != Status::kOk) return std::vector<size_t>();
+  if (solution.status != Status::kOk) return Misfits();
   for (const KeypointFit& fit : FitKeypoints(solution.rig, joints, solution.cauchy_px, 2, num_threads)) {
     for (size_t v = 0; v < fit.residuals_px.size(); ++v) {
       const auto c = static_cast<size_t>(fit.joint->seen[v].camera_idx);
       count[c] += 1, fitting[c] += fit.residuals_px[v].norm() <= kInlierScales * solution.cauchy_px;
     }
   }
-  std::vector<std::pair<double, size_t>> wrong;
+  Misfits wrong;
   double diagonal_px = 0;
   for (size_t c = 0; c < count.size(); ++c) {
     const geometry::Camera& lens = solution.rig.cameras[c].camera;
@@ -67,9 +72,7 @@ std::optional<std::vector<size_t>> CamerasThatDoNotFit(const KeypointSolution& s
   }
   if (wrong.empty() && std::sqrt(3.0) * solution.cauchy_px <= kMostNoise * diagonal_px) return std::nullopt;
   std::sort(wrong.begin(), wrong.end());
-  std::vector<size_t> cameras;
-  for (const auto& [share, c] : wrong) cameras.push_back(c);
-  return cameras;
+  return wrong;
 }
 
 /// By the cost under the smaller of the two scales.
@@ -158,10 +161,12 @@ KeypointSolution Refinement::SolvePoses(const geometry::Rig& start, const Keypoi
   KeypointSolution best = SolveKeypoints(start, train_, freedom, 0, num_threads_);
   best.rig = AlignToGiven(best.rig, given_);
   const std::vector<KeypointJoint> judges = ThinnedTo(train_, kJudges);
-  const std::optional<std::vector<size_t>> wrong = CamerasThatDoNotFit(best, judges, num_threads_);
-  if (!wrong) return best;
+  const std::optional<Misfits> misfits = CamerasThatDoNotFit(best, judges, num_threads_);
+  if (!misfits) return best;
+  std::vector<size_t> wrong;
+  for (const auto& [share, camera] : *misfits) wrong.push_back(camera);
   std::vector<std::optional<geometry::Rig>> starts = {PlaceAnew(given_, train_)};
-  if (!wrong->empty()) starts.push_back(PlaceByOthers(best.rig, train_, *wrong));
+  if (!wrong.empty()) starts.push_back(PlaceByOthers(best.rig, train_, wrong));
   for (const std::optional<geometry::Rig>& other : starts) {
     if (!other) continue;
     KeypointSolution solution = SolveKeypoints(AlignToGiven(*other, given_), train_, freedom, 0, num_threads_);
@@ -173,10 +178,13 @@ KeypointSolution Refinement::SolvePoses(const geometry::Rig& start, const Keypoi
 
 bool Refinement::MeasureCovariance(const KeypointFreedom& freedom) {
   covariance_ = CovarianceOfKeypoints(solution_, train_, freedom, num_threads_, &given_);
-  const bool views_agree = !CamerasThatDoNotFit(solution_, ThinnedTo(train_, kJudges), num_threads_);
-  const std::string loose = WhyLoose(solution_.rig, covariance_, views_agree);
+  const std::optional<Misfits> misfits = CamerasThatDoNotFit(solution_, ThinnedTo(train_, kJudges), num_threads_);
+  const std::string loose = WhyLoose(solution_.rig, covariance_, !misfits);
   if (!loose.empty()) return Fail(Status::kDegenerate, loose);
   report_.unsteady = WhyUnsteady(solution_.rig, covariance_);
+  if (report_.unsteady.empty() && misfits && !misfits->empty() && misfits->front().first < kLeastFitting)
+    report_.unsteady = Format("of camera %s's views %.0f %% fit the others' points",
+                              solution_.rig.cameras[misfits->front().second].camera.name.c_str(), 100 * misfits->front().first);
   return true;
 }
 

@@ -152,6 +152,7 @@ CommandResult Align(const Arguments& arguments, CommandContext& context) {
   const OutputFiles place({arguments.out},
                           Joined({arguments.calibration}, Joined(arguments.points, PathsIn(arguments.corners.cameras))));
   const calib::ImportedRig given = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
+  app::RequirePoses(given.rig, arguments.calibration);
   app::AddNotes(given.notes, &result);
   result.inputs.push_back(arguments.calibration);
   const RigAlignment found = arguments.floor_board >= 0        ? ByBoard(given.rig, arguments, context, &result)

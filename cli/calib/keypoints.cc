@@ -204,20 +204,20 @@ std::optional<triangulate::CauseReport> WhyNoFit(const KeypointArguments& argume
 
 /// What part of a sample of the detections fits. Exit 4 where that is next to nothing, or where one assumption about what is
 /// wrong explains the take better than the adjustment does.
-void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted,
-               const std::string& unsteady, const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
-  const triangulate::CauseTrial after = FitAsGiven(adjusted, posed.frames, CauseOptionsOf(arguments), run);
+void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const calib::KeypointRefineReport& report,
+               const triangulate::TakeBody& body, const RunContext& run, CommandResult* result) {
+  const triangulate::CauseTrial after = FitAsGiven(report.rig, posed.frames, CauseOptionsOf(arguments), run);
   result->metrics["detections_carried"] = after.carried;
   if (after.num_detections == 0) return;
   // A camera that is late by a frame bends the rig where its time is not what the others' is.
-  if (app::AddTiming(CheckTiming(adjusted, posed.frames, CauseOptionsOf(arguments), run), !arguments.sync.empty(), result))
-    return;
-  if (!unsteady.empty()) {
-    result->exit = kExitQualityGate;
-    result->errors.push_back(
-        {"CAL-UNSTEADY", unsteady,
-         "cameras that are not synchronous (`mvstudio sync`, option 'sync'), that moved during the take, or "
-         "wrong pairs of names do this"});
+  const triangulate::CauseReport timing = CheckTiming(report.rig, posed.frames, CauseOptionsOf(arguments), run);
+  const bool late = app::AddTiming(timing, !arguments.sync.empty(), result);
+  if (!late && !report.unsteady.empty()) {
+    if (!report.kept_input) result->exit = kExitQualityGate;
+    (report.kept_input ? result->warnings : result->errors)
+        .push_back(
+            {"CAL-UNSTEADY", report.unsteady,
+             "cameras that are not synchronous (`mvstudio sync`, --sync), that moved during the take, or wrong names do this"});
   }
   std::string hint = "check that calibration and poses belong to the same cameras";
   const auto why = WhyNoFit(arguments, posed, body, run);
@@ -356,7 +356,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   }
   FillMetrics(report, &result.metrics);
   AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), arguments.options.max_persons, &result);
-  CheckLoss(arguments, posed, report.rig, report.unsteady, app::BodyOf(input.skeleton), context.run, &result);
+  CheckLoss(arguments, posed, report, app::BodyOf(input.skeleton), context.run, &result);
   result.folder = out;
   const std::string path = out + "/calibration.json";
   const geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);

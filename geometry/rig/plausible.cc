@@ -9,6 +9,7 @@
 
 #include "core/format.h"
 #include "core/units.h"
+#include "geometry/rig/lenses_only.h"
 #include "geometry/rig/meeting.h"
 
 namespace mvstudio::geometry {
@@ -255,7 +256,7 @@ std::vector<RigDoubt> DoubtsAbout(const Rig& rig) {
          &doubts);
   Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the image, and the size",
          LookAtFocal, &doubts);
-  LookAtDistances(rig, &doubts);
+  if (rig.gauge != kLensesOnly) LookAtDistances(rig, &doubts);  // nobody stated the poses
   return doubts;
 }
 
