@@ -255,6 +255,8 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
     AddRigCameras(model, *rig, options, pictures, &imported);
   else
     internal::AddPictureCameras(std::move(pictures), &imported);
+  for (const std::string& doubt : model.doubts)
+    imported.notes.push_back({"CAL-COUNT", doubt, "the file was cut short or edited; cameras may be missing"});
   imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   return imported;
 }

@@ -1,6 +1,8 @@
 #include "calib/formats/colmap_files.h"
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <sstream>
@@ -33,11 +35,24 @@ void AddColmapCamera(uint32_t id, ColmapCamera camera, ColmapFiles* model) {
   }
 }
 
+/// The N of a comment "# Number of images: N, mean observations per image: M"; -1: another line.
+long StatedCount(const std::string& line, const std::string& of_what) {
+  const std::string head = "# Number of " + of_what + ": ";
+  return line.rfind(head, 0) == 0 ? std::strtol(line.c_str() + head.size(), nullptr, 10) : -1;
+}
+
+void CheckCount(const std::string& path, const std::string& of_what, long stated, size_t read, ColmapFiles* model) {
+  if (stated >= 0 && static_cast<size_t>(stated) != read)
+    model->doubts.push_back(path + " states " + std::to_string(stated) + " " + of_what + " and holds " + std::to_string(read));
+}
+
 void ReadTextCameras(const std::string& path, ColmapFiles* model) {
   std::istringstream lines(ReadFile(path));
   int number = 0;
+  long stated = -1;
   for (std::string line; std::getline(lines, line);) {
     const Place place{path, "line " + std::to_string(++number)};
+    stated = std::max(stated, StatedCount(line, "cameras"));
     const std::vector<std::string> words = Words(line);
     if (words.empty() || words[0][0] == '#') continue;
     if (words.size() < 4) throw FormatError(path, place.where, "'CAMERA_ID MODEL WIDTH HEIGHT PARAMS' was expected");
@@ -51,13 +66,16 @@ void ReadTextCameras(const std::string& path, ColmapFiles* model) {
     for (size_t i = 4; i < words.size(); ++i) camera.params.push_back(ParseNumber(words[i], place));
     AddColmapCamera(Id(words[0], place), std::move(camera), model);
   }
+  CheckCount(path, "cameras", stated, model->cameras.size(), model);
 }
 
 void ReadTextImages(const std::string& path, ColmapFiles* model) {
   std::istringstream lines(ReadFile(path));
   int number = 0;
+  long stated = -1;
   for (std::string line; std::getline(lines, line);) {
     const Place place{path, "line " + std::to_string(++number)};
+    stated = std::max(stated, StatedCount(line, "images"));
     const std::vector<std::string> words = Words(line);
     if (words.empty() || words[0][0] == '#') continue;
     if (words.size() < 10) {
@@ -75,6 +93,7 @@ void ReadTextImages(const std::string& path, ColmapFiles* model) {
     model->images.push_back(image);
     std::getline(lines, line), ++number;  // its points
   }
+  CheckCount(path, "images", stated, model->images.size(), model);
 }
 
 /// RIG_ID NUM_SENSORS REF_TYPE REF_ID, then TYPE ID HAS_POSE [QW QX QY QZ TX TY TZ] of each other sensor.

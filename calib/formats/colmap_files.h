@@ -64,6 +64,7 @@ struct ColmapFiles {
   std::map<uint32_t, ColmapCamera> cameras;
   std::vector<ColmapImage> images;
   std::vector<std::vector<ColmapSensor>> rigs = {};  ///< each a list of its cameras; read where the file is there
+  std::vector<std::string> doubts = {};              ///< counts that a text file states and does not hold
   std::vector<ColmapPoint> points = {};              ///< written only; ids from 1
 };
 

@@ -131,6 +131,18 @@ TEST(ReadColmap, CamerasOfARigAreNotTheirImages) {
   EXPECT_THAT(MessageOf<FormatError>([&] { ReadColmap(folder / "text"); }), HasSubstr("rigs.txt: line 1"));
 }
 
+TEST(ReadColmap, ACountThatDoesNotHoldIsNamed) {
+  const TempDir folder;
+  WriteFileAtomic(folder / "cameras.txt", "# Number of cameras: 1\n1 PINHOLE 640 480 500 500 320 240\n");
+  const std::string images = "# Number of images: 2, mean observations per image: 0\n1 1 0 0 0 0 0 0 1 a.jpg\n\n";
+  WriteFileAtomic(folder / "images.txt", images);
+  const ImportedRig cut = ReadColmap(folder.path());
+  EXPECT_THAT(CodesOf(cut), HasSubstr("CAL-COUNT"));
+  EXPECT_THAT(cut.notes[0].text, HasSubstr("states 2 images and holds 1"));
+  WriteFileAtomic(folder / "images.txt", images + "2 1 0 0 0 1 0 0 1 b.jpg\n\n");
+  EXPECT_EQ(CodesOf(ReadColmap(folder.path())).find("CAL-COUNT"), std::string::npos);
+}
+
 TEST(ReadColmap, RigsInBinary) {
   const TempDir folder;
   geometry::Rig rig;
