@@ -81,13 +81,9 @@ struct Case {
 };
 
 std::vector<Case> Cases() {
-  const auto none = [](Detection*) {};
   return {
-      {"as it is", {0, 0, 0}, none},
       {"one camera upside down", {0, 0}, [](Detection* d) { d->camera_idx == 1 ? Turn(d) : void(); }},
       {"any view turned", {0, 0, 0}, [](Detection* d) { (d->camera_idx * 7 + d->frame_idx * 5) % 11 < 5 ? Turn(d) : void(); }},
-      {"late by a part of a frame", {0, 0.4, -0.2}, none},
-      {"whole frames", {0, 0, 0}, [](Detection* d) { d->frame_idx += d->camera_idx == 2 ? 7 : 0; }},
       {"frames and a part", {0, 0, 0.3}, [](Detection* d) { d->frame_idx -= d->camera_idx == 2 ? 5 : 0; }},
       {"turned and late", {0, 0.3, 0}, [](Detection* d) { d->frame_idx % 3 == 0 && d->camera_idx > 0 ? Turn(d) : void(); }}};
 }
@@ -95,7 +91,7 @@ std::vector<Case> Cases() {
 /// Numbering and timing of the input, whatever they are: no motion in the calibration, and none on its own corners.
 TEST(SeenCorners, ACalibrationAgreesWithItsOwnCorners) {
   for (const Case& each : Cases()) {
-    CalibrateInput input = testing::ToInput(Film(each.late, 48, 0.2));
+    CalibrateInput input = testing::ToInput(Film(each.late, 36, 0.2));
     for (Detection& d : input.detections) each.change(&d);
     const CalibrateReport report = Calibrate(input, Given(), {});
     ASSERT_EQ(report.status, Status::kOk) << each.what << ": " << report.message;
