@@ -67,11 +67,6 @@ void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const Rig
 
 /// What was found about the corners and put right.
 void JudgeFound(const RigCheck& check, Verdict* verdict) {
-  for (const std::string& name : check.found.unknown)
-    Add("warn",
-        {"CAL-LEFTOUT", Format("camera %s is not in the calibration: its boards are left out", name.c_str()),
-         "calibrate it, with options 'start' and 'fix' to keep the others"},
-        verdict);
   for (const TurnedCamera& camera : check.found.turned)
     Add("warn",
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"},

@@ -1,7 +1,6 @@
 #include "calib/check/seen_corners.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <map>
@@ -27,24 +26,44 @@ using Track = std::map<int64_t, std::map<int, Eigen::Vector2d>>;
 
 bool Matters(const geometry::TimeOffset& offset) { return std::abs(offset.frames) >= kLeastLateness || offset.rate != 0; }
 
-/// Where the corner was `late` frames before its image, by its places in the images next to it.
-Eigen::Vector2d PlaceBefore(const Track& track, Track::const_iterator at, int corner, double late) {
+using Place = std::pair<double, Eigen::Vector2d>;  // frames from the image that is nearest in time, px
+
+/// The corner in the nearest image from `at` on in one direction, up to two frames away.
+std::optional<Place> Neighbour(const Track& track, Track::const_iterator at, int corner, int direction) {
   constexpr int64_t kReach = 2;
-  const auto seen = [&](auto it) -> std::optional<std::pair<double, Eigen::Vector2d>> {
-    if (std::llabs(it->first - at->first) > kReach) return std::nullopt;
+  for (auto it = at; direction > 0 ? std::next(it) != track.end() : it != track.begin();) {
+    direction > 0 ? ++it : --it;
+    if (std::llabs(it->first - at->first) > kReach) break;
     const auto found = it->second.find(corner);
-    if (found == it->second.end()) return std::nullopt;
-    return std::make_pair(static_cast<double>(it->first - at->first), found->second);
-  };
-  std::optional<std::pair<double, Eigen::Vector2d>> before, after;
-  for (auto it = at; it != track.begin() && !before && at->first - std::prev(it)->first <= kReach;) before = seen(--it);
-  for (auto it = std::next(at); it != track.end() && !after && it->first - at->first <= kReach; ++it) after = seen(it);
+    if (found != it->second.end()) return Place{static_cast<double>(it->first - at->first), found->second};
+  }
+  return std::nullopt;
+}
+
+/// The image with the corner that was taken nearest to a time, up to one frame away; the end of the track: none.
+Track::const_iterator Nearest(const Track& track, int corner, double time) {
+  auto best = track.end();
+  for (auto it = track.lower_bound(static_cast<int64_t>(std::floor(time - 1))); it != track.end(); ++it) {
+    if (static_cast<double>(it->first) > time + 1) break;
+    const double apart = std::abs(static_cast<double>(it->first) - time);
+    const bool nearer = best == track.end() || apart < std::abs(static_cast<double>(best->first) - time);
+    if (apart <= 1 && nearer && it->second.count(corner) > 0) best = it;
+  }
+  return best;
+}
+
+/// Where the corner was at a time of this camera's frames, by its places in the images around it.
+std::optional<Eigen::Vector2d> PlaceAt(const Track& track, int corner, double time) {
+  const auto at = Nearest(track, corner, time);
+  if (at == track.end()) return std::nullopt;
+  const auto before = Neighbour(track, at, corner, -1), after = Neighbour(track, at, corner, 1);
   const Eigen::Vector2d here = at->second.at(corner);
-  const double t = -late;
-  const auto slope = [&](const auto& other) -> Eigen::Vector2d { return (other->second - here) / other->first; };
-  if (!before && !after) return here;
-  if (!before || !after) return here + t * slope(before ? before : after);
-  const Eigen::Vector2d first = slope(before), second = slope(after), bend = (second - first) / (after->first - before->first);
+  const double t = time - static_cast<double>(at->first);
+  const auto slope = [&](const Place& other) -> Eigen::Vector2d { return (other.second - here) / other.first; };
+  if (!before && !after) return std::nullopt;
+  if (!before || !after) return here + t * slope(before ? *before : *after);
+  const Eigen::Vector2d first = slope(*before), second = slope(*after),
+                        bend = (second - first) / (after->first - before->first);
   return here + t * (first + bend * (t - before->first));
 }
 
@@ -184,10 +203,10 @@ CalibrateInput AtFrameTimes(CalibrateInput input, const std::vector<geometry::Ti
   for (Detection& d : input.detections) {
     if (!is_late(d)) continue;
     const Track& track = tracks.at({d.camera_idx, d.board_idx});
-    const auto at = track.find(d.frame_idx);
-    const double late_frames = late[static_cast<size_t>(d.camera_idx)].At(static_cast<double>(d.frame_idx));
-    for (int i = 0; i < d.num_corners(); ++i)
-      d.points_px.col(i) = PlaceBefore(track, at, d.corner_ids[static_cast<size_t>(i)], late_frames);
+    const double frame = static_cast<double>(d.frame_idx), time = frame - late[static_cast<size_t>(d.camera_idx)].At(frame);
+    for (int i = 0; i < d.num_corners(); ++i) {
+      if (const auto place = PlaceAt(track, d.corner_ids[static_cast<size_t>(i)], time)) d.points_px.col(i) = *place;
+    }
   }
   return input;
 }

@@ -16,8 +16,9 @@ namespace mvstudio::calib {
 void TurnDetections(const std::vector<int>& turned, CalibrateInput* input);
 
 /// Corners as cameras would have seen them at the time of the frame. `late`, per camera: its capture time minus that of the
-/// frame. Each corner follows the parabola through its places in the images before, at and after the frame, up to two
-/// frames away, or the line through two. One that is seen in no neighbouring frame stays where it is.
+/// frame. Each corner follows the parabola through its places in the image nearest to that time and those before and after it,
+/// up to two frames away, or the line through two. One that is seen in no image within a frame of that time, or in none next to
+/// it, stays where it is.
 CalibrateInput AtFrameTimes(CalibrateInput input, const std::vector<geometry::TimeOffset>& late);
 
 /// The input of some of the cameras.

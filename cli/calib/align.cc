@@ -63,7 +63,7 @@ RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandConte
   calib::CornerFindings found;
   const calib::CalibrateInput seen = SeenCorners(rig, corners.input, calib::CameraParts::kByFrame, &found);
   SayFound(found, result);
-  return AlignToBoard(rig, seen, arguments.floor_board);
+  return AlignToBoard(rig, AtFrameTimes(seen, StatedLateness(rig, seen)), arguments.floor_board);
 }
 
 RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, CommandResult* result) {
