@@ -1,6 +1,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <string>
 
 #include "calib/formats/format_camera.h"
 #include "calib/formats/formats.h"
@@ -129,6 +131,26 @@ geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, c
   return fitting;
 }
 
+namespace {
+
+/// Only mvstudio's own format knows cameras that are late.
+std::optional<ImportNote> LostOffsetsNote(const geometry::Rig& rig, CalibrationFormat format) {
+  constexpr double kLeast = 0.005;  // frames; below it an offset moves nothing that a picture shows
+  std::string late;
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    const auto& offset = camera.time_offset;
+    if (!offset || (std::abs(offset->frames) < kLeast && offset->rate == 0)) continue;
+    late += (late.empty() ? "" : ", ") + camera.camera.name;
+  }
+  if (late.empty() || format == CalibrationFormat::kMvstudio) return std::nullopt;
+  return ImportNote{"CAL-OFFSETSLOST",
+                    "the time offsets of " + late + " have no place in " + std::string(ToString(format)) +
+                        ": what reads the file takes all cameras for synchronous",
+                    "keep the original beside it, and check it with that one (calib eval)"};
+}
+
+}  // namespace
+
 ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format, const std::string& path,
                               const WriteOptions& options) {
   MVS_CHECK(!rig.cameras.empty(), "a rig without cameras cannot be written");
@@ -136,6 +158,7 @@ ExportReport WriteCalibration(const geometry::Rig& rig, CalibrationFormat format
   for (const geometry::RigCamera& camera : rig.cameras) Validate(camera.camera);
   ExportReport report;
   geometry::Rig out = RigForFormat(rig, format, options, path, &report.notes);
+  if (const auto note = LostOffsetsNote(rig, format)) report.notes.push_back(*note);
   if (NamesNoUnit(format)) out = Scaled(std::move(out), options.metres_per_unit);
   switch (format) {
     case CalibrationFormat::kToml:

@@ -425,5 +425,23 @@ TEST(RealFiles, CaliscopeTomls) {
   EXPECT_EQ(difference.max_focal_relative, 0);
 }
 
+/// A file that knows no late cameras looks like one of cameras in step.
+TEST(CalibrationFormats, TimeOffsetsThatAreLostAreSaid) {
+  const TempDir folder;
+  Rig rig;
+  for (const char* name : {"a", "b"}) {
+    geometry::RigCamera camera;
+    camera.camera = {name, LensModel::kPinhole, 640, 480, Eigen::Vector4d(500, 500, 320, 240), {}};
+    rig.cameras.push_back(camera);
+  }
+  EXPECT_TRUE(WriteCalibration(rig, CalibrationFormat::kKalibr, folder / "in_step.yaml").notes.empty());
+  rig.cameras[1].time_offset = geometry::TimeOffset{-0.3, 0.01};
+  const ExportReport lost = WriteCalibration(rig, CalibrationFormat::kKalibr, folder / "late.yaml");
+  ASSERT_EQ(lost.notes.size(), 1u);
+  EXPECT_EQ(lost.notes[0].code, "CAL-OFFSETSLOST");
+  EXPECT_THAT(lost.notes[0].text, HasSubstr("the time offsets of b have no place in kalibr"));
+  EXPECT_TRUE(WriteCalibration(rig, CalibrationFormat::kMvstudio, folder / "late.json").notes.empty());
+}
+
 }  // namespace
 }  // namespace mvstudio::calib
