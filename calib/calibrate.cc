@@ -323,7 +323,7 @@ std::vector<int64_t> RunWithBoards(CalibrateOptions options, const RunContext& r
                                    CalibrateReport* report) {
   CalibrateInput given = *seen;
   const std::vector<int64_t> shift = RunPipeline(options, run, seen, report);
-  if (!shift.empty() || !internal::BoardsInDoubt(given, options, *report)) return shift;
+  if (!shift.empty() || !report->frame_rates.empty() || !internal::BoardsInDoubt(given, options, *report)) return shift;
   options.free_boards = AutoOnOff::kOn;
   CalibrateReport trial;
   if (RunPipeline(options, run, &given, &trial).empty() && internal::FreeBoardsPay(*report, &trial)) {
