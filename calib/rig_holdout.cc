@@ -141,13 +141,12 @@ BundleOptions QuickOptions(const Work& work, const TimeModel& time) {
 }
 
 /// Standard deviation of the corners, weights as they are, after a short adjustment.
-double QuickSigma(Work work, const TimeModel& time) {
+double QuickSigma(Work work, const TimeModel& time, int rounds = kTimeRounds) {
   BundleOptions options = QuickOptions(work, time);
   options.cost_tolerance = 1e-5;
   work.state.motion = time.motion;
   BundleReport report;
-  for (int round = 0; round < (time.offsets ? kTimeRounds : 1); ++round)
-    report = SolveBundle(&work.views, &work.state, options);
+  for (int round = 0; round < (time.offsets ? rounds : 1); ++round) report = SolveBundle(&work.views, &work.state, options);
   const bool usable = report.status == Status::kOk || report.status == Status::kNotConverged;
   return usable ? report.sigma_px : std::numeric_limits<double>::infinity();
 }
@@ -293,7 +292,7 @@ TimeModel ChooseTimeModel(const CalibrateOptions& options, const Work& work, dou
   }
   with.rates = true;
   *reason = "time offsets do not lower the residuals: left out";
-  if (!Lower(QuickSigma(work, with), sigma_px)) return none;
+  if (!Lower(QuickSigma(work, with, 1), sigma_px)) return none;
   Work fresh = work;
   RestoreWeights(&fresh);
   TimeModel offsets = with;
