@@ -44,7 +44,15 @@ bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* r
   if (work->monos.size() < 2) return true;
   work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, geometry::CameraNames(work->state.cameras));
   const FrameOffsets& offsets = work->offsets;
-  if (offsets.kind == FrameOffsets::Kind::kInconsistent) report->frames_doubt = offsets.text;
+  if (offsets.kind == FrameOffsets::Kind::kInconsistent) {
+    report->frames_doubt = offsets.text;
+    if (options.time_offset != LatenessChoice::kNone)
+      report->frame_rates = FindFrameRates(work->views, work->cam_from_board, work->frames, offsets);
+    if (!report->frame_rates.empty()) {
+      Stop(Status::kDegenerate, ToString(report->frame_rates, geometry::CameraNames(work->state.cameras)), report);
+      return false;
+    }
+  }
   if (offsets.kind != FrameOffsets::Kind::kShifted) return true;
   report->frame_shift = offsets.shift;
   if (options.time_offset != LatenessChoice::kNone) work->shift = offsets.shift;
@@ -130,7 +138,15 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
     return false;
   if (input.cameras.size() < 2) return true;
   const internal::TimeModel time = internal::ChooseTimeModel(options, *work, report->sigma_px, &report->time_reason);
-  return !time.offsets || Keep(internal::SolveWithTimeOffsets(time, work), report);
+  if (!time.offsets) return true;
+  Work with = *work;
+  const BundleReport solved = internal::SolveWithTimeOffsets(time, &with);
+  if (solved.status != Status::kOk && solved.status != Status::kNotConverged) {
+    report->time_reason += ", but without a solution: left out";
+    return true;
+  }
+  *work = std::move(with);
+  return Keep(solved, report);
 }
 
 /// Boards that were held still count for what they are worth.
@@ -204,20 +220,6 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
   }
 }
 
-/// Lenses alone: one frame a view.
-void SeparateViews(Work* work) {
-  RigState& state = work->state;
-  state.frames.clear();
-  for (size_t v = 0; v < work->views.size(); ++v) {
-    state.frames.push_back(work->frames[work->views[v].frame]);
-    work->views[v].frame = static_cast<int>(v);
-  }
-  state.rig_from_board.assign(state.rig_from_board.size(), Rigid3());
-  state.cam_from_world.assign(state.cameras.size(), Rigid3());
-  work->bundle.gauge = {Gauge::Kind::kNone, 0};
-  work->bundle.refine_cameras = work->bundle.refine_boards = false;
-}
-
 std::string GaugeText(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const Work& work) {
   if (options.intrinsics_only) return kLensesOnly;
   if (world.is_board) return "board in frame " + std::to_string(world.frame_idx);
@@ -258,16 +260,6 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
   if (!converged && culprits->empty()) *culprits = internal::MostDemanding(*work);
 }
 
-/// One lens for several cameras stays although the corners contradict it, since those of their own have no solution.
-void AssumeSharing(const std::string& why, CalibrateReport* report) {
-  for (CameraReport& camera : report->cameras) {
-    if (camera.shares_lens_with.empty()) continue;
-    camera.given_up =
-        "a lens of its own, as its corners call for, given up for one with " + camera.shares_lens_with + ": " + why;
-    camera.assumes = true;
-  }
-}
-
 /// Tries again with simpler lenses while the boards do not determine those chosen; `work` and `report` hold what the cameras by
 /// themselves say, and receive the solution or the first failure.
 void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run,
@@ -292,7 +284,7 @@ void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, cons
     if (i + 1 < kMaxAttempts && internal::SimplifyLenses(input, options, culprits, why, work, report)) continue;
     if (!shared) break;
     std::tie(*work, *report) = std::move(*shared);
-    AssumeSharing(why, report);
+    internal::AssumeSharing(why, report);
     shared.reset();
     i = 0;  // one lens for several has its attempts, too
   }
@@ -311,7 +303,7 @@ std::vector<int64_t> RunPipeline(const CalibrateOptions& options, const RunConte
   if (!internal::CalibrateLenses(input, options, run, &work, report)) return {};
   stage.Advance(1, "lenses");
   if (options.intrinsics_only) {
-    SeparateViews(&work);
+    internal::SeparateViews(&work);
   } else {
     internal::TurnNumbering(seen, &work, report);
     report->numbering = FindNumberingFaults(work.views, work.cam_from_board, geometry::CameraNames(work.state.cameras));
@@ -331,7 +323,7 @@ std::vector<int64_t> RunWithBoards(CalibrateOptions options, const RunContext& r
                                    CalibrateReport* report) {
   CalibrateInput given = *seen;
   const std::vector<int64_t> shift = RunPipeline(options, run, seen, report);
-  if (!shift.empty() || !internal::BoardsInDoubt(given, options, *report)) return shift;
+  if (!shift.empty() || !report->frame_rates.empty() || !internal::BoardsInDoubt(given, options, *report)) return shift;
   options.free_boards = AutoOnOff::kOn;
   CalibrateReport trial;
   if (RunPipeline(options, run, &given, &trial).empty() && internal::FreeBoardsPay(*report, &trial)) {
@@ -348,10 +340,20 @@ void LookForCauses(const CalibrateInput& input, CalibrateOptions options, const 
   report->held_doubt = FindHeldDoubt(input, *report, options, run);
 }
 
-CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
+CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
+                                bool renumbered = false) {
   CalibrateReport report;
   CalibrateInput seen = input;
   const std::vector<int64_t> shift = RunWithBoards(options, run, &seen, &report);
+  if (!report.frame_rates.empty() && !renumbered) {
+    seen = input;
+    ApplyFrameRates(report.frame_rates, &seen.detections);
+    CalibrateReport again = CalibrateSorted(seen, options, run, true);
+    again.frame_rates = report.frame_rates;
+    again.frames_doubt =
+        report.message + "; they were renumbered" + (again.frames_doubt.empty() ? "" : "; " + again.frames_doubt);
+    return again;
+  }
   if (shift.empty()) {
     LookForCauses(seen, options, run, &report);
     return report;

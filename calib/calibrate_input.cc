@@ -6,10 +6,10 @@
 #include <utility>
 
 #include "calib/board/floor.h"
+#include "calib/board/space_points.h"
 #include "calib/calibrate_steps.h"
 #include "calib/check/seen_corners.h"
 #include "calib/lens/resection.h"
-#include "calib/lens/space_points.h"
 #include "calib/rig/free_boards.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -63,6 +63,19 @@ void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report) {
     detections.push_back(found == seen.end() ? 0 : found->second);
   }
   TurnDetections(detections, input);
+}
+
+void SeparateViews(Work* work) {
+  RigState& state = work->state;
+  state.frames.clear();
+  for (size_t v = 0; v < work->views.size(); ++v) {
+    state.frames.push_back(work->frames[work->views[v].frame]);
+    work->views[v].frame = static_cast<int>(v);
+  }
+  state.rig_from_board.assign(state.rig_from_board.size(), geometry::Rigid3());
+  state.cam_from_world.assign(state.cameras.size(), geometry::Rigid3());
+  work->bundle.gauge = {Gauge::Kind::kNone, 0};
+  work->bundle.refine_cameras = work->bundle.refine_boards = false;
 }
 
 bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report) {
@@ -187,6 +200,8 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
   const CalibrateReport sorted = *report;
   report->rig.joint_covariance = geometry::ReorderedJointCovariance(sorted.rig, order);
   for (size_t i = 0; i < order.size(); ++i) {
+    if (!sorted.frame_shift.empty()) report->frame_shift[order[i]] = sorted.frame_shift[i];
+    if (!sorted.frame_rates.empty()) report->frame_rates[order[i]] = sorted.frame_rates[i];
     if (!sorted.rig.cameras.empty()) report->rig.cameras[order[i]] = sorted.rig.cameras[i];
     if (!sorted.cameras.empty()) report->cameras[order[i]] = sorted.cameras[i];
     if (!sorted.uncertainty_maps.empty()) report->uncertainty_maps[order[i]] = sorted.uncertainty_maps[i];

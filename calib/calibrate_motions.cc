@@ -109,8 +109,9 @@ void DropWhatDoesNotExplain(const CalibrateInput& input, const CalibrateOptions&
     if (squares < left) left = squares, left_px = split.rms_px;
   }
   if (now - left > kExplains * (now - noise)) return;
-  solved->unexplained = Format("none of the known causes explains the residuals of %.2f px: ", solved->rms_px) +
-                        "best does that " + Said(motion) + Format(", and it would leave %.2f px", left_px);
+  const char* none = solved->frames_doubt.empty() ? "none of the known causes" : "no change of a camera";
+  solved->unexplained = Format("%s explains the residuals of %.2f px: ", none, solved->rms_px) + "best does that " +
+                        Said(motion) + Format(", and it would leave %.2f px", left_px);
   if (!solved->time_reason.empty()) solved->unexplained += "; clocks: " + solved->time_reason;
   if (input.boards.size() > 1) solved->unexplained += "; boards that move against each other explain no more";
   solved->unexplained_px = motion.shift_px;

@@ -3,12 +3,12 @@
 #include <limits>
 #include <set>
 
+#include "calib/board/space_points.h"
 #include "calib/bundle/board_shape.h"
 #include "calib/calibrate_steps.h"
 #include "calib/lens/held_out_view.h"
 #include "calib/lens/lens_pool.h"
 #include "calib/lens/smooth_error.h"
-#include "calib/lens/space_points.h"
 #include "calib/rig/free_boards.h"
 #include "core/statistics.h"
 

@@ -71,6 +71,15 @@ std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const Ca
   return solved;
 }
 
+void AssumeSharing(const std::string& why, CalibrateReport* report) {
+  for (CameraReport& camera : report->cameras) {
+    if (camera.shares_lens_with.empty()) continue;
+    camera.given_up =
+        "a lens of its own, as its corners call for, given up for one with " + camera.shares_lens_with + ": " + why;
+    camera.assumes = true;
+  }
+}
+
 void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report) {
   std::iota(work->state.lens_group.begin(), work->state.lens_group.end(), 0);
   work->may_separate = false;

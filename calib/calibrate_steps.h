@@ -68,6 +68,9 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
 /// their corners in the input, which later steps read.
 void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report);
 
+/// Lenses alone: one frame a view.
+void SeparateViews(Work* work);
+
 /// Moves the solution so that the board of the wanted frame defines the world.
 bool UseBoardWorld(const CalibrateInput& input, const World& world, Work* work, CalibrateReport* report);
 
@@ -107,6 +110,9 @@ bool BoardsInDoubt(const CalibrateInput& input, const CalibrateOptions& options,
 /// Whether boards that each have a pose of their own in every time step explain what rigid ones do not: by far fewer and
 /// smaller errors. CalibrateReport::boards_moved then says so.
 bool FreeBoardsPay(const CalibrateReport& rigid, CalibrateReport* free);
+
+/// One lens for several cameras stays although the corners contradict it, since those of their own have no solution.
+void AssumeSharing(const std::string& why, CalibrateReport* report);
 
 /// Gives every camera its own lens from here on; the report states why.
 void GiveLensesOfTheirOwn(Work* work, CalibrateReport* report);

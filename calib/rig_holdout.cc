@@ -103,8 +103,8 @@ int NumMovingFrames(const Work& work, const MotionModel& motion) {
   return static_cast<int>(frames.size());
 }
 
-/// Neighbours as far away as frames of such a recording are: every eighth, say.
-MotionModel WideMotion(const Work& work) {
+/// Neighbours as far away as frames of such a recording are, every eighth, say; or `times` that.
+MotionModel WideMotion(const Work& work, int64_t times) {
   std::vector<int64_t> seen, gaps;
   for (const View& view : work.views) {
     if ((view.weights.array() > 0).any()) seen.push_back(work.state.frames[static_cast<size_t>(view.frame)]);
@@ -113,7 +113,8 @@ MotionModel WideMotion(const Work& work) {
   for (size_t i = 1; i < seen.size(); ++i) {
     if (seen[i] > seen[i - 1]) gaps.push_back(seen[i] - seen[i - 1]);
   }
-  return {2 * UpperMedian(std::move(gaps), int64_t{1}), 2};
+  const int64_t gap = times * UpperMedian(std::move(gaps), int64_t{1});
+  return {3 * gap, 2, gap};
 }
 
 /// Corners as they were before the rig was adjusted, less what already contradicts its own camera.
@@ -140,13 +141,12 @@ BundleOptions QuickOptions(const Work& work, const TimeModel& time) {
 }
 
 /// Standard deviation of the corners, weights as they are, after a short adjustment.
-double QuickSigma(Work work, const TimeModel& time) {
+double QuickSigma(Work work, const TimeModel& time, int rounds = kTimeRounds) {
   BundleOptions options = QuickOptions(work, time);
   options.cost_tolerance = 1e-5;
   work.state.motion = time.motion;
   BundleReport report;
-  for (int round = 0; round < (time.offsets ? kTimeRounds : 1); ++round)
-    report = SolveBundle(&work.views, &work.state, options);
+  for (int round = 0; round < (time.offsets ? rounds : 1); ++round) report = SolveBundle(&work.views, &work.state, options);
   const bool usable = report.status == Status::kOk || report.status == Status::kNotConverged;
   return usable ? report.sigma_px : std::numeric_limits<double>::infinity();
 }
@@ -284,7 +284,7 @@ TimeModel ChooseTimeModel(const CalibrateOptions& options, const Work& work, dou
   *reason = mrcal ? "mrcal knows no time offsets" : "asked for";
   with.offsets = true, with.rates = options.time_offset == LatenessChoice::kClocks;
   const bool wide = NumMovingFrames(work, with.motion) < kMinMovingFrames;
-  if (wide) with.motion = WideMotion(work);
+  if (wide) with.motion = WideMotion(work, 1);
   if (mrcal || options.time_offset != LatenessChoice::kAuto) return mrcal ? none : with;
   if (NumMovingFrames(work, with.motion) < kMinMovingFrames) {
     *reason = "too few frames follow upon each other to judge time offsets";
@@ -292,15 +292,20 @@ TimeModel ChooseTimeModel(const CalibrateOptions& options, const Work& work, dou
   }
   with.rates = true;
   *reason = "time offsets do not lower the residuals: left out";
-  if (!Lower(QuickSigma(work, with), sigma_px)) return none;
+  if (!Lower(QuickSigma(work, with, 1), sigma_px)) return none;
   Work fresh = work;
   RestoreWeights(&fresh);
-  TimeModel offsets = with, wider = with;
+  TimeModel offsets = with;
   offsets.rates = false;
-  const double with_rates = QuickSigma(fresh, with);
-  with.rates = Lower(with_rates, QuickSigma(fresh, offsets));
-  wider.motion = WideMotion(work);
-  if (with.rates && !wide && Lower(QuickSigma(fresh, wider), with_rates)) with.motion = wider.motion;
+  double least = QuickSigma(fresh, with);
+  with.rates = Lower(least, QuickSigma(fresh, offsets));
+  for (const int64_t times : {1, 4}) {  // late by more than a frame, a camera needs more than the nearest neighbours
+    if (!with.rates) break;
+    TimeModel wider = with;
+    wider.motion = WideMotion(work, times);
+    const double sigma = QuickSigma(fresh, wider);
+    if (Lower(sigma, least)) least = sigma, with = wider;
+  }
   return JudgeModels(fresh, with, reason);
 }
 

@@ -160,8 +160,9 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
               "leave the camera out of option 'fix', or check that the calibration is that of this footage");
   if (!report.frames_doubt.empty())
     out->Warn("CAL-FRAMES", report.frames_doubt,
-              report.frame_shift.empty() ? "check that frames with the same number were taken at the same time"
-                                         : "number the frames by their time stamps");
+              report.frame_shift.empty() && report.frame_rates.empty()
+                  ? "check that frames with the same number were taken at the same time"
+                  : "number the frames by their time stamps");
   double scale = 1;
   for (size_t c = 0; c < report.cameras.size(); ++c) scale = std::max(scale, internal::PixelScale(report, c));
   out->Limit(report.rig_holdout_rms_px, kWarnHoldoutPx * scale, kFailHoldoutPx * scale, "CAL-RIGHOLDOUT",

@@ -63,6 +63,7 @@ class FrameNumbers {
       : steps_(report.cameras.size()), last_(report.cameras.size(), std::numeric_limits<int64_t>::max()) {
     for (size_t c = 0; c < report.cameras.size(); ++c) {
       shift_.push_back(report.frame_shift.empty() ? 0 : report.frame_shift[c]);
+      rates_.push_back(report.frame_rates.empty() ? calib::FrameRate() : report.frame_rates[c].Inverse());
       if (arguments.cameras.empty()) continue;
       last_[c] = LastCheapFrame(arguments.cameras[static_cast<size_t>(kept[c])].path);
       const auto* camera = arguments.timeline ? arguments.timeline->Find(report.cameras[c].name) : nullptr;
@@ -74,7 +75,7 @@ class FrameNumbers {
   /// Negative: none, or one that takes long to reach.
   int64_t Of(int camera, int64_t frame_idx) const {
     const auto c = static_cast<size_t>(camera);
-    int64_t frame = frame_idx - shift_[c];
+    int64_t frame = rates_[c].At(frame_idx - shift_[c]).value_or(-1);
     if (!steps_[c].empty()) {
       const auto found = steps_[c].find(frame);
       frame = found == steps_[c].end() ? -1 : found->second;
@@ -84,6 +85,7 @@ class FrameNumbers {
 
  private:
   std::vector<int64_t> shift_;
+  std::vector<calib::FrameRate> rates_;
   std::vector<std::map<int64_t, int64_t>> steps_;
   std::vector<int64_t> last_;
 };

@@ -219,6 +219,7 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   m["board_stretch_reason"] = report.stretch_reason;
   if (!report.time_reason.empty()) m["time_offset_reason"] = report.time_reason;
   if (!report.frame_shift.empty()) m["frame_shift"] = report.frame_shift;
+  if (!report.frame_rates.empty()) m["frame_rates"] = calib::ToString(report.frame_rates, geometry::CameraNames(report.rig));
   if (report.free_boards) m["free_boards"] = BoardMovesJson(report);
 }
 

@@ -153,10 +153,11 @@ std::vector<size_t> MotionNodes(const std::vector<int64_t>& frames, const std::v
                                 size_t f) {
   const auto nearest = [&](int direction, int count) {
     std::vector<size_t> nodes;
+    int64_t next = model.gap;
     for (size_t g = f + direction; g < frames.size() && static_cast<int>(nodes.size()) < count; g += direction) {
       const int64_t away = (frames[g] - frames[f]) * direction;
       if (away <= 0 || away > model.reach) break;
-      if (seen[g]) nodes.push_back(g);
+      if (seen[g] && away >= next) nodes.push_back(g), next = away + model.gap;
     }
     return nodes;
   };

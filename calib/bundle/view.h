@@ -30,6 +30,7 @@ struct View {
 struct MotionModel {
   int64_t reach = 2;   ///< frames: those farther away say nothing
   int neighbours = 1;  ///< on either side
+  int64_t gap = 1;     ///< frames from one to the next, at least: far ones tell a motion of noisy poses better
 };
 
 /// All unknowns of the bundle adjustment.

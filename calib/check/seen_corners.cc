@@ -3,15 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "calib/bundle/board_shape.h"
 #include "calib/bundle/view.h"
 #include "calib/lens/resection.h"
 #include "calib/rig/frame_offset.h"
 #include "core/error.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -26,45 +29,53 @@ using Track = std::map<int64_t, std::map<int, Eigen::Vector2d>>;
 
 bool Matters(const geometry::TimeOffset& offset) { return std::abs(offset.frames) >= kLeastLateness || offset.rate != 0; }
 
-using Place = std::pair<double, Eigen::Vector2d>;  // frames from the image that is nearest in time, px
-
-/// The corner in the nearest image from `at` on in one direction, up to two frames away.
-std::optional<Place> Neighbour(const Track& track, Track::const_iterator at, int corner, int direction) {
-  constexpr int64_t kReach = 2;
-  for (auto it = at; direction > 0 ? std::next(it) != track.end() : it != track.begin();) {
-    direction > 0 ? ++it : --it;
-    if (std::llabs(it->first - at->first) > kReach) break;
-    const auto found = it->second.find(corner);
-    if (found != it->second.end()) return Place{static_cast<double>(it->first - at->first), found->second};
-  }
-  return std::nullopt;
+/// Which of a camera's images say how a corner moves: as MotionModel of the adjustment.
+MotionModel MotionOf(const Track& track) {
+  std::vector<int64_t> gaps;
+  for (auto it = track.begin(); it != track.end() && std::next(it) != track.end(); ++it)
+    gaps.push_back(std::next(it)->first - it->first);
+  const int64_t gap = UpperMedian(std::move(gaps), int64_t{1});
+  return gap > 1 ? MotionModel{2 * gap, 2, gap} : MotionModel();
 }
 
-/// The image with the corner that was taken nearest to a time, up to one frame away; the end of the track: none.
-Track::const_iterator Nearest(const Track& track, int corner, double time) {
+/// The image with the corner that was taken nearest to a time, up to `reach` frames away; the end of the track: none.
+Track::const_iterator Nearest(const Track& track, int corner, double time, double reach) {
   auto best = track.end();
-  for (auto it = track.lower_bound(static_cast<int64_t>(std::floor(time - 1))); it != track.end(); ++it) {
-    if (static_cast<double>(it->first) > time + 1) break;
+  for (auto it = track.lower_bound(static_cast<int64_t>(std::floor(time - reach))); it != track.end(); ++it) {
+    if (static_cast<double>(it->first) > time + reach) break;
     const double apart = std::abs(static_cast<double>(it->first) - time);
     const bool nearer = best == track.end() || apart < std::abs(static_cast<double>(best->first) - time);
-    if (apart <= 1 && nearer && it->second.count(corner) > 0) best = it;
+    if (apart <= reach && nearer && it->second.count(corner) > 0) best = it;
   }
   return best;
 }
 
-/// Where the corner was at a time of this camera's frames, by its places in the images around it.
-std::optional<Eigen::Vector2d> PlaceAt(const Track& track, int corner, double time) {
-  const auto at = Nearest(track, corner, time);
+/// Where the corner was at a time of this camera's frames: on the polynomial through its places in the images around it.
+std::optional<Eigen::Vector2d> PlaceAt(const Track& track, const MotionModel& motion, int corner, double time) {
+  const auto at = Nearest(track, corner, time, static_cast<double>(motion.gap));
   if (at == track.end()) return std::nullopt;
-  const auto before = Neighbour(track, at, corner, -1), after = Neighbour(track, at, corner, 1);
-  const Eigen::Vector2d here = at->second.at(corner);
-  const double t = time - static_cast<double>(at->first);
-  const auto slope = [&](const Place& other) -> Eigen::Vector2d { return (other.second - here) / other.first; };
-  if (!before && !after) return std::nullopt;
-  if (!before || !after) return here + t * slope(before ? *before : *after);
-  const Eigen::Vector2d first = slope(*before), second = slope(*after),
-                        bend = (second - first) / (after->first - before->first);
-  return here + t * (first + bend * (t - before->first));
+  std::vector<std::pair<double, Eigen::Vector2d>> places = {{static_cast<double>(at->first), at->second.at(corner)}};
+  const auto look = [&](auto from, auto end) {
+    int found = 0;
+    for (auto it = from; it != end && found < motion.neighbours && std::llabs(it->first - at->first) <= motion.reach; ++it) {
+      const auto place = it->second.find(corner);
+      if (place == it->second.end()) continue;
+      places.emplace_back(static_cast<double>(it->first), place->second);
+      ++found;
+    }
+  };
+  look(std::make_reverse_iterator(at), track.rend());
+  look(std::next(at), track.end());
+  if (places.size() < 2) return std::nullopt;
+  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
+  for (const auto& [frame, place] : places) {
+    double share = 1;  // Lagrange
+    for (const auto& [other, unused] : places) {
+      if (other != frame) share *= (time - other) / (frame - other);
+    }
+    sum += share * place;
+  }
+  return sum;
 }
 
 /// A camera of the rig that is a part of another: NAME@FRAME.
@@ -204,8 +215,9 @@ CalibrateInput AtFrameTimes(CalibrateInput input, const std::vector<geometry::Ti
     if (!is_late(d)) continue;
     const Track& track = tracks.at({d.camera_idx, d.board_idx});
     const double frame = static_cast<double>(d.frame_idx), time = frame - late[static_cast<size_t>(d.camera_idx)].At(frame);
+    const MotionModel motion = MotionOf(track);
     for (int i = 0; i < d.num_corners(); ++i) {
-      if (const auto place = PlaceAt(track, d.corner_ids[static_cast<size_t>(i)], time)) d.points_px.col(i) = *place;
+      if (const auto place = PlaceAt(track, motion, d.corner_ids[static_cast<size_t>(i)], time)) d.points_px.col(i) = *place;
     }
   }
   return input;

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "calib/board/homography.h"
+#include "calib/lens/intrinsics.h"
 #include "calib/lens/resection.h"
 
 namespace mvstudio::calib {
@@ -18,9 +19,9 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr Eigen::Index kMinHalved = 8;
-constexpr double kMaxLeverage = 1;     // variance of a corner's place by the pose, over that of its detection
-constexpr double kMinLeft = 0.05;      // of a corner's variance that a fit leaves: less says nothing
-constexpr double kClearlyBetter = 0.7; // ratio of rms below which the other pose of the plane is accepted
+constexpr double kMaxLeverage = 1;      // variance of a corner's place by the pose, over that of its detection
+constexpr double kMinLeft = 0.05;       // of a corner's variance that a fit leaves: less says nothing
+constexpr double kClearlyBetter = 0.7;  // ratio of rms below which the other pose of the plane is accepted
 
 bool Usable(const Resection& pose) { return pose.status == Status::kOk || pose.status == Status::kNotConverged; }
 
@@ -120,6 +121,22 @@ void AppendHeldOutErrors(const Camera& camera, const View& view, const RigState&
   const View bent = Bent(view, state);
   if ((view.weights.array() > 0).count() < kMinHalved) return ScoreFew(camera, bent, near_pose, errors_px);
   for (int half = 0; half < 2; ++half) ScoreHalf(camera, bent, near_pose, half, errors_px);
+}
+
+void AppendLeftOutPoints(const Camera& camera, const View& view, std::vector<double>* errors_px) {
+  constexpr Eigen::Index kFolds = 5;
+  BundleOptions options;
+  options.reject_outliers = false;
+  for (Eigen::Index fold = 0; fold < kFolds; ++fold) {
+    View rest = view;
+    for (Eigen::Index i = fold; i < view.size(); i += kFolds) rest.weights[i] = 0;
+    const MonoSolution solved = RefineMono(camera, {rest}, options);
+    if (solved.status != Status::kOk && solved.status != Status::kNotConverged) continue;
+    const Eigen::Matrix2Xd residuals = BundleResiduals(solved.views, solved.state)[0];
+    for (Eigen::Index i = fold; i < view.size(); i += kFolds) {
+      if (view.weights[i] > 0) errors_px->push_back(residuals.col(i).norm());
+    }
+  }
 }
 
 }  // namespace mvstudio::calib

@@ -18,4 +18,8 @@ namespace mvstudio::calib {
 void AppendHeldOutErrors(const geometry::Camera& camera, const View& view, const RigState& state,
                          const geometry::Rigid3& near_pose, std::vector<double>* errors_px);
 
+/// Appends the errors (px) of points of a view that were left out of the lens and of its pose, a fifth at a time. `camera`
+/// is the solution of all.
+void AppendLeftOutPoints(const geometry::Camera& camera, const View& view, std::vector<double>* errors_px);
+
 }  // namespace mvstudio::calib

@@ -6,11 +6,11 @@
 #include <limits>
 
 #include "calib/board/homography.h"
+#include "calib/board/space_points.h"
 #include "calib/bundle/rig_problem.h"
 #include "calib/lens/evidence.h"
 #include "calib/lens/gross_errors.h"
 #include "calib/lens/resection.h"
-#include "calib/lens/space_points.h"
 #include "core/statistics.h"
 #include "geometry/lens/lens_fit.h"
 
@@ -184,7 +184,8 @@ Start BestStart(const Camera& camera, const std::vector<View>& views) {
   const FocalGuess guess = GuessFocal(views, camera.width_px, camera.height_px);
   if (guess.status == Status::kOk) focals.push_back(guess.focal_px);
   for (size_t v = 0; v < some.size() && focals.empty(); ++v) {
-    if (const auto focal = FocalInSpace(some[v], camera.width_px, camera.height_px)) focals.push_back(*focal);
+    if (const auto focal = FocalInSpace(some[v].x_in_board, some[v].px, camera.width_px, camera.height_px))
+      focals.push_back(*focal);
   }
   for (double factor : kStartFocals) focals.push_back(factor * size);
   for (double focal : focals) {

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "calib/lens/space_points.h"
+#include "calib/board/space_points.h"
 #include "geometry/solve/least_squares.h"
 
 namespace mvstudio::calib {

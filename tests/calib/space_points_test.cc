@@ -1,8 +1,9 @@
-#include "calib/lens/space_points.h"
+#include "calib/board/space_points.h"
 
 #include <gtest/gtest.h>
 
 #include "calib/calibrate.h"
+#include "calib/lens/held_out_view.h"
 #include "calib/lens/intrinsics.h"
 #include "tests/calib/synthetic.h"
 
@@ -78,7 +79,7 @@ TEST(SpacePoints, ExactRaysGiveTheExactPoseAndFocalLength) {
   ASSERT_TRUE(pose.has_value());
   EXPECT_LT((pose->translation - Pose().translation).norm(), 1e-9);
   EXPECT_LT(pose->rotation.angularDistance(Pose().rotation), 1e-7);
-  const auto focal = FocalInSpace(view, truth.width_px, truth.height_px);
+  const auto focal = FocalInSpace(view.x_in_board, view.px, truth.width_px, truth.height_px);
   ASSERT_TRUE(focal.has_value());
   EXPECT_NEAR(*focal, std::sqrt(truth.fx() * truth.fy()), 1e-4);
 }

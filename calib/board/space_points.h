@@ -2,10 +2,8 @@
 
 #include <Eigen/Core>
 #include <optional>
-#include <vector>
 
-#include "calib/bundle/bundle.h"
-#include "calib/bundle/view.h"
+#include "geometry/rigid/rigid3.h"
 
 /// Views of points that do not lie in a plane: one of them determines pose and lens.
 namespace mvstudio::calib {
@@ -22,11 +20,8 @@ std::optional<Eigen::Matrix<double, 3, 4>> FitProjection(const Eigen::Matrix3Xd&
 /// Pose of points in space in a camera that is known, from rays (3, N) of theirs. Empty as above.
 std::optional<geometry::Rigid3> PoseInSpace(const Eigen::Matrix3Xd& points, const Eigen::Matrix3Xd& rays);
 
-/// Focal length (px) of a camera that sees points in space. Empty as above, and where no camera looks like that.
-std::optional<double> FocalInSpace(const View& view, int width_px, int height_px);
-
-/// Appends the errors (px) of points of a view that were left out of the lens and of its pose, a fifth at a time. `camera`
-/// is the solution of all.
-void AppendLeftOutPoints(const geometry::Camera& camera, const View& view, std::vector<double>* errors_px);
+/// Focal length (px) of a camera that sees points (3, N) in space at px (2, N). Empty as above, and where no camera looks like
+/// that.
+std::optional<double> FocalInSpace(const Eigen::Matrix3Xd& points, const Eigen::Matrix2Xd& px, int width_px, int height_px);
 
 }  // namespace mvstudio::calib

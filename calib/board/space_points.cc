@@ -1,4 +1,4 @@
-#include "calib/lens/space_points.h"
+#include "calib/board/space_points.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
@@ -6,9 +6,6 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
-#include <limits>
-
-#include "calib/lens/intrinsics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -33,20 +30,6 @@ Eigen::Matrix4d SpaceNormalizer(const Eigen::Matrix3Xd& points) {
   normalize.topLeftCorner<3, 3>() /= size;
   normalize.topRightCorner<3, 1>() = -mean / size;
   return normalize;
-}
-
-/// The points of a view that count, and where they were seen.
-struct SeenPoints {
-  Eigen::Matrix3Xd points;
-  Eigen::Matrix2Xd px;
-};
-
-SeenPoints WeightedPoints(const View& view) {
-  std::vector<Index> kept;
-  for (Index i = 0; i < view.size(); ++i) {
-    if (view.weights[i] > 0) kept.push_back(i);
-  }
-  return {view.x_in_board(Eigen::all, kept), view.px(Eigen::all, kept)};
 }
 
 }  // namespace
@@ -99,32 +82,15 @@ std::optional<geometry::Rigid3> PoseInSpace(const Eigen::Matrix3Xd& points, cons
   return pose.translation.allFinite() ? std::optional(pose) : std::nullopt;
 }
 
-std::optional<double> FocalInSpace(const View& view, int width_px, int height_px) {
-  const SeenPoints seen = WeightedPoints(view);
+std::optional<double> FocalInSpace(const Eigen::Matrix3Xd& points, const Eigen::Matrix2Xd& px, int width_px, int height_px) {
   const Eigen::Vector2d centre((width_px - 1) / 2.0, (height_px - 1) / 2.0);
   const double size = std::max(width_px, height_px);
-  const auto projection = FitProjection(seen.points, ((seen.px.colwise() - centre) / size).colwise().homogeneous());
+  const auto projection = FitProjection(points, ((px.colwise() - centre) / size).colwise().homogeneous());
   if (!projection) return std::nullopt;
   const Eigen::Matrix3d m = projection->leftCols<3>(), k = m * m.transpose() / m.row(2).squaredNorm();  // K K^T
   const double fx2 = k(0, 0) - k(0, 2) * k(0, 2), fy2 = k(1, 1) - k(1, 2) * k(1, 2);
   if (!(fx2 > 0) || !(fy2 > 0)) return std::nullopt;
   return size * std::pow(fx2 * fy2, 0.25);
-}
-
-void AppendLeftOutPoints(const geometry::Camera& camera, const View& view, std::vector<double>* errors_px) {
-  constexpr Index kFolds = 5;
-  BundleOptions options;
-  options.reject_outliers = false;
-  for (Index fold = 0; fold < kFolds; ++fold) {
-    View rest = view;
-    for (Index i = fold; i < view.size(); i += kFolds) rest.weights[i] = 0;
-    const MonoSolution solved = RefineMono(camera, {rest}, options);
-    if (solved.status != Status::kOk && solved.status != Status::kNotConverged) continue;
-    const Eigen::Matrix2Xd residuals = BundleResiduals(solved.views, solved.state)[0];
-    for (Index i = fold; i < view.size(); i += kFolds) {
-      if (view.weights[i] > 0) errors_px->push_back(residuals.col(i).norm());
-    }
-  }
 }
 
 }  // namespace mvstudio::calib
