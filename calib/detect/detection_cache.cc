@@ -1,5 +1,6 @@
 #include "calib/detect/detection_cache.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -216,6 +217,24 @@ void DetectionCache::Store(const std::string& key, const StoredFootage& footage)
   }
 }
 
+namespace {
+
+/// What a pattern's wildcards stand for, where that may number the frame otherwise than the whole name does: in a folder's
+/// name, or beside digits that the pattern states.
+std::string NumberingOf(const std::string& path, const std::string& pattern) {
+  const size_t name = path.size() - fs::path(path).filename().string().size();
+  std::string wild, stated = path.substr(0, name + fs::path(path).stem().string().size());
+  bool in_folder = false;
+  for (const auto& [begin, end] : WildSpans(path, pattern)) {
+    wild += path.substr(begin, end - begin) + " ";
+    in_folder |= begin < name;
+    for (size_t i = begin; i < std::min(end, stated.size()); ++i) stated[i] = '*';
+  }
+  return in_folder || stated.find_first_of("0123456789", name) != std::string::npos ? wild : "";
+}
+
+}  // namespace
+
 std::optional<std::string> ContentDigest(const std::string& path_or_pattern) {
   std::error_code ignored;
   std::vector<std::string> files;
@@ -228,10 +247,9 @@ std::optional<std::string> ContentDigest(const std::string& path_or_pattern) {
   }
   if (files.empty()) return std::nullopt;
   Sha256 digest;
-  if (IsPattern(path_or_pattern)) {  // what its wildcards stand for numbers the frames
-    for (const std::string& path : files)
-      Add(Join(WildSpans(path, path_or_pattern), " ", [&](const auto& s) { return path.substr(s.first, s.second - s.first); }),
-          &digest);
+  for (const std::string& path : IsPattern(path_or_pattern) ? files : std::vector<std::string>()) {
+    const std::string numbering = NumberingOf(path, path_or_pattern);
+    if (!numbering.empty()) Add(numbering, &digest);
   }
   try {
     for (const std::string& path : files) Add(fs::path(path).filename().string() + " " + Sha256File(path), &digest);

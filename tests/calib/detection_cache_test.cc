@@ -136,6 +136,8 @@ TEST(ContentDigest, FollowsNamesAndContents) {
   EXPECT_EQ(ContentDigest(folder / "*.png"), two);
   WriteFileAtomic(folder / "c.png", "4");
   EXPECT_NE(ContentDigest(folder / "*.png"), two);
+  WriteFileAtomic(folder / "01_2.jpg", "5");
+  EXPECT_NE(ContentDigest(folder / "*_2.jpg"), ContentDigest(folder / "01_*.jpg")) << "frame 1 or 2";
 }
 
 TEST(DetectionKey, DependsOnEverything) {
