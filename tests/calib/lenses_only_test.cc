@@ -13,7 +13,7 @@
 namespace mvstudio::calib {
 namespace {
 
-using testing::TempDir;
+using mvstudio::testing::TempDir;
 
 ImportedRig Read(CalibrationFormat format, const std::string& text) {
   static const TempDir folder;
