@@ -26,6 +26,10 @@ constexpr double kWarnStray = 0.02, kFailStray = 0.10;  // of the triangulated c
 const char* const kSyncHint =
     "check that frames with the same number were taken at the same time, and that no camera was moved";
 
+const char* const kNoiseHint =
+    "the cameras agree with each other, so this is the corners' noise in depth, or a board that is not as described: cameras "
+    "farther apart, nearer boards, sharper images, a measured board";
+
 /// One camera contradicts itself alone: its lens, its board, its images.
 const char* HintFor(bool in_rig) {
   return in_rig ? kSyncHint
@@ -197,6 +201,15 @@ void JudgeRigHoldout(const CalibrateReport& report, Judgement* out) {
              kSyncHint);
 }
 
+/// No camera's corners are farther off in the rig than by themselves: time and motion are not in doubt.
+bool CamerasAgree(const CalibrateReport& report) {
+  constexpr double kAgrees = 1.1, kSlackPx = 0.02;
+  return report.frames_doubt.empty() &&
+         std::all_of(report.cameras.begin(), report.cameras.end(), [&](const CameraReport& camera) {
+           return camera.rms_px <= kAgrees * camera.alone_rms_px + kSlackPx && camera.num_lost_views == 0;
+         });
+}
+
 /// The cells of a board are not as high as wide, by more than printers and paper make of squares.
 bool CellsNotSquare(const geometry::RigBoard& board) { return std::abs(board.stretch.y()) > 0.005; }
 
@@ -240,7 +253,8 @@ void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
   const std::string text = Format("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size",
                                   boards.pair_rms_mm, 100 * share);
   const auto cells = std::find_if(report.rig.boards.begin(), report.rig.boards.end(), CellsNotSquare);
-  if (cells == report.rig.boards.end()) return out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS", text, kSyncHint);
+  if (cells == report.rig.boards.end())
+    return out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS", text, CamerasAgree(report) ? kNoiseHint : kSyncHint);
   const std::string told = (std::isfinite(share) ? text + ": " : "") + CellsText(*cells);
   share > kFailLengths ? out->Fail("CAL-LENGTHS", told, CellsHint(*cells)) : out->Warn("CAL-LENGTHS", told, CellsHint(*cells));
 }

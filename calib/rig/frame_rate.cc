@@ -154,9 +154,13 @@ std::string ToString(const std::vector<FrameRate>& rates, const std::vector<std:
   for (size_t c = 0; c < rates.size(); ++c) {
     const FrameRate& rate = rates[c];
     if (rate.same()) continue;
-    text += Format("%s%d frames of %s last as long as %d of the others (its frame f is their frame (%d f %+lld) / %d)",
-                   text.empty() ? "" : ", ", rate.denominator, camera_names[c].c_str(), rate.numerator, rate.numerator,
-                   static_cast<long long>(rate.offset), rate.denominator);
+    const std::string times = rate.numerator == 1 ? "" : std::to_string(rate.numerator) + " ";
+    const std::string offset = rate.offset == 0 ? "" : Format(" %+lld", static_cast<long long>(rate.offset));
+    const std::string frame =
+        rate.denominator == 1 ? times + "f" + offset : "(" + times + "f" + offset + ") / " + std::to_string(rate.denominator);
+    text += Format("%s%d %s of %s as long as %d of the others (its frame f is their frame %s)", text.empty() ? "" : ", ",
+                   rate.denominator, rate.denominator == 1 ? "frame" : "frames",
+                   (camera_names[c] + (rate.denominator == 1 ? " lasts" : " last")).c_str(), rate.numerator, frame.c_str());
   }
   return text;
 }

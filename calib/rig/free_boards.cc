@@ -76,9 +76,10 @@ std::string ToString(const std::vector<BoardMove>& moves) {
   size_t told = 0;
   for (const auto& [steps, move] : largest) {
     if (++told > kTold) break;
-    text += Format("%sboard %d moved against board %d by %.3g mm between time steps %lld and %lld", told > 1 ? ", " : "",
-                   move.board_b, move.board_a, 1e3 * move.moved_m, static_cast<long long>(move.before),
-                   static_cast<long long>(move.after));
+    text += Format("%sboard %d moved against board %d by %s mm between time steps %lld and %lld", told > 1 ? ", " : "",
+                   move.board_b, move.board_a,
+                   (move.moved_m < 0.1 ? Format("%.2g", 1e3 * move.moved_m) : Format("%.0f", 1e3 * move.moved_m)).c_str(),
+                   static_cast<long long>(move.before), static_cast<long long>(move.after));
   }
   return largest.size() > kTold ? text + Format(" and %zu times more", largest.size() - kTold) : text;
 }

@@ -38,7 +38,7 @@ TEST(FrameRate, RatiosAreFoundWithTheirOffset) {
   EXPECT_EQ(twice->denominator, 2 * twice->numerator);
   EXPECT_EQ(twice->At(7), 4);
   EXPECT_EQ(ToString({{}, *twice}, {"left", "right"}),
-            "2 frames of right last as long as 1 of the others (its frame f is their frame (1 f +1) / 2)");
+            "2 frames of right last as long as 1 of the others (its frame f is their frame (f +1) / 2)");
   const auto film = Found(6.0 / 5, 0);
   ASSERT_TRUE(film.has_value());
   EXPECT_EQ(5 * film->numerator, 6 * film->denominator);
