@@ -343,6 +343,10 @@ TEST_F(SessionTest, MasksKeepTheFootagesNumbersAndFollowTheTimeline) {
     EXPECT_GT(inside, 10);
     EXPECT_GE(on_mask, inside - 3) << instant << ": joints " << inside;
   }
+  std::ofstream(Path("masks/walk/mask.result.json"))
+      << R"({"warnings": [{"code": "MSK-HULL", "text": "doubt", "hint": null}, 3]})";
+  const CliRun build = RunCli({"dataset", "build", "--session", Path(""), "--pose3d", Path("pose3d/walk"), "--json"});
+  EXPECT_THAT(build.out, HasSubstr("masks/walk: doubt")) << build.err;
 }
 
 class CodedSession : public SessionTest {
