@@ -99,6 +99,26 @@ TEST_F(Anipose, TakesGoBySessionAndVideo) {
   EXPECT_THAT(Message("day3/walk"), HasSubstr("no take `day3/walk`"));
 }
 
+TEST_F(Anipose, SettingsThatMakeTheWorldComeAlong) {
+  Put(folder_ / "config.toml",
+      Config(
+          "axes = [['x', 'tail base', 'nose'], ['z', 'nose', 'Öhrchen']]\nreference_point = 'nose'\nscore_threshold = 0.7\n"
+          "ransac = true\n[angles]\nbend = ['hinge', 'nose', 'tail base', 'Öhrchen']\nspin = ['axis', 'nose', 'Öhrchen']\n"));
+  CommandResult result;
+  PoseArguments pose;
+  const dataset::ProjectSettings settings = FillFromProject(folder_.path(), {"", "day1/walk", false}, &pose, &result);
+  ASSERT_EQ(settings.axes.size(), 2u);
+  EXPECT_EQ(settings.axes[1].axis, 'z');
+  EXPECT_EQ(settings.axes[1].to, "Öhrchen");
+  EXPECT_EQ(settings.reference_point, "nose");
+  EXPECT_EQ(settings.min_score, 0.7);
+  ASSERT_EQ(settings.angles.size(), 1u);
+  EXPECT_EQ(settings.angles[0].joints[1], "tail base");
+  EXPECT_THAT(result.warnings.at(1).text, AllOf(HasSubstr("triangulation.ransac"), HasSubstr("angles.spin (axis)")));
+  Put(folder_ / "config.toml", Config("axes = [['x', 'tail base', 'nose'], ['x', 'nose', 'Öhrchen']]\n"));
+  EXPECT_THAT(Message(), HasSubstr("triangulation.axes"));
+}
+
 TEST_F(Anipose, FilesOfATakeAreReadTogether) {
   CommandResult result;
   const PoseInput input = ReadPoseInput(Fill("day1/walk", &result), &result);
@@ -151,7 +171,8 @@ TEST_F(Anipose, WhatIsWrongInTheConfigurationIsNamed) {
   Put(folder_ / "config.toml", "nesting = 3\n");
   EXPECT_THAT(Message(), HasSubstr("3 folders deep"));
   fs::remove(folder_ / "config.toml");
-  EXPECT_THAT(Message(), HasSubstr("neither config.toml (anipose) nor camera_array.toml (caliscope)"));
+  EXPECT_THAT(Message(),
+              HasSubstr("neither config.toml (anipose) nor Config.toml (Pose2Sim) nor camera_array.toml (caliscope)"));
 }
 
 TEST_F(Anipose, MetresAndGivenUnitsAreKept) {
