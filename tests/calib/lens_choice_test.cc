@@ -75,7 +75,7 @@ TEST(PassingLens, TheSimplerLensThatPassesIsTakenWhereHeldOutBoardsDoNotTellThem
 
 /// A curve of two parameters claims to know the image where no board was: it stands for no lens of four.
 TEST(PassingLens, AShorterCurveOfAnotherWideFamilyDoesNotStandIn) {
-  const LensPool pool = PoolOf(LensModel::kKannalaBrandt4, InTheMiddle(ViewsOf(LensModel::kKannalaBrandt4, 14, 0.2), 120));
+  const LensPool pool = PoolOf(LensModel::kKannalaBrandt4, InTheMiddle(ViewsOf(LensModel::kKannalaBrandt4, 14, 0.2), 180));
   std::vector<LensCandidate> candidates;
   for (const LensModel model : {LensModel::kEucm, LensModel::kKannalaBrandt4})
     candidates.push_back(FitCandidate(pool, {model, {}, false, false}, BundleOptions()));
