@@ -124,8 +124,9 @@ void ReadAngles(const toml::table& root, Config* config) {
     std::vector<std::string> words;
     const toml::array* list = node.as_array();
     for (size_t i = 0; list && i < list->size(); ++i) words.push_back((*list)[i].value_or(std::string()));
+    const bool other_kind = !words.empty() && (words[0] == "flex" || words[0] == "axis");
     if (words.size() == 4 && words[0] == "hinge") words.erase(words.begin());
-    if (words.size() == 3)
+    if (words.size() == 3 && !other_kind)
       config->settings.angles.push_back({std::string(name.str()), {words[0], words[1], words[2]}});
     else
       config->unused.push_back("angles." + std::string(name.str()) + (words.empty() ? "" : " (" + words[0] + ")"));
