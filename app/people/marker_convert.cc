@@ -107,11 +107,12 @@ std::vector<std::string> Lost(const MarkerTake& take, const std::string& to) {
   return lost;
 }
 
-std::vector<MarkerTake> ChosenPersons(const dataset::Pose3d& pose, int person, bool one_file) {
+/// `input`: where the points come from.
+std::vector<MarkerTake> ChosenPersons(const dataset::Pose3d& pose, const std::string& input, int person, bool one_file) {
   std::vector<MarkerTake> takes = markers::MarkersOf(pose, pose.frame_rate_hz);
   std::vector<std::string> ids;
   for (const MarkerTake& take : takes) ids.push_back(std::to_string(take.person));
-  if (takes.empty()) throw UsageError("no point of anybody has a position");
+  if (takes.empty()) throw FormatError(input, "", "no point of anybody has a position");
   if (person >= 0) {
     takes.erase(std::remove_if(takes.begin(), takes.end(), [&](const MarkerTake& take) { return take.person != person; }),
                 takes.end());
@@ -150,7 +151,8 @@ void ConvertMarkers(const dataset::Pose3d& pose, const ConvertOptions& options, 
   const markers::FileSpace space{Chosen(options.unit, format.unit, format.units, "to-unit", format),
                                  Chosen(options.up, format.up, format.ups, "to-up", format)};
   const bool file = IsFileOfFormat(options, out);
-  const std::vector<MarkerTake> takes = ChosenPersons(pose, options.person, file);
+  const std::vector<MarkerTake> takes =
+      ChosenPersons(pose, result->inputs.empty() ? "" : result->inputs.front(), options.person, file);
   ordered_json persons = ordered_json::array();
   for (const MarkerTake& take : takes) {
     const std::string name =

@@ -126,6 +126,13 @@ void RequireKnownCamera(const geometry::Rig& rig, const std::string& path, const
                         ": rename its cameras with calib convert --rename");
 }
 
+void ReportLeftOut(const std::vector<std::string>& unknown, const std::string& path, CommandResult* result) {
+  if (unknown.empty()) return;
+  result->exit = kExitPartial;
+  result->warnings.push_back({"CAL-LEFTOUT", path + " has no calibration of " + Join(unknown, ", ") + ": left out here",
+                              "rename its cameras with calib convert --rename, or calibrate them too"});
+}
+
 CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
@@ -134,7 +141,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
   RequireKnownCamera(imported.rig, arguments.calibration, input);
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
-  if (!check.found.unknown.empty()) result.exit = kExitPartial;  // the verdict names them
+  ReportLeftOut(check.found.unknown, arguments.calibration, &result);
   FillMetrics(check, &result.metrics);
   if (check.status == Status::kOk) result.text = Summary(check);
   app::ReportCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone", &result);
