@@ -63,23 +63,37 @@ void RequireDistinct(const std::vector<calib::Board>& boards) {
   }
 }
 
-/// Images without a board, where they are more than a tenth.
-void SayUnused(const calib::FootageDetections& camera, CommandResult* result) {
+/// Whether nothing of a board was found, which may as well be out of sight.
+bool ShowsNothing(const std::string& reason) { return reason.rfind("no ", 0) == 0; }
+
+/// "camera a: 16 of 30 images are not used (reason: 4, 5, …)" of those images that `counts` takes; empty where they are a tenth
+/// at most.
+template <class Counts>
+std::string UnusedImages(const calib::FootageDetections& camera, const Counts& counts) {
   constexpr size_t kMostNamed = 8;
   size_t count = 0;
   std::vector<std::string> parts;
   for (const auto& [reason, steps] : camera.unused) {
-    if (steps.empty()) continue;
+    if (steps.empty() || !counts(reason)) continue;
     count += steps.size();
     std::vector<std::string> names;
     for (const int64_t step : steps) names.push_back(std::to_string(step));
     parts.push_back(reason + ": " + SomeOf(names, kMostNamed));
   }
-  if (!camera.failure.empty() || 10 * count <= static_cast<size_t>(camera.num_images)) return;
-  result->warnings.push_back({"CAL-UNUSED",
-                              "camera " + camera.camera.name + ": " + std::to_string(count) + " of " +
-                                  std::to_string(camera.num_images) + " images are not used (" + Join(parts, "; ") + ")",
-                              "look at some of them: the board whole, sharp and large enough"});
+  if (10 * count <= static_cast<size_t>(camera.num_images)) return "";
+  return "camera " + camera.camera.name + ": " + std::to_string(count) + " of " + std::to_string(camera.num_images) +
+         " images are not used (" + Join(parts, "; ") + ")";
+}
+
+/// Images without a board, where they are more than a tenth. A board that one of several cameras does not see at all is in most
+/// rigs in the sight of others: said, and no warning.
+void SayUnused(const calib::FootageDetections& camera, bool alone, CommandResult* result) {
+  if (!camera.failure.empty()) return;
+  const std::string doubtful = UnusedImages(camera, [&](const std::string& reason) { return alone || !ShowsNothing(reason); });
+  if (!doubtful.empty())
+    result->warnings.push_back({"CAL-UNUSED", doubtful, "look at some of them: the board whole, sharp and large enough"});
+  const std::string unseen = alone ? "" : UnusedImages(camera, ShowsNothing);
+  if (!unseen.empty()) result->text += unseen + "\n";
 }
 
 CornerInput Detect(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
@@ -100,7 +114,7 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
   CornerInput corners;
   corners.found = calib::DetectFootage(boards, footage, arguments.footage, run);
   for (const calib::FootageDetections& camera : corners.found) {
-    SayUnused(camera, result);
+    SayUnused(camera, corners.found.size() == 1, result);
     for (const std::string& note : camera.notes) {
       result->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
     }

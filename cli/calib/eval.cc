@@ -143,7 +143,7 @@ CommandResult Eval(const Arguments& arguments, CommandContext& context) {
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
   ReportLeftOut(check.found.unknown, arguments.calibration, &result);
   FillMetrics(check, &result.metrics);
-  if (check.status == Status::kOk) result.text = Summary(check);
+  if (check.status == Status::kOk) result.text += Summary(check);
   app::ReportCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone", &result);
   if (check.status != Status::kOk) {
     result.exit = kExitIllPosed;
