@@ -1,5 +1,5 @@
 # Run by cmake --install: the headers under MVSTUDIO_SOURCE, but not those whose first line is "// Private: WHY".
-foreach(module core metrics geometry body splats calib triangulate dataset synth exports report avatar detect app)
+foreach(module ${MVSTUDIO_MODULES})
   file(GLOB_RECURSE headers RELATIVE ${MVSTUDIO_SOURCE} ${MVSTUDIO_SOURCE}/${module}/*.h)
   foreach(header ${headers})
     file(STRINGS ${MVSTUDIO_SOURCE}/${header} first LIMIT_COUNT 1)

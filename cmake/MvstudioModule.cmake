@@ -32,6 +32,17 @@ if(MVSTUDIO_UNITY OR MVSTUDIO_TESTS)
   find_package(Python3 REQUIRED COMPONENTS Interpreter)
 endif()
 
+# mvstudio_modules(NAME): sets NAME to the modules of cmake/modules.txt that this build has, from the ground up.
+function(mvstudio_modules name)
+  file(STRINGS ${CMAKE_SOURCE_DIR}/cmake/modules.txt modules REGEX "^[a-z]")
+  set_property(DIRECTORY ${CMAKE_SOURCE_DIR} APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/cmake/modules.txt)
+  if(NOT MVSTUDIO_AVATAR)
+    list(FILTER modules EXCLUDE REGEX " torch$")
+  endif()
+  list(TRANSFORM modules REPLACE " torch$" "")
+  set(${name} ${modules} PARENT_SCOPE)
+endfunction()
+
 # mvstudio_group_sources(TARGET SIZE): compiles up to SIZE source files of the target as one, where they share no name at file scope.
 function(mvstudio_group_sources target size)
   if(NOT MVSTUDIO_UNITY)

@@ -9,7 +9,8 @@ import pathlib
 import re
 import sys
 
-SOURCES = ["app", "body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "avatar", "metrics", "report", "synth", "triangulate"]
+from modules import sources
+
 # The door itself.
 DOOR = re.compile(r"^core/disk/(files|lock|manifest|manifest_write|output|output_publish|temporary)\.cc$")
 FORBIDDEN = {
@@ -42,18 +43,17 @@ STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 
 
 def violations(root):
-    for source in SOURCES:
-        for path in sorted((root / source).rglob("*")):
-            name = path.relative_to(root).as_posix()
-            if path.suffix not in (".cc", ".h") or DOOR.match(name):
+    for path in sources(root):
+        name = path.relative_to(root).as_posix()
+        if DOOR.match(name):
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
+            if line.startswith("#include") or any(file in (None, name) and re.search(pattern, line) for file, pattern in ALLOWED):
                 continue
-            for number, line in enumerate(path.read_text(encoding="utf-8", errors="replace").splitlines(), 1):
-                if line.startswith("#include") or any(file in (None, name) and re.search(pattern, line) for file, pattern in ALLOWED):
-                    continue
-                code = STRING.sub('""', COMMENT.sub("", line))
-                for pattern, reason in FORBIDDEN.items():
-                    if re.search(pattern, code) and not re.search(r"\bifstream\b", code):
-                        yield f"{name}:{number}: {reason}: {line.strip()}"
+            code = STRING.sub('""', COMMENT.sub("", line))
+            for pattern, reason in FORBIDDEN.items():
+                if re.search(pattern, code) and not re.search(r"\bifstream\b", code):
+                    yield f"{name}:{number}: {reason}: {line.strip()}"
 
 
 def main():

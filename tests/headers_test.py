@@ -10,8 +10,8 @@ import pathlib
 import re
 import sys
 
-FOLDERS = ["app", "avatar", "body", "calib", "cli", "core", "dataset", "detect", "exports", "geometry", "metrics", "report", "synth",
-           "triangulate"]
+from modules import sources
+
 # Where the standard library declares what headers here name; of several headers one is enough.
 STANDARD = {
     "algorithm": "adjacent_find all_of any_of clamp copy copy_n count count_if equal fill fill_n find find_if lower_bound max max_element min "
@@ -162,7 +162,7 @@ def self_test():
 def main():
     self_test()
     root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
-    paths = sorted(p for folder in FOLDERS for p in (root / folder).rglob("*.h"))
+    paths = sources(root, ".h")
     tree = Tree({str(p.relative_to(root)): p.read_text(encoding="utf-8") for p in paths})
     found = [f"{path}:{line}: {reason}" for path in tree.code for line, reason in tree.check(path)]
     print("\n".join(found + [f"{len(paths)} headers, {len(found)} names that they do not include"]))

@@ -9,7 +9,8 @@ import pathlib
 import re
 import sys
 
-FOLDERS = "app avatar body calib cli dataset detect exports geometry markers report synth triangulate".split()
+from modules import sources
+
 LITERAL = re.compile(r'"((?:[^"\\\n]|\\.)*)"')
 ADJACENT = re.compile(r'"\s*(?:\n\s*)?"')
 COMMAND = re.compile(r"\bmvstudio ((?:[a-z][a-z0-9-]*)(?: [a-z][a-z0-9-]*)*)([^;:,()`\n]*)")
@@ -66,12 +67,11 @@ def main():
     assert len(known) > 40, "docs/cli.md lists the commands"
     assert list(faults("run mvstudio calib resise", known)) and list(faults("mvstudio calib resize x --nosuch 3", known))
     count = 0
-    for folder in FOLDERS:
-        for path in sorted((root / folder).rglob("*.cc")):
-            for line, text in texts(path.read_text(encoding="utf-8")):
-                for fault in faults(text, known):
-                    print(f"{path.relative_to(root)}:{line}: {fault}")
-                    count += 1
+    for path in sources(root, ".cc"):
+        for line, text in texts(path.read_text(encoding="utf-8")):
+            for fault in faults(text, known):
+                print(f"{path.relative_to(root)}:{line}: {fault}")
+                count += 1
     sys.exit(1 if count else 0)
 
 

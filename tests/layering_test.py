@@ -9,6 +9,8 @@ import pathlib
 import re
 import sys
 
+from modules import modules
+
 CORE = {"core", "core/hash", "core/disk", "core/choice", "core/charts", "core/optimise", "core/text"}
 GEOMETRY = {"geometry/rigid", "geometry/solve", "geometry/lens/models", "geometry/lens", "geometry/rig"}
 # Folder -> folders it may include besides itself. Arrows go down only.
@@ -299,6 +301,19 @@ def check_arrows():
             yield folder, "includes itself by way of others"
 
 
+def check_list(root):
+    """Yields (folder, reason) for folders at the top that hold sources and are not in cmake/modules.txt, and the other way round."""
+    listed = set(modules(root))
+    for folder in sorted(p for p in root.iterdir() if p.is_dir() and p.name not in FREE | {"build"} and p.name[0] != "."):
+        if folder.name not in listed and any(p.suffix in (".h", ".cc") for p in folder.rglob("*.*")):
+            yield folder.name, "holds sources and is not in cmake/modules.txt"
+    for name in sorted(listed ^ {folder.split("/")[0] for folder in MAY_INCLUDE}):
+        yield name, "is in one of cmake/modules.txt and the table above, not in both"
+    header_filter = re.search(r"HeaderFilterRegex: '/\((.*)\)/'", (root / ".clang-tidy").read_text(encoding="utf-8")).group(1)
+    for name in sorted(listed - set(header_filter.split("|"))):
+        yield name, "is not in the HeaderFilterRegex of .clang-tidy"
+
+
 def self_test():
     """The rules must catch what they are for."""
     assert check_foreign("core", "Eigen/Core", "core/a.cc")
@@ -325,10 +340,10 @@ def self_test():
 def main():
     self_test()
     root = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
-    modules = {folder.split("/")[0] for folder in {*MAY_INCLUDE, *EVERYTHING}}
-    files = sorted(str(p.relative_to(root)) for module in modules for p in (root / module).rglob("*.*") if p.suffix in (".h", ".cc"))
+    folders = {*modules(root), *FREE}
+    files = sorted(str(p.relative_to(root)) for folder in folders for p in (root / folder).rglob("*.*") if p.suffix in (".h", ".cc"))
     violations = [f"{path}:{line}: {reason}" for path in files for line, reason in check_file(path, root)]
-    violations += [f"{folder}/: {reason}" for check in (check_sizes(root), check_arrows()) for folder, reason in check]
+    violations += [f"{folder}/: {reason}" for check in (check_sizes(root), check_arrows(), check_list(root)) for folder, reason in check]
     print("\n".join(violations + [f"{len(files)} files, {len(violations)} violations of the layers"]))
     return 1 if violations or not files else 0
 

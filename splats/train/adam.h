@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+
 #include "splats/cloud.h"
 
 namespace mvstudio::splats {
