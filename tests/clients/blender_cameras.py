@@ -6,6 +6,7 @@ Prints a JSON object with the largest difference in pixels.
 """
 
 import json
+import os
 import runpy
 import sys
 
@@ -24,6 +25,16 @@ def expected(camera, point):
     return k["fx"] * p.x / p.z + k["cx"], k["fy"] * p.y / p.z + k["cy"]
 
 
+def shown(background, frame):
+    """The image that a background shows at a frame, as Blender's manual counts sequences: `size` of a sequence itself is that of
+    the file with frame 0 or 1, if there is one."""
+    folder, name = os.path.split(background.image.filepath)
+    stem, ending = os.path.splitext(name)
+    user = background.image_user
+    number = int(stem) if background.image.source == "FILE" else frame - user.frame_start + 1 + user.frame_offset
+    return bpy.data.images.load(os.path.join(folder, f"{number:0{len(stem)}d}{ending}"))
+
+
 def main():
     sys.argv = sys.argv[:1]
     runpy.run_path(FOLDER + "/cameras.py", run_name="__main__")
@@ -33,7 +44,8 @@ def main():
             layer.update()
     for camera in cameras:
         node = bpy.data.objects[camera["name"]]
-        pictures += sum(1 for b in node.data.background_images if b.image.size[0] == camera["size_px"][0])
+        scene = bpy.data.scenes[node["scene"]]
+        pictures += sum(1 for b in node.data.background_images if list(shown(b, scene.frame_current).size) == camera["size_px"])
         for point in POINTS:
             seen = world_to_camera_view(bpy.data.scenes[node["scene"]], node, mathutils.Vector(point))
             u, v = expected(camera, point)
