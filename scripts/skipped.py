@@ -1,0 +1,43 @@
+#!/usr/bin/env python3
+"""skipped.py TESTS.xml [--strict]: what ctest's JUnit file says was skipped, and why; tests with the same reason on one line.
+
+--strict (.ci/run): ends with 1 where a reason is not a recording, a net's weights or a right that this machine lacks: such a
+test needs a line in packages.txt.
+"""
+import collections
+import re
+import sys
+import xml.etree.ElementTree as xml
+
+SKIPPED = re.compile(r"^\S+:\d+: Skipped\n(.*)$", re.M)
+ELSEWHERE = re.compile(r"is not there|is not in|is missing|no such folder|models fetch|needs the right|no instructions for|sanitizer|"
+                       r"root may list|this build|built without|a build without|MVSTUDIO_READERS|no WebGL")
+
+
+def reasons(path):
+    """Reason -> names of the tests that gave it."""
+    found = collections.defaultdict(list)
+    for case in xml.parse(path).getroot().iter("testcase"):
+        output = case.findtext("system-out") or ""
+        own = SKIPPED.findall(output)
+        if not own and case.get("status") in ("notrun", "disabled"):
+            last = [line for line in output.strip().splitlines() if line.strip()]
+            own = [last[-1] if last else "skipped without a reason"]
+        for reason in dict.fromkeys(own):
+            found[reason.strip()].append(case.get("name"))
+    return found
+
+
+def main():
+    found = reasons(sys.argv[1])
+    unknown = [reason for reason in found if not ELSEWHERE.search(reason)]
+    for reason, names in sorted(found.items()):
+        print(f"skipped: {reason}: {', '.join(names)}")
+    if unknown and "--strict" in sys.argv:
+        print("error: tests were skipped for what packages.txt could install: " + "; ".join(unknown), file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
