@@ -39,40 +39,6 @@ using internal::World;
 
 constexpr double kMaxFocalSigma = 0.25;  // of the focal length; beyond it the focal length counts as undetermined
 
-/// Frames of different cameras that do not belong together are refused, or shifted unless `time_offset` is none.
-bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report) {
-  if (work->monos.size() < 2) return true;
-  work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, geometry::CameraNames(work->state.cameras));
-  const FrameOffsets& offsets = work->offsets;
-  if (offsets.kind == FrameOffsets::Kind::kInconsistent) {
-    report->frames_doubt = offsets.text;
-    if (options.time_offset != LatenessChoice::kNone)
-      report->frame_rates = FindFrameRates(work->views, work->cam_from_board, work->frames, offsets);
-    if (!report->frame_rates.empty()) {
-      Stop(Status::kDegenerate, ToString(report->frame_rates, geometry::CameraNames(work->state.cameras)), report);
-      return false;
-    }
-  }
-  if (offsets.kind != FrameOffsets::Kind::kShifted) return true;
-  report->frame_shift = offsets.shift;
-  if (options.time_offset != LatenessChoice::kNone) work->shift = offsets.shift;
-  Stop(Status::kDegenerate, offsets.text + (offsets.hint.empty() ? "" : "; " + offsets.hint), report);
-  return false;
-}
-
-/// A doubt about two cameras by themselves stands unless the rig explains their boards about as well as each does alone.
-void ReconsiderFrames(const Work& work, CalibrateReport* report) {
-  constexpr double kWorse = 2, kSlackPx = 0.05;
-  if (work.offsets.kind != FrameOffsets::Kind::kInconsistent) return;
-  std::vector<bool> explained;
-  for (size_t c = 0; c < work.monos.size(); ++c)
-    explained.push_back(report->cameras[c].rms_px <= kWorse * work.monos[c].bundle.rms_px + kSlackPx);
-  FrameOffsets offsets = work.offsets;
-  Reconsider(work.views, work.prior, BundleResiduals(work.views, work.state), geometry::CameraNames(work.state.cameras),
-             explained, &offsets);
-  report->frames_doubt = offsets.text;
-}
-
 void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
   const std::vector<bool> fixed = internal::HeldCameras(options.fix, HeldPart::What::kPoses, input.cameras);
   for (size_t c = 0; c < fixed.size(); ++c) {
@@ -251,7 +217,7 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
     return;
   }
   internal::FillReport(input, *work, GaugeText(input, options, world, *work), report);
-  ReconsiderFrames(*work, report);
+  internal::ReconsiderFrames(*work, report);
   if (!options.intrinsics_only) AddReadout(*work, report);
   DiscountHeldBoards(work, report);
   const bool converged = report->status == Status::kOk;
@@ -307,7 +273,7 @@ std::vector<int64_t> RunPipeline(const CalibrateOptions& options, const RunConte
   } else {
     internal::TurnNumbering(seen, &work, report);
     report->numbering = FindNumberingFaults(work.views, work.cam_from_board, geometry::CameraNames(work.state.cameras));
-    if (!CheckFrames(options, &work, report)) return work.shift;
+    if (!internal::CheckFrames(options, &work, report)) return work.shift;
     TakeKnownPoses(input, options, &work);
   }
   SolveRig(input, options, world, run, &work, report);
@@ -340,20 +306,31 @@ void LookForCauses(const CalibrateInput& input, CalibrateOptions options, const 
   report->held_doubt = FindHeldDoubt(input, *report, options, run);
 }
 
-CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
-                                bool renumbered = false) {
+CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run);
+
+/// With frames renumbered by the rates that were found, where that explains the boards; else as they are numbered.
+CalibrateReport CalibrateRenumbered(const CalibrateInput& input, CalibrateOptions options, const RunContext& run,
+                                    const CalibrateReport& found) {
+  constexpr double kClearly = 0.7;
+  options.seek_frame_rates = false;
+  CalibrateInput seen = input;
+  ApplyFrameRates(found.frame_rates, &seen.detections);
+  CalibrateReport again = CalibrateSorted(seen, options, run);
+  if (again.status != Status::kOk || !again.frames_doubt.empty()) {
+    CalibrateReport plain = CalibrateSorted(input, options, run);
+    const bool both = again.status == Status::kOk && plain.status == Status::kOk;
+    if (both ? again.rms_px > kClearly * plain.rms_px : again.status != Status::kOk) return plain;
+  }
+  again.frame_rates = found.frame_rates;
+  again.frames_doubt = found.message + "; they were renumbered" + (again.frames_doubt.empty() ? "" : "; " + again.frames_doubt);
+  return again;
+}
+
+CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   CalibrateReport report;
   CalibrateInput seen = input;
   const std::vector<int64_t> shift = RunWithBoards(options, run, &seen, &report);
-  if (!report.frame_rates.empty() && !renumbered) {
-    seen = input;
-    ApplyFrameRates(report.frame_rates, &seen.detections);
-    CalibrateReport again = CalibrateSorted(seen, options, run, true);
-    again.frame_rates = report.frame_rates;
-    again.frames_doubt =
-        report.message + "; they were renumbered" + (again.frames_doubt.empty() ? "" : "; " + again.frames_doubt);
-    return again;
-  }
+  if (!report.frame_rates.empty()) return CalibrateRenumbered(input, options, run, report);
   if (shift.empty()) {
     LookForCauses(seen, options, run, &report);
     return report;

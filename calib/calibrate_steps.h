@@ -45,6 +45,11 @@ struct Work {
 
 void Stop(Status status, const std::string& message, CalibrateReport* report);
 
+/// Frames of different cameras that do not belong together are refused, or shifted unless `time_offset` is none.
+bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report);
+/// A doubt about two cameras by themselves stands unless the rig explains their boards about as well as each does alone.
+void ReconsiderFrames(const Work& work, CalibrateReport* report);
+
 World FindWorld(const WorldOrigin& origin, const std::vector<CameraInput>& cameras);
 
 /// Throws UsageError or ContractViolation for cameras without a size or with equal names, and for detections of unknown

@@ -132,7 +132,7 @@ APP = {f for f in MAY_INCLUDE if f.split("/")[0] == "app"}
 MAY_INCLUDE |= {"cli/program": LIBRARIES | APP}
 MAY_INCLUDE |= {folder: LIBRARIES | APP | {"cli/program"} for folder in COMMANDS}
 MAY_INCLUDE |= {"cli": LIBRARIES | APP | COMMANDS | {"cli/program"}}
-MOST_FILES = 30  # source files of a folder, headers and .cc files counted
+MOST_FILES = 40  # source files of a folder, headers and .cc files counted
 FREE = {"bench", "fuzz", "tests"}  # may include everything
 EVERYTHING = {"cli", *FREE}  # programs: may print and exit
 

@@ -336,7 +336,7 @@ CameraMotion Describe(const CheckWork& work, const std::vector<int64_t>& frames,
 }
 
 CheckWork Prepare(const geometry::Rig& rig, const CalibrateInput& input) {
-  CheckWork work{rig, {}, {}, {}, {}, {}, {}, {}, {}, {}};
+  CheckWork work{rig, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
   for (const geometry::RigCamera& camera : rig.cameras) {
     work.problem.cameras.push_back(camera.camera);
     work.state.cam_from_world.push_back(camera.cam_from_world);

@@ -19,6 +19,7 @@ struct CheckWork {
   std::vector<std::vector<int>> all_views_of_board;  // problem.views_of_board with every camera's
   std::vector<geometry::Rigid3> own_pose;            // per view: cam_from_board
   std::vector<std::vector<int>> boards_of;           // per camera, those that it shares
+  std::vector<std::vector<View>> views_alone;        // per camera, of boards that it shares with none
   std::vector<CameraCheck> checks;                   // per camera of the rig
   std::vector<bool> present, moved;
 };
@@ -26,6 +27,11 @@ struct CheckWork {
 /// Fits every view by itself, drops corners and views that do not fit, and estimates each camera's noise. Keeps the views
 /// of boards that two cameras share at one time step, with weights in px^-2.
 void PrepareCheck(const CalibrateInput& input, CheckWork* work);
+
+/// Checks the lenses of cameras that share no board: all that can be said of them.
+void CheckLensesAlone(CheckWork* work);
+/// The corners are of one camera, and its lens could be checked.
+bool IsOneLens(const CheckWork& work);
 
 /// Enters a camera's new pose, which SolveCamera found at `state` from `boards`, into the rig's stated covariance. `own`
 /// is its covariance for an exact calibration. Added is the part that comes from its own lens and from the lenses and

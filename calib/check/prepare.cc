@@ -117,8 +117,13 @@ void FillProblem(std::vector<OwnView> views, CheckWork* work) {
   for (size_t i = 0; i < views.size(); ++i) instants[{views[i].view.frame, views[i].view.board}].push_back(i);
   PoseProblem& problem = work->problem;
   work->boards_of.resize(work->checks.size());
+  work->views_alone.resize(work->checks.size());
   for (const auto& [key, members] : instants) {
-    if (members.size() < 2) continue;
+    if (members.size() < 2) {
+      const View& view = views[members[0]].view;
+      work->views_alone[static_cast<size_t>(view.camera_idx)].push_back(view);
+      continue;
+    }
     const int board = static_cast<int>(problem.views_of_board.size());
     problem.views_of_board.emplace_back();
     for (const size_t i : members) {

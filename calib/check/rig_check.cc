@@ -295,7 +295,7 @@ std::vector<Rigid3> PosesOf(const geometry::Rig& rig) {
 }
 
 CheckWork WorkFor(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options) {
-  CheckWork work{rig, options, {}, {}, {}, {}, {}, {}, {}, {}};
+  CheckWork work{rig, options, {}, {}, {}, {}, {}, {}, {}, {}, {}};
   for (const geometry::RigCamera& camera : rig.cameras) {
     work.problem.cameras.push_back(camera.camera);
     work.state.cam_from_world.push_back(camera.cam_from_world);
@@ -331,10 +331,12 @@ RigCheck CheckSeen(const geometry::Rig& rig, const CalibrateInput& input, const 
   geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
   CheckWork work = WorkFor(rig, input, options);
   result.num_boards = static_cast<int>(work.problem.views_of_board.size());
-  if (work.problem.views_of_board.empty()) {
+  internal::CheckLensesAlone(&work);
+  const bool has_boards = !work.problem.views_of_board.empty();
+  if (!has_boards && !internal::IsOneLens(work)) {
     result.status = Status::kTooFewViews;
     result.message = "no two cameras see a board at the same time step";
-  } else {
+  } else if (has_boards) {
     work.all_views_of_board = work.problem.views_of_board;
     result.board_metrics = internal::MeasureLengths(input.boards, work);
     TakeScale(input.boards, &work, &result);

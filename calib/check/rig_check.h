@@ -1,10 +1,12 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/board/observations.h"
+#include "calib/check/lens_check.h"
 #include "calib/check/seen_corners.h"
 #include "calib/check/verdict.h"
 #include "calib/rig/board_metrics.h"
@@ -45,6 +47,7 @@ struct CameraCheck {
   int num_rejected = 0;              ///< corners that do not fit their own view
   int num_bad_views = 0;             ///< boards without a pose, or much worse than the camera's other boards
   double own_rms_px = 0;             ///< rms with a free pose per view: lens and detection errors alone
+  std::optional<LensCheck> lens;     ///< of a camera that shares no board with another
   int num_outlying_views = 0;        ///< boards beyond 4 times the median of the camera's others: excluded from the figures
                                      ///< below
   double rms_px = 0, median_px = 0;  ///< as calibrated, boards placed by the cameras that have not moved
@@ -60,7 +63,7 @@ struct CameraCheck {
 };
 
 struct RigCheck {
-  Status status = Status::kOk;  ///< kTooFewViews when no two cameras see a board at one time step
+  Status status = Status::kOk;  ///< kTooFewViews when no two cameras see a board at one time step, and more than one is there
   std::string message;
   std::vector<CameraCheck> cameras;    ///< those of the rig that are in the input, in the rig's order
   std::vector<std::string> moved;      ///< cameras found to have moved

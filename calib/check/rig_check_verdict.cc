@@ -20,13 +20,36 @@ std::string Motion(const CameraCheck& c) {
                 RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m, 1e3 * c.translation_sigma_m, c.shift_px);
 }
 
+/// A camera that shares no board. Where it is the only one, nothing else could be checked.
+void JudgeLensAlone(const CameraCheck& c, const RigCheckOptions& options, const RigCheck& check, Verdict* verdict) {
+  const char* name = c.name.c_str();
+  const bool has_lens = c.lens && c.lens->status == Status::kOk;
+  if (check.cameras.size() > 1) {
+    Add("warn",
+        {"CAL-FEWVIEWS",
+         Format("camera %s shares no board with another camera: ", name) +
+             (has_lens ? "only its lens is checked" : "it is not checked"),
+         "hold the board where another camera sees it too"},
+        verdict);
+  }
+  if (!has_lens) return;
+  const LensCheck& lens = *c.lens;
+  if (!lens.changed && lens.rms_px <= options.warn_px) return;
+  const std::string figures =
+      Format("%.2f px with every board placed for it, %.2f px with its numbers fitted anew", lens.rms_px, lens.refitted_rms_px);
+  const std::string change =
+      Format(": focal length %.1f -> %.1f px, points move by %.1f px", lens.focal_px, lens.refitted_focal_px, lens.shift_px);
+  const bool fails = lens.changed ? lens.shift_px > options.fail_px : lens.rms_px > options.fail_px;
+  Add(fails ? "fail" : "warn",
+      {"CAL-LENS", Format("camera %s: ", name) + (lens.changed ? "its lens has changed: " + figures + change : figures),
+       "its zoom or focus may have changed, or the board is not the one that was named"},
+      verdict);
+}
+
 void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const RigCheck& check, Verdict* verdict) {
   const char* name = c.name.c_str();
   if (c.num_views == 0) {
-    Add("warn",
-        {"CAL-FEWVIEWS", Format("camera %s shares no board with another camera: it is not checked", name),
-         "hold the board where another camera sees it too"},
-        verdict);
+    JudgeLensAlone(c, options, check, verdict);
     return;
   }
   if (c.moved) {

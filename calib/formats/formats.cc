@@ -164,6 +164,7 @@ CalibrationFormat DetectFormat(const std::string& path) {
     Unknown(path, text);
   }
   if (text[start] == '[' && has("\"img_name\"") && has("\"position\"")) return CalibrationFormat::kNerfstudio;
+  if (text[start] == '<' && has("<opencv_storage")) return CalibrationFormat::kOpenCvYaml;
   if (text[start] == '<' && has("<calibration")) return CalibrationFormat::kQca;
   if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return CalibrationFormat::kColmapText;
   if (has("camera_matrix:")) return CalibrationFormat::kOpenCvYaml;  // ROS's camera_info

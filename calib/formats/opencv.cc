@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
@@ -18,7 +19,7 @@ using internal::FindEntry;
 using internal::FindFirst;
 
 constexpr std::initializer_list<const char*> kMatrixKeys = {"cameramatrix", "k"};
-constexpr std::initializer_list<const char*> kDistortionKeys = {"distortioncoefficients", "distcoeffs", "d"};
+constexpr std::initializer_list<const char*> kDistortionKeys = {"distortioncoefficients", "distcoeffs", "distortion", "d"};
 
 Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const ReadOptions& options) {
   const Entry* width = FindFirst(entries, {"imagewidth", "width"});
@@ -86,17 +87,33 @@ void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const ReadOp
   }
 }
 
+/// OpenPose's `CameraMatrix` is [R t], and its `Intrinsics` the matrix of the lens.
+bool IsOpenPose(const Entries& entries) {
+  const auto matrix = entries.find("cameramatrix");
+  return entries.count("intrinsics") && matrix != entries.end() && internal::ReadMatrix(matrix->second).cols() == 4;
+}
+
+/// The camera's pose, camera from world, if the entries have one: R and T, or OpenPose's 3x4 `CameraMatrix`.
+std::optional<geometry::Rigid3> FindPose(const Entries& entries, double metres_per_unit) {
+  const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
+  if (rotation && translation) return ReadPose(*rotation, *translation, metres_per_unit);
+  if (!IsOpenPose(entries)) return std::nullopt;
+  const Entry& both = *FindEntry(entries, "cameramatrix");
+  const Eigen::MatrixXd matrix = internal::ReadMatrix(both);
+  if (matrix.rows() != 3) throw FormatError(both.place.path, both.place.where, "a 3x4 matrix [R t] was expected");
+  return geometry::Rigid3{internal::MakeRotation(matrix.leftCols<3>(), both.place), matrix.col(3) * metres_per_unit};
+}
+
 /// A camera from entries with one camera matrix; true when its place is in them.
 bool AddSingle(const Entries& entries, const std::string& name, const std::string& path, const ReadOptions& options,
                ImportedRig* imported) {
-  const Entry& matrix = *FindFirst(entries, kMatrixKeys);
+  const Entry& matrix = IsOpenPose(entries) ? *FindEntry(entries, "intrinsics") : *FindFirst(entries, kMatrixKeys);
   geometry::RigCamera camera = ReadCamera(entries, name, matrix, FindFirst(entries, kDistortionKeys),
                                           ReadSize(entries, path, options), options, &imported->notes);
-  const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
-  if (rotation && translation)
-    camera.cam_from_world = camera.cam_from_world * ReadPose(*rotation, *translation, options.metres_per_unit);
+  const std::optional<geometry::Rigid3> pose = FindPose(entries, options.metres_per_unit);
+  if (pose) camera.cam_from_world = camera.cam_from_world * *pose;
   internal::AddCamera(std::move(camera), matrix.place, &imported->rig);
-  return rotation && translation;
+  return pose.has_value();
 }
 
 /// What OpenCV's and ROS's calibration programs write beside the lens and the pose.

@@ -47,16 +47,18 @@ int SizeOf(const Entry& entry, const char* key) {
 
 void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   const std::string text = ReadFile(path);
+  const bool is_xml = text.find("<opencv_storage") != std::string::npos;
   // ROS's camera_info and files written from Python have no head, but OpenCV's keys.
   const bool ros =
       normalised && (text.find("camera_matrix") != std::string::npos || text.find("cameraMatrix") != std::string::npos);
-  if (text.compare(0, 5, "%YAML") != 0 && !ros) throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
-  Value root = ParseYaml(path, text);
+  if (text.compare(0, 5, "%YAML") != 0 && !ros && !is_xml)
+    throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
+  Value root = is_xml ? ParseOpenCvXml(path, text) : ParseYaml(path, text);
   if (root.kind != Value::Kind::kTable) {
     throw FormatError(path, "line " + std::to_string(root.line), "'key: value' was expected; is the file truncated?");
   }
   for (auto& [key, value] : root.entries) {
-    const std::string where = "line " + std::to_string(value.line);
+    const std::string where = value.line > 0 ? "line " + std::to_string(value.line) : Printable(key);
     const auto [entry, is_new] = entries->insert({normalised ? Normalised(key) : key, {}});
     if (!is_new) throw FormatError(path, where, "the key '" + Printable(key) + "' occurs twice");
     entry->second = {std::move(value), {path, Printable(key)}};

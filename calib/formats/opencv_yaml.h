@@ -10,7 +10,7 @@
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 
-/// OpenCV's FileStorage YAML 1.0.
+/// OpenCV's FileStorage: YAML 1.0 and XML.
 namespace mvstudio::calib::internal {
 
 /// A top-level entry of a FileStorage file.
@@ -19,6 +19,9 @@ struct Entry {
   Place place;
 };
 using Entries = std::map<std::string, Entry>;
+
+/// The entries of OpenCV's XML storage, as its YAML would give them. Throws FormatError.
+Value ParseOpenCvXml(const std::string& path, const std::string& text);
 
 /// Keys as written or, if `normalised`, in lower case without underscores, because OpenCV's own samples write
 /// camera_matrix, Camera_Matrix and cameraMatrix. Adds to `entries`; throws FormatError for a key that is already there.

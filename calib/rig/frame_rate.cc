@@ -23,13 +23,14 @@ struct Sighting {
   Rigid3 in_a, in_b;
 };
 
-std::vector<Sighting> SharedSightings(const BoardPoses& a, const BoardPoses& b, const FrameRate& rate) {
+std::vector<Sighting> SharedSightings(const BoardPoses& a, const BoardPoses& b, const FrameRate& rate, size_t* num_shared) {
   std::vector<Sighting> all;
   for (const auto& [key, b_from_board] : b) {
     const auto frame = rate.At(key.first);
     const auto found = frame ? a.find({*frame, key.second}) : a.end();
     if (found != a.end()) all.push_back({found->second, b_from_board});
   }
+  *num_shared = all.size();
   if (all.size() <= kMostShared) return all;
   std::vector<Sighting> thin;
   for (size_t i = 0; i < kMostShared; ++i) thin.push_back(all[i * all.size() / kMostShared]);
@@ -61,13 +62,22 @@ struct Best {
   double disagreement = std::numeric_limits<double>::infinity();
 };
 
+/// Whether the frames that a rate pairs are a good part of those that it could pair: few of them agree by chance.
+bool PairsEnough(size_t num_shared, size_t num_a, size_t num_b, const FrameRate& rate) {
+  constexpr double kPart = 0.4;
+  const double of_b = std::min(static_cast<double>(num_b), static_cast<double>(num_a) * rate.denominator / rate.numerator);
+  return static_cast<double>(num_shared) * rate.denominator >= kPart * of_b;
+}
+
 Best BestOffset(const BoardPoses& a, const BoardPoses& b, FrameRate rate, std::vector<double>* all) {
   Best best;
   const int64_t most = kMostOffset * rate.denominator;
   for (rate.offset = -most; rate.offset <= most; ++rate.offset) {
-    const double disagreement = RateDisagreement(SharedSightings(a, b, rate));
+    size_t num_shared = 0;
+    const double disagreement = RateDisagreement(SharedSightings(a, b, rate, &num_shared));
     if (std::isfinite(disagreement)) all->push_back(disagreement);
-    if (disagreement < best.disagreement) best = {rate, disagreement};
+    const bool counts = rate.same() || PairsEnough(num_shared, a.size(), b.size(), rate);
+    if (counts && disagreement < best.disagreement) best = {rate, disagreement};
   }
   return best;
 }

@@ -24,8 +24,9 @@ struct FrameRate {
 };
 
 /// From frames of b to frames of a. The ratio of small numbers and the offset, within 60 frames, at which the board positions
-/// of two cameras agree; by the spread of their relative pose (FindFrameOffsets). Empty unless nine of ten frames agree then to
-/// half of what they do at equal rates with any offset, and to half of what unrelated frames do.
+/// of two cameras agree; by the spread of their relative pose (FindFrameOffsets). Empty unless four of ten frames that it could
+/// pair are paired, and nine of ten of these agree to half of what they do at equal rates with any offset, and to half of what
+/// unrelated frames do.
 std::optional<FrameRate> FindFrameRate(const BoardPoses& a, const BoardPoses& b);
 
 /// Per camera, how its frames count in those of the others, from the pairs that `offsets` found inconsistent; empty when no

@@ -39,7 +39,6 @@ std::string ForeignLayout(std::string_view text) {
       {"a session or result of mvstudio, no calibration", {"\"exit_code\"", "\"metrics\""}},
       {"cameras of VoxelPose or Campus and Shelf", {"\"R\"", "\"fx\"", "\"fy\"", "\"cx\""}},
       {"cameras by K, R and T (HuMMan and others)", {"\"K\"", "\"R\"", "\"T\""}},
-      {"OpenCV's XML (its .yml is read)", {"<opencv_storage>"}},
       {"Metashape's XML", {"<document", "<chunk"}},
       {"EuRoC's sensor.yaml of another sensor than a camera", {"sensor_type:", "T_BS:"}},
   };

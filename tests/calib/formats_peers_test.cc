@@ -170,6 +170,44 @@ TEST(OpenCv, ProjectsWhatWeWriteAlike) {
   }
 }
 
+/// Files as OpenCV's own writer makes them, with the keys of its samples and of OpenPose.
+TEST(OpenCv, ItsXmlIsRead) {
+  const TempDir folder;
+  const Rig rig = Carried(RandomRig(15), Format::kOpenCvYaml, [](const auto&) { return true; });
+  WriteCalibration(rig, Format::kOpenCvYaml, folder / "yaml");
+  for (const bool openpose : {false, true}) {
+    std::vector<std::string> paths;
+    for (const RigCamera& camera : rig.cameras) {
+      const cv::FileStorage yaml(folder / ("yaml/" + camera.camera.name + ".yml"), cv::FileStorage::READ);
+      paths.push_back(folder / (camera.camera.name + ".xml"));
+      cv::FileStorage xml(paths.back(), cv::FileStorage::WRITE);
+      xml << "image_width" << camera.camera.width_px << "image_height" << camera.camera.height_px;
+      if (!yaml["fisheye_model"].empty()) xml << "fisheye_model" << 1;
+      xml << "calibration_time"
+          << "Fri Nov 27 15:00:00 2026";
+      cv::Mat pose;
+      cv::hconcat(ReadMat(yaml, "R"), ReadMat(yaml, "T"), pose);
+      if (openpose) {
+        xml << "CameraMatrix" << pose << "Intrinsics" << ReadMat(yaml, "camera_matrix");
+      } else {
+        xml << "camera_matrix" << ReadMat(yaml, "camera_matrix") << "R" << ReadMat(yaml, "R") << "T" << ReadMat(yaml, "T");
+      }
+      xml << (openpose ? "Distortion" : "distortion_coefficients") << ReadMat(yaml, "distortion_coefficients");
+    }
+    EXPECT_EQ(DetectFormat(paths[0]), Format::kOpenCvYaml);
+    const Rig read = ReadCalibration(Format::kOpenCvYaml, paths, {}).rig;
+    ASSERT_EQ(read.cameras.size(), rig.cameras.size());
+    for (size_t c = 0; c < rig.cameras.size(); ++c) {
+      const RigCamera& camera = rig.cameras[c];
+      EXPECT_EQ(read.cameras[c].camera.name, camera.camera.name);
+      for (const Eigen::Vector3d& point : {Eigen::Vector3d(0.1, -0.2, 3), Eigen::Vector3d(0, 0, 2)}) {
+        const Eigen::Vector3d world = Inverse(camera.cam_from_world) * point;
+        EXPECT_LT((OurPixel(read.cameras[c], world) - OurPixel(camera, world)).norm(), 1e-9) << camera.camera.name << openpose;
+      }
+    }
+  }
+}
+
 TEST(OpenCv, ReadsOurEasyMocapFiles) {
   const TempDir folder;
   const Rig rig = Carried(RandomRig(14), Format::kEasyMocap, [](const auto&) { return true; });

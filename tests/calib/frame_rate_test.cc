@@ -49,6 +49,17 @@ TEST(FrameRate, EqualRatesAreNone) {
   EXPECT_FALSE(Found(1, 17).has_value());
 }
 
+/// Frames that belong together in no way agree by chance where few of them meet: a board that rests at the ends of a recording.
+TEST(FrameRate, RestsAtTheEndsAreNoRate) {
+  BoardPoses a, b;
+  for (int f = 0; f < 70; ++f) {
+    const bool rests_in_a = f >= 52, rests_in_b = f < 18;
+    a[{f, 0}] = rests_in_a ? Carried(3) : Carried(f);
+    b[{f, 0}] = rests_in_b ? Carried(4) : Carried(500 + 7.3 * f);
+  }
+  EXPECT_FALSE(FindFrameRate(a, b).has_value());
+}
+
 TEST(FrameRate, MapsFramesThere) {
   const FrameRate rate{3, 2, 4};
   EXPECT_EQ(rate.At(6), 11);

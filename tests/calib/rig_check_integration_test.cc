@@ -271,5 +271,33 @@ TEST(RigCheck, RefusesForeignCameras) {
   EXPECT_THAT(MessageOf<UsageError>([&] { Check(rig, scene); }), HasSubstr("640x480 px, the calibration is for 320x480"));
 }
 
+/// One camera has nobody to move against: its lens is what is checked.
+TEST(RigCheck, OfOneCameraTheLensIsChecked) {
+  const Scene scene = MakeCheckScene(1, 0.2, 5);
+  geometry::Rig rig = testing::TruthRig(scene);
+  const RigCheck same = Check(rig, scene);
+  EXPECT_EQ(same.status, Status::kOk);
+  EXPECT_EQ(same.verdict.status, "pass");
+  ASSERT_TRUE(same.cameras[0].lens.has_value());
+  EXPECT_LT(same.cameras[0].lens->significance, 2);
+  EXPECT_NEAR(same.cameras[0].lens->rms_px, 0.2 * std::sqrt(2), 0.02);
+  const double focal_px = rig.cameras[0].camera.fx();
+  rig.cameras[0].camera.params.head<2>() *= 0.98;  // it was zoomed since
+  const RigCheck zoomed = Check(rig, scene);
+  EXPECT_EQ(zoomed.verdict.status, "fail");
+  ASSERT_EQ(zoomed.verdict.reasons.size(), 1u);
+  EXPECT_EQ(zoomed.verdict.reasons[0].code, "CAL-LENS");
+  EXPECT_NEAR(zoomed.cameras[0].lens->refitted_focal_px, focal_px, 0.003 * focal_px);
+}
+
+TEST(RigCheck, CamerasThatShareNoBoardAreNoRig) {
+  const Scene scene = MakeCheckScene(2, 0.2, 6);
+  CalibrateInput input = ToInput(scene);
+  for (Detection& detection : input.detections) detection.frame_idx += 1000 * detection.camera_idx;
+  const RigCheck check = CheckRig(testing::TruthRig(scene), input, {}, {});
+  EXPECT_EQ(check.status, Status::kTooFewViews);
+  for (const CameraCheck& camera : check.cameras) EXPECT_TRUE(camera.lens.has_value() && !camera.lens->changed) << camera.name;
+}
+
 }  // namespace
 }  // namespace mvstudio::calib

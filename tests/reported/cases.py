@@ -82,9 +82,10 @@ def shows(path, exit_code, *checks, more=()):
 
 def calibrations():
     other = DATA + "C-other-json/"
-    unknown = {"17012332.xml": "OpenCV's XML", "argus.csv": "known are", "cameraIntrinsics.pickle": "Python pickle",
+    unknown = {"argus.csv": "known are", "cameraIntrinsics.pickle": "Python pickle",
                "campus.json": "VoxelPose"}
     return [shows("{R}/people/09-calib/" + name, 3, words) for name, words in unknown.items()] + [
+        shows("{R}/people/09-calib/17012332.xml", 0, "rational8", "817.93", more=("--size", "1280x1024")),
         shows(other + "calibration_full.json", 0), shows(other + "train_meta.json", 0),
         shows(other + "camera-parameters.json", 3, "Human3.6M", "not cameras: is missing"),
         shows(other + "camera_extrinsics.json", 3, "MVHumanNet", "not cameras: is missing"),
