@@ -58,6 +58,10 @@ void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* ri
 /// Note for files that name no unit.
 ImportNote UnitNote(double metres_per_unit);
 
+/// Kalibr's camchains: one, or several whose cameras all name their pose against the same IMU (T_cam_imu), which then is the
+/// world; several without any pose hold lenses alone. Throws FormatError where chains are not placed against each other.
+ImportedRig ReadKalibrChains(const std::vector<std::string>& paths, const ReadOptions& options);
+
 /// The file holds lenses alone: the gauge, and the note CAL-NOPOSE.
 void StateLensesOnly(ImportedRig* imported);
 
