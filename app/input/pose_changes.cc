@@ -15,6 +15,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "core/text/shell_word.h"
 #include "triangulate/sync/sync.h"
 
 namespace mvstudio::app {
@@ -311,7 +312,8 @@ void RefuseEqual(const std::vector<Pose2dTrack>& tracks, const geometry::Rig& ri
                         Format("%lld of %lld joints that both show are at the same pixels, as two cameras never see them: one "
                                "recording was given for both; give ",
                                static_cast<long long>(alike.equal), static_cast<long long>(alike.compared)) +
-                            tracks[b].camera + " its own, or leave it out (option 'without-camera' " + tracks[b].camera + ")");
+                            tracks[b].camera + " its own, or leave it out (option 'without-camera' " +
+                            ShellWord(tracks[b].camera) + ")");
     }
   }
 }

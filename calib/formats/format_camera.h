@@ -52,6 +52,9 @@ OpenCvLens OpenCvLensOf(const geometry::Camera& camera);
 /// Rotation from a file's matrix; throws FormatError when it is farther than 1e-3 from a rotation.
 Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place);
 
+/// Rotation from a file's Rodrigues vector; throws FormatError for more than a full turn, as degrees would be.
+Eigen::Quaterniond MakeRotation(const Eigen::Vector3d& vector, const Place& place);
+
 /// Adds a camera; throws FormatError when its name is empty, not UTF-8, or already present.
 void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig);
 

@@ -18,6 +18,7 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/text/shell_word.h"
 #include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
@@ -128,15 +129,15 @@ void CheckSizes(const std::vector<app::CameraPoses>& cameras, const geometry::Ri
     if (idx < 0 || camera.width == 0) continue;
     const geometry::Camera& lens = rig.cameras[static_cast<size_t>(idx)].camera;
     if (lens.width_px == camera.width && lens.height_px == camera.height) continue;
-    result->warnings.push_back({"POSE-SIZE",
-                                camera.track.camera + ": the footage has " + std::to_string(camera.width) + " x " +
-                                    std::to_string(camera.height) + " pixels, the calibration " +
-                                    std::to_string(lens.width_px) + " x " + std::to_string(lens.height_px),
-                                "keypoints are in the footage's pixels; triangulating them with this calibration costs that "
-                                "difference: mvstudio calib "
-                                "resize --camera-size " +
-                                    camera.track.camera + "=" + std::to_string(camera.width) + "x" +
-                                    std::to_string(camera.height) + " brings its lens to them"});
+    result->warnings.push_back(
+        {"POSE-SIZE",
+         camera.track.camera + ": the footage has " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+             " pixels, the calibration " + std::to_string(lens.width_px) + " x " + std::to_string(lens.height_px),
+         "keypoints are in the footage's pixels; triangulating them with this calibration costs that "
+         "difference: mvstudio calib "
+         "resize --camera-size " +
+             ShellWord(camera.track.camera + "=" + std::to_string(camera.width) + "x" + std::to_string(camera.height)) +
+             " brings its lens to them"});
   }
 }
 

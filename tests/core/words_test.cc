@@ -1,3 +1,4 @@
+#include "core/text/shell_word.h"
 #include "core/text/words.h"
 
 #include <gtest/gtest.h>
@@ -27,6 +28,14 @@ std::vector<int> Known(const std::vector<int>& asked) { return KnownFrames("f", 
 
 std::string Beyond(const std::vector<int>& asked, const std::vector<int>& there) {
   return KnownFrames("option 'frames'", asked, there, "walk.trc").beyond;
+}
+
+TEST(ShellWord, IsReadBackAsItWas) {
+  EXPECT_EQ(ShellWord("cams/a-1.json"), "cams/a-1.json");
+  EXPECT_EQ(ShellWord("my cams/a.json"), "'my cams/a.json'");
+  EXPECT_EQ(ShellWord("it's"), "'it'\\''s'");
+  EXPECT_EQ(ShellWord(""), "''");
+  for (const char c : std::string(" \t*?$&;|<>(){}[]\"`~#!\\^")) EXPECT_EQ(ShellWord(std::string("a") + c).front(), '\'') << c;
 }
 
 TEST(KnownFrames, ARangeTakesWhatThereIs) {
