@@ -5,6 +5,7 @@
 #include "calib/judgement.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "core/text/shell_word.h"
 #include "core/units.h"
 
 namespace mvstudio::calib::internal {
@@ -50,7 +51,7 @@ void JudgeLensChange(const CameraMotion& motion, const std::string& names, doubl
   out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-LENSCHANGED", text,
              "focus, zoom, stabiliser, crop or scale: fix them and film again, or treat it as two cameras with a lens each: "
              "option 'split-at' " +
-                 motion.cameras[0] + ":" + std::to_string(motion.frame_idx) + ":lens");
+                 ShellWord(motion.cameras[0] + ":" + std::to_string(motion.frame_idx) + ":lens"));
 }
 
 void JudgeDrift(const CameraMotion& motion, const std::string& names, double scale, Judgement* out) {
@@ -70,11 +71,11 @@ void JudgeMotion(const CameraMotion& motion, double scale, Judgement* out) {
   const std::string text = Format("camera %s moved %s: turned by %.3g +- %.2g degrees, %.3g mm (%.1f px in its image)",
                                   names.c_str(), Between(motion).c_str(), RadToDeg(motion.rotation_rad),
                                   RadToDeg(motion.rotation_sigma_rad), 1e3 * motion.translation_m, motion.shift_px);
-  const std::string hint =
-      motion.cameras.size() > 1
-          ? "two cameras only know of each other: film again, or leave out what came after frame " +
-                std::to_string(motion.last_before)
-          : "treat it as two cameras, before and after: option 'split-at' " + names + ":" + std::to_string(motion.frame_idx);
+  const std::string hint = motion.cameras.size() > 1
+                               ? "two cameras only know of each other: film again, or leave out what came after frame " +
+                                     std::to_string(motion.last_before)
+                               : "treat it as two cameras, before and after: option 'split-at' " +
+                                     ShellWord(names + ":" + std::to_string(motion.frame_idx));
   out->Limit(motion.shift_px, 0, kFailMotionPx * scale, "CAL-MOVED", text, hint);
 }
 

@@ -47,10 +47,10 @@ std::vector<size_t> ChooseCameras(const dataset::PanopticDataset& dataset, const
 
 std::vector<int> ChooseFrames(const dataset::PanopticDataset& dataset, const FormatInfo& format, const ExportOptions& options,
                               const std::optional<dataset::Split>& split, ExportReport* report) {
-  const std::set<int> have(dataset.frames.begin(), dataset.frames.end());
-  std::vector<int> chosen = KnownFrames(
-      options.frames, [&](int frame) { return have.count(frame) > 0; },
-      [&](int frame) { throw UsageError("option 'frames': the dataset has no joints of frame " + std::to_string(frame)); });
+  FrameChoice choice = KnownFrames("option 'frames'", options.frames, dataset.frames, dataset.root + " (its joints)");
+  if (!choice.beyond.empty())
+    report->notes.push_back({"CLI-FRAMES", choice.beyond, "look at the numbers: a dataset's frames are those of its joints"});
+  std::vector<int> chosen = std::move(choice.frames);
   if (!chosen.empty()) return chosen;
   chosen = dataset.frames;
   if (split) {

@@ -1,21 +1,14 @@
 #include "core/join.h"
+#include "core/text/shell_word.h"
 #include "report/page/format.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {
 namespace {
 
-/// A word as a shell would need it.
-std::string Quoted(const std::string& word) {
-  static const std::string kPlain = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-+=/.,:@%";
-  if (!word.empty() && word.find_first_not_of(kPlain) == std::string::npos) return word;
-  std::string out = "'";
-  for (const char c : word) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return out + "'";
-}
-
 std::string CommandLine(const Value& entry) {
-  const std::string line = Join(entry["argv"].items(), " ", [](const Value& word) { return Quoted(word.Text(word.Dump())); });
+  const std::string line =
+      Join(entry["argv"].items(), " ", [](const Value& word) { return ShellWord(word.Text(word.Dump())); });
   return line.empty() ? "mvstudio " + entry["command"].Text("?") : line;
 }
 

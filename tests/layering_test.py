@@ -50,6 +50,7 @@ MAY_INCLUDE = {
     "calib/board": CORE | GEOMETRY,
     "calib/detect": CORE | GEOMETRY | {"calib/board"},
     "calib/formats": CORE | GEOMETRY | {"calib/board"},
+    "calib/formats/colmap": CORE | GEOMETRY | {"calib/board", "calib/formats"},
     "calib/corners": CORE | GEOMETRY | {"calib/board", "calib/formats"},
     "calib/bundle": CORE | GEOMETRY | {"calib/board"},
     "calib/covariance": CORE | GEOMETRY | {"calib/board", "calib/bundle"},

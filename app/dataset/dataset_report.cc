@@ -6,6 +6,7 @@
 #include "app/dataset/session_table.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/text/shell_word.h"
 #include "dataset/pack/pack.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/sequence.h"
@@ -212,7 +213,8 @@ void AddFindings(const std::vector<dataset::Finding>& findings, CommandResult* r
 
 CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run) {
   if (IsSession(path)) {
-    throw UsageError(path + " is a session: see mvstudio doctor " + path + "; dataset verify looks at datasets and packs");
+    throw UsageError(path + " is a session: see mvstudio doctor " + ShellWord(path) +
+                     "; dataset verify looks at datasets and packs");
   }
   CommandResult result = dataset::IsPack(path) ? VerifyPackFile(path, run) : VerifyFolder(path, options, run);
   result.inputs = {path};

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/some_of.h"
+#include "dataset/build/scene_joints.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
 
@@ -41,20 +41,14 @@ Poses FromPoints(const std::string& path, const std::string& marker_unit) {
 
 Poses ReadSceneFiles(const std::string& folder) {
   Poses scenes;
-  for (const std::string& file : FilesNamed(folder, "body3DScene_", ".json")) {
-    const std::string digits = fs::path(file).stem().string().substr(std::string("body3DScene_").size());
-    if (digits.empty() || digits.size() > 9 || digits.find_first_not_of("0123456789") != std::string::npos)
-      throw FormatError(file, "", "the file name is not body3DScene_%08d.json");
-    scenes[std::stoi(digits)] = dataset::ReadBody3dScene(file);
-  }
+  for (const auto& [frame, file] : dataset::SceneFilesAt(folder)) scenes[frame] = dataset::ReadBody3dScene(file);
   return scenes;
 }
 
 Poses ReadCoco19Poses(const std::string& path, const std::string& marker_unit) {
   const bool head = fs::path(path).filename() == "pose3d.json" && fs::is_regular_file(path);
   if (dataset::IsPointsFile(path) || head || fs::exists(fs::path(path) / "points.csv")) return FromPoints(path, marker_unit);
-  const fs::path in_dataset = fs::path(path) / "hdPose3d_stage1_coco19";
-  Poses poses = ReadSceneFiles(fs::exists(in_dataset) ? in_dataset.string() : path);
+  Poses poses = ReadSceneFiles(path);
   if (poses.empty()) throw IoError(path, kForms);
   return poses;
 }

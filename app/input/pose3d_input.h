@@ -12,7 +12,7 @@ namespace mvstudio::app {
 /// path; FormatError, also where none of the joints gives one of the 19, or where a file's name has no frame number.
 std::map<int, std::map<int, dataset::Coco19Pose>> ReadCoco19Poses(const std::string& path, const std::string& marker_unit = {});
 
-/// The people of body3DScene_%08d.json files, by frame. Throws FormatError, IoError.
+/// The people of the body3DScene_%08d.json files of a folder or dataset, by frame. Throws FormatError, IoError.
 std::map<int, std::map<int, dataset::Coco19Pose>> ReadSceneFiles(const std::string& folder);
 
 }  // namespace mvstudio::app

@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "app/frame_notice.h"
 #include "app/input/calib_read.h"
 #include "app/input/take_frames.h"
 #include "app/words.h"
@@ -14,6 +15,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "core/text/shell_word.h"
 #include "triangulate/sync/sync.h"
 
 namespace mvstudio::app {
@@ -310,30 +312,27 @@ void RefuseEqual(const std::vector<Pose2dTrack>& tracks, const geometry::Rig& ri
                         Format("%lld of %lld joints that both show are at the same pixels, as two cameras never see them: one "
                                "recording was given for both; give ",
                                static_cast<long long>(alike.equal), static_cast<long long>(alike.compared)) +
-                            tracks[b].camera + " its own, or leave it out (option 'without-camera' " + tracks[b].camera + ")");
+                            tracks[b].camera + " its own, or leave it out (option 'without-camera' " +
+                            ShellWord(tracks[b].camera) + ")");
     }
   }
 }
 
-std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there) {
+std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there, CommandResult* result) {
   if (changes.frames.empty()) return there;
-  const std::set<int> known(there.begin(), there.end());
-  const auto refuse = [&](int frame) {
-    throw UsageError(known.empty() ? "option 'frames': the cameras have no frames"
-                                   : Format("option 'frames': no camera has frame %d; there are %zu frames from %d to %d",
-                                            frame, known.size(), *known.begin(), *known.rbegin()));
-  };
-  return KnownFrames(
-      ParseRanges("option 'frames'", changes.frames), [&](int frame) { return known.count(frame) > 0; }, refuse);
+  FrameChoice choice =
+      KnownFrames("option 'frames'", ParseRanges("option 'frames'", changes.frames), there, "the 2D poses of all cameras");
+  TellFrames(choice.beyond, result);
+  return std::move(choice.frames);
 }
 
-void LimitFrames(const PoseChanges& changes, std::vector<Pose2dTrack>* tracks) {
+void LimitFrames(const PoseChanges& changes, std::vector<Pose2dTrack>* tracks, CommandResult* result) {
   if (changes.frames.empty()) return;
   std::vector<int> there;
   for (const Pose2dTrack& track : *tracks) {
     for (const auto& [frame, people] : track.frames) there.push_back(frame);
   }
-  const std::vector<int> kept = LimitFrames(changes, there);
+  const std::vector<int> kept = LimitFrames(changes, there, result);
   for (Pose2dTrack& track : *tracks) {
     for (auto it = track.frames.begin(); it != track.frames.end();)
       it = std::binary_search(kept.begin(), kept.end(), it->first) ? std::next(it) : track.frames.erase(it);

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "app/result.h"
 #include "app/words.h"
 #include "body/skeleton.h"
 #include "dataset/pose/pose2d.h"
@@ -48,10 +49,10 @@ struct PoseChanges {
   std::string frames = {};              ///< "80-99" or "1,4,7-9", as the files number them: the others are left out; empty: all
 };
 
-/// Leaves out what is not of `changes.frames`. Throws UsageError where no camera has a frame of a range.
-void LimitFrames(const PoseChanges& changes, std::vector<dataset::Pose2dTrack>* tracks);
+/// Leaves out what is not of `changes.frames`. Throws what KnownFrames does; says what is beyond the last frame.
+void LimitFrames(const PoseChanges& changes, std::vector<dataset::Pose2dTrack>* tracks, CommandResult* result);
 /// The same for the numbers of the frames of all cameras.
-std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there);
+std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there, CommandResult* result);
 
 /// Time steps a second after ApplyChanges, where rates were given; else 0.
 double StepRateHz(const PoseChanges& changes);

@@ -206,11 +206,11 @@ PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
   PoseInput input = ReadRig(arguments, result);
   if (arguments.points2d.empty()) {
     ReadTracks(arguments, {}, result, &input);
-    LimitFrames(arguments.changes, &input.tracks);
+    LimitFrames(arguments.changes, &input.tracks, result);
     WarnOfFrames(input, result);
   } else {
     TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, result), {arguments.points2d}, result, &input);
-    LimitFrames(arguments.changes, &input.tracks);
+    LimitFrames(arguments.changes, &input.tracks, result);
   }
   const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
   if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, result);
@@ -238,7 +238,7 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
       num_files_[camera] = frames.size();
       numbers.insert(frames.begin(), frames.end());
     }
-    const std::vector<int> kept = LimitFrames(arguments.changes, std::vector<int>(numbers.begin(), numbers.end()));
+    const std::vector<int> kept = LimitFrames(arguments.changes, std::vector<int>(numbers.begin(), numbers.end()), result);
     numbers = std::set<int>(kept.begin(), kept.end());
     CheckCameras(input_, result);
   } else {

@@ -245,6 +245,13 @@ Json ToJson(const avatar::PersonFit& person) {
 
 void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
   const body::BodyFit& fit = person.fit;
+  if (NobodyOnMasks(fit)) {  // everything else would follow from it
+    result->exit = kExitQualityGate;
+    result->errors.push_back({"BODY-NO-SILHOUETTE",
+                              "the body lies on no mask of any camera (IoU 0): nothing was fitted to the silhouettes",
+                              "look at the masks: 255 must be the person; are they of these frames and cameras?"});
+    return;
+  }
   const auto warn = [&](const char* code, const std::string& what, const char* advice) {
     result->warnings.push_back({code, what, advice});
   };
@@ -263,14 +270,7 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
                     camera.shift_sigma_px),
          "check its calibration, its time offset and its masks");
   }
-  if (NobodyOnMasks(fit)) {
-    result->exit = kExitQualityGate;
-    result->errors.push_back({"BODY-NO-SILHOUETTE",
-                              "the body lies on no mask of any camera (IoU 0): nothing was fitted to the silhouettes",
-                              "look at the masks: 255 must be the person; are they of these frames and cameras?"});
-  } else {
-    JudgeSilhouettes(fit, result);
-  }
+  JudgeSilhouettes(fit, result);
   if (!WasJudged(fit)) {
     warn("BODY-NOT-JUDGED",
          "too few images to hold some out, so nobody can say whether a fitted surface is better: only the lengths of the bones "
@@ -289,6 +289,7 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
 
 std::string ToTable(const avatar::PersonFit& person) {
   std::string text;
+  if (NobodyOnMasks(person.fit)) return text;
   for (const avatar::TemplateFit& one : person.templates) {
     if (person.templates.size() > 1)
       text += Format("template %s: held-out IoU %.4f, %.1f s%s\n", one.name.c_str(), one.held_out_iou, one.seconds,

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 
+#include "app/frame_notice.h"
 #include "app/words.h"
 #include "avatar/io/pack/frame_runs.h"
 #include "avatar/io/pack/split_side.h"
 #include "avatar/nets/generator.h"
+#include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/join.h"
 #include "dataset/views/split.h"
@@ -35,6 +37,19 @@ avatar::DatasetSplit FromFile(const dataset::PanopticDataset& data, int person, 
   if (split.train_frames.empty())
     throw FormatError(path, "train.frames", "person " + std::to_string(person) + " has no pose in any of them");
   return split;
+}
+
+FrameChoice ChoiceOf(const dataset::PanopticDataset& data, const char* option, const std::string& ranges) {
+  return KnownFrames(option, ParseRanges(option, ranges), data.frames, data.root);
+}
+
+/// Leaves out the frames that are not among `frames`, on all sides.
+void KeepFrames(const std::vector<int>& frames, const std::string& root, avatar::DatasetSplit* split) {
+  const auto gone = [&](int frame) { return !std::binary_search(frames.begin(), frames.end(), frame); };
+  for (auto* side : {&split->train_frames, &split->holdout_frames, &split->validation_frames})
+    side->erase(std::remove_if(side->begin(), side->end(), gone), side->end());
+  if (split->train_frames.empty())
+    throw NothingLeftError("option 'frames': none of these frames of " + root + " shows the person and is trained on");
 }
 
 /// Takes the camera out of those trained on.
@@ -128,8 +143,14 @@ avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, c
         a.holdout_frames.empty() ? std::vector<int>() : ParseRanges("option 'holdout-frames'", a.holdout_frames);
     split = avatar::SplitDataset(data, person, SplitCommas(a.holdout_cameras), frames, SplitCommas(a.train_cameras));
   }
+  if (!a.frames.empty()) KeepFrames(ChoiceOf(data, "option 'frames'", a.frames).frames, data.root, &split);
   if (!a.validate_camera.empty()) TakeValidationCamera(data, a.validate_camera, &split);
   return split;
+}
+
+void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& a, CommandResult* result) {
+  TellFrames(ChoiceOf(data, "option 'frames'", a.frames).beyond, result);
+  TellFrames(ChoiceOf(data, "option 'holdout-frames'", a.holdout_frames).beyond, result);
 }
 
 RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,

@@ -19,10 +19,15 @@ namespace mvstudio::app {
 /// As given on the command line; a split file replaces the first three.
 struct SplitArguments {
   std::string train_cameras, holdout_cameras, holdout_frames, split, validate_camera;
+  std::string frames = {};  ///< "80-99": the others are on no side; empty: all
 };
 
-/// Throws UsageError for cameras and frames that do not exist or contradict each other, FormatError for the file.
+/// Throws UsageError for cameras and frames that do not exist or contradict each other, FormatError for the file, and what
+/// KnownFrames does.
 avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, const SplitArguments& arguments);
+
+/// Says which frames the arguments name that the dataset does not have.
+void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& arguments, CommandResult* result);
 
 struct RunPacks {
   avatar::AvatarPack train;

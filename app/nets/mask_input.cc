@@ -4,9 +4,11 @@
 #include <filesystem>
 #include <set>
 
+#include "app/frame_notice.h"
 #include "app/input/calib_read.h"
 #include "app/input/pose3d_input.h"
 #include "app/words.h"
+#include "core/choice/frame_choice.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/parallel.h"
@@ -71,8 +73,10 @@ MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::Ma
 }
 
 void AddCalibration(const MaskArguments& arguments, const std::string& path, MaskJob* job, CommandResult* result) {
-  const geometry::Rig rig = dataset::ReadAnyCalibration(path);
-  AddDoubts(rig, result);
+  const calib::ImportedRig imported = ReadCalibrationFiles({path}, arguments.read);
+  const geometry::Rig& rig = imported.rig;
+  AddNotes(imported.notes, result);
+  RequirePoses(rig, path);
   result->inputs.push_back(path);
   for (MaskCamera& camera : job->cameras) {
     const int idx = rig.Find(camera.footage.camera);
@@ -85,21 +89,62 @@ void AddCalibration(const MaskArguments& arguments, const std::string& path, Mas
   }
 }
 
+MaskCamera* CameraNamed(const std::string& name, MaskJob* job) {
+  const auto is = [&](const MaskCamera& camera) { return camera.footage.camera == name; };
+  const auto found = std::find_if(job->cameras.begin(), job->cameras.end(), is);
+  return found == job->cameras.end() ? nullptr : &*found;
+}
+
+/// The sizes of the footage, in whose pixels the joints are.
+geometry::Rig FootageRig(const MaskJob& job) {
+  geometry::Rig rig;
+  for (const MaskCamera& camera : job.cameras) {
+    geometry::RigCamera sized;
+    sized.camera.name = camera.footage.camera;
+    sized.camera.width_px = camera.samples.width, sized.camera.height_px = camera.samples.height;
+    rig.cameras.push_back(std::move(sized));
+  }
+  return rig;
+}
+
 void AddKeypoints(const MaskArguments& arguments, MaskJob* job, CommandResult* result) {
   const body::Skeleton skeleton = body::SkeletonFrom(arguments.skeleton);
   if (body::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
+  std::vector<dataset::Pose2dTrack> tracks;
   for (const NamedPath& named : arguments.pose2d) {
     const auto& [name, path] = named;
-    const auto camera = std::find_if(job->cameras.begin(), job->cameras.end(),
-                                     [&name = name](const MaskCamera& c) { return c.footage.camera == name; });
-    if (camera == job->cameras.end())
+    if (!CameraNamed(name, job))
       throw UsageError("option 'pose2d' " + ToString(named) + ": camera " + name + " has no footage");
-    const dataset::Pose2dTrack track = dataset::ReadPose2d(path, name, skeleton);
+    tracks.push_back(dataset::ReadPose2d(path, name, skeleton));
+    result->inputs.push_back(path);
+  }
+  ApplyChanges(arguments.changes, FootageRig(*job), skeleton, &tracks);
+  for (const dataset::Pose2dTrack& track : tracks) {
+    MaskCamera* camera = CameraNamed(track.camera, job);
     for (const auto& [frame, people] : track.frames) {
       dataset::ProjectedBody body = dataset::BodyFromKeypoints(people, skeleton, arguments.mask);
       if (!body.empty()) camera->bodies.frames[frame] = std::move(body);
     }
-    result->inputs.push_back(path);
+  }
+}
+
+/// Leaves time steps that were not asked for without masks, and says which are not there.
+void LimitToFrames(const std::string& ranges, MaskJob* job, CommandResult* result) {
+  if (ranges.empty()) return;
+  std::vector<int> there;
+  for (const MaskCamera& camera : job->cameras) {
+    for (const int frame : camera.samples.all) {
+      if (camera.InstantOf(frame) >= 0) there.push_back(camera.InstantOf(frame));
+    }
+  }
+  const FrameChoice choice =
+      KnownFrames("option 'frames'", ParseRanges("option 'frames'", ranges), std::move(there), "the footage");
+  TellFrames(choice.beyond, result);
+  for (MaskCamera& camera : job->cameras) {
+    camera.wanted.emplace();
+    for (const int frame : camera.samples.all) {
+      if (std::binary_search(choice.frames.begin(), choice.frames.end(), camera.InstantOf(frame))) camera.wanted->insert(frame);
+    }
   }
 }
 
@@ -115,6 +160,8 @@ void CheckArguments(const MaskArguments& arguments, const TakeInput& take) {
   const std::string calib = arguments.calib.empty() ? take.calibration : arguments.calib;
   if (!arguments.pose3d.empty() && calib.empty()) throw UsageError("option 'pose3d' needs option 'calib'");
   if (arguments.run.hull && calib.empty()) throw UsageError("option 'hull' needs option 'calib'");
+  if (!arguments.changes.rate.empty())
+    throw UsageError("option 'rate': a mask has the number of its frame, whatever the rates; joints must be numbered so");
   if (arguments.mask.background_frames < 1) throw UsageError("option 'mask-background-frames' must be at least 1");
   if (!(arguments.hull.voxel_m > 0)) throw UsageError("option 'hull-voxel' must be positive");
 }
@@ -137,6 +184,7 @@ MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, Comma
     });
     stage.Advance(static_cast<int64_t>(take.footage.size()));
   }
+  LimitToFrames(arguments.changes.frames, &job, result);
   const std::string calib = arguments.calib.empty() ? take.calibration : arguments.calib;
   if (!calib.empty()) AddCalibration(arguments, calib, &job, result);
   AddKeypoints(arguments, &job, result);

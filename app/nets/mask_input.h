@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "app/input/calib_read.h"
+#include "app/input/pose_changes.h"
 #include "app/nets/mask_run.h"
 #include "core/progress.h"
 #include "dataset/footage/mask_io.h"
@@ -13,6 +15,8 @@ namespace mvstudio::app {
 struct MaskArguments {
   TakeArguments take;
   std::string calib, pose3d, skeleton = "body25", backend = "auto", out;
+  CalibReadOptions read;          ///< how the calibration is meant
+  PoseChanges changes;            ///< what the 2D joints mean; its frames are the time steps that get masks
   std::vector<NamedPath> pose2d;  ///< folders
   std::vector<NamedPath> truth;   ///< folders or patterns of exact masks
   dataset::MaskOptions mask;

@@ -118,7 +118,7 @@ MaskCameraResult SegmentCamera(const MaskJob& job, const MaskCamera& camera, con
   MakeFolder(folder + "/" + name);
   if (job.run.soft) MakeFolder(folder + "/soft/" + name);
   std::vector<dataset::SheetTile> tiles;
-  const int every = std::max(1, camera.samples.num_frames / std::max(1, job.run.sheet_tiles));
+  const int every = std::max(1, camera.num_wanted() / std::max(1, job.run.sheet_tiles));
   int position = 0;
   const auto possible = [&](int frame) {
     const std::string path = MaskPath(room, name, frame);
@@ -139,7 +139,7 @@ MaskCameraResult SegmentCamera(const MaskJob& job, const MaskCamera& camera, con
         ++position;
         on_frame(frame);
       },
-      job.mask, job.run.keep_undamaged);
+      job.mask, job.run.keep_undamaged, camera.wanted ? &*camera.wanted : nullptr);
   if (!tiles.empty()) result.sheet = dataset::ContactSheet(tiles, job.run.sheet_tiles > 40 ? 14 : 6, tile_px + 8, false);
   return result;
 }
@@ -149,7 +149,7 @@ TakePass SegmentAll(const MaskJob& job, const MaskBackend& backend, const std::v
   TakePass pass;
   pass.cameras.resize(job.cameras.size());
   int64_t total = 0;
-  for (const MaskCamera& camera : job.cameras) total += camera.samples.num_frames;
+  for (const MaskCamera& camera : job.cameras) total += camera.num_wanted();
   ProgressStage stage(run, room.empty() ? "masks" : "masks within the visual hull", total);
   std::mutex mutex;
   std::map<int, int> seen;

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -53,10 +54,13 @@ struct MaskCamera {
   dataset::BodiesOfTake bodies;  ///< by frame number
   /// Time step -> frame number by the take's timeline; none: frame n shows time step n.
   std::optional<std::map<int, int>> frame_at;
+  /// Frames that get a mask; none: all.
+  std::optional<std::set<int>> wanted = {};
 
   /// -1: none.
   int FrameAt(int instant) const;
   int InstantOf(int frame) const;
+  int num_wanted() const { return wanted ? static_cast<int>(wanted->size()) : samples.num_frames; }
 };
 
 using People = std::map<int, dataset::Coco19Pose>;

@@ -54,8 +54,14 @@ void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, c
   for (int64_t position = 0;; ++position) {
     std::optional<dataset::FrameSource::Frame> frame = source->Advance();
     if (!frame || (job.max_frames > 0 && camera->frames >= job.max_frames)) break;
-    const std::vector<int> numbers = instants.Of(frame->number);
+    std::vector<int> numbers = instants.Of(frame->number);
     on_frame();
+    if (!job.frames.empty()) {
+      if (!numbers.empty() && numbers.front() > job.frames.back()) break;
+      camera->numbers.insert(camera->numbers.end(), numbers.begin(), numbers.end());
+      const auto other = [&](int number) { return !std::binary_search(job.frames.begin(), job.frames.end(), number); };
+      numbers.erase(std::remove_if(numbers.begin(), numbers.end(), other), numbers.end());
+    }
     if (position % job.every != 0 || numbers.empty()) continue;
     const Image rgb = source->Picture();
     const auto start = std::chrono::steady_clock::now();

@@ -37,6 +37,7 @@ struct CameraPoses {
   std::vector<std::string> damage;  ///< of the footage, one line each
   std::string failure;              ///< why there is no result; empty: success
   int frames = 0, frames_with_people = 0;
+  std::vector<int> numbers = {};  ///< with DetectJob::frames: those of the footage, up to the last that was asked for
   int width = 0, height = 0;
   double seconds = 0;  ///< of detection, without decoding
 };
@@ -44,9 +45,10 @@ struct CameraPoses {
 struct DetectJob {
   std::vector<dataset::CameraFootage> footage;
   detect::PoseOptions options;
-  int overlays = 0;    ///< frames to draw per camera
-  int every = 1;       ///< use every n-th frame
-  int max_frames = 0;  ///< 0: all
+  int overlays = 0;              ///< frames to draw per camera
+  int every = 1;                 ///< use every n-th frame
+  int max_frames = 0;            ///< 0: all
+  std::vector<int> frames = {};  ///< sorted numbers, as poses are numbered; empty: all
 };
 
 /// Runs the cameras in parallel. Frames have the number of the time step where the footage has a timeline, else their own.

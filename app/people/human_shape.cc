@@ -6,6 +6,7 @@
 
 #include "core/format.h"
 #include "core/join.h"
+#include "core/text/shell_word.h"
 #include "core/units.h"
 #include "triangulate/take/limbs.h"
 
@@ -217,7 +218,8 @@ void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, Comman
   std::string hint =
       "files that say z or y up show people lying: move the rig onto the floor they walked on (mvstudio calib align "
       "CALIB option 'floor-joints' " +
-      folder + ") and triangulate again, or calibrate with option 'world' board:FRAME; ignore this where people did lie";
+      ShellWord(folder) +
+      ") and triangulate again, or calibrate with option 'world' board:FRAME; ignore this where people did lie";
   // Cameras of one height see a world that is turned over as well as the true one.
   if (tilt > kOnTheirHeadsDeg)
     hint =

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "app/frame_notice.h"
 #include "app/words.h"
 #include "body/skeleton.h"
 #include "core/choice/frame_choice.h"
@@ -43,21 +44,15 @@ void CountAsMeasured(dataset::Pose3d* pose) {
 
 }  // namespace
 
-void KeepFrames(const std::string& ranges, const std::string& path, dataset::Pose3d* pose) {
+void KeepFrames(const std::string& ranges, const std::string& path, dataset::Pose3d* pose, CommandResult* result) {
   if (ranges.empty()) return;
   std::set<int> there;
   for (const dataset::JointRow& row : pose->rows) there.insert(row.frame);
-  const auto refuse = [&](int frame) {
-    throw UsageError(there.empty() ? "option 'frames': " + path + " has no frames"
-                                   : Format("option 'frames': %s has no frame %d; it has %zu frames from %d to %d",
-                                            path.c_str(), frame, there.size(), *there.begin(), *there.rbegin()));
-  };
-  const std::vector<int> kept = KnownFrames(
-      ParseRanges("option 'frames'", ranges), [&](int frame) { return there.count(frame) > 0; }, refuse);
-  auto& rows = pose->rows;
-  rows.erase(std::remove_if(rows.begin(), rows.end(),
-                            [&](const auto& row) { return !std::binary_search(kept.begin(), kept.end(), row.frame); }),
-             rows.end());
+  const FrameChoice choice =
+      KnownFrames("option 'frames'", ParseRanges("option 'frames'", ranges), {there.begin(), there.end()}, path);
+  TellFrames(choice.beyond, result);
+  const auto gone = [&](const auto& row) { return !std::binary_search(choice.frames.begin(), choice.frames.end(), row.frame); };
+  pose->rows.erase(std::remove_if(pose->rows.begin(), pose->rows.end(), gone), pose->rows.end());
 }
 
 PointsInput ReadPointsInput(const PointsArguments& arguments, CommandResult* result) {
@@ -81,7 +76,7 @@ PointsInput ReadPointsInput(const PointsArguments& arguments, CommandResult* res
     UseSkeleton(body::SkeletonFrom(arguments.skeleton), arguments.path, &input.pose);
     if (body::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
   }
-  KeepFrames(arguments.frames, arguments.path, &input.pose);
+  KeepFrames(arguments.frames, arguments.path, &input.pose, result);
   SettleRate(arguments, &input.pose, result);
   return input;
 }

@@ -27,7 +27,8 @@ struct PointsInput {
 /// for frames that are not there; errors of dataset::ReadPoints3d.
 PointsInput ReadPointsInput(const PointsArguments& arguments, CommandResult* result);
 
-/// Keeps the frames of `ranges` (option 'frames'); empty: all. Throws UsageError where none of a range is there.
-void KeepFrames(const std::string& ranges, const std::string& path, dataset::Pose3d* pose);
+/// Keeps the frames of `ranges` (option 'frames'); empty: all. Throws what KnownFrames does; says what is beyond the last
+/// frame.
+void KeepFrames(const std::string& ranges, const std::string& path, dataset::Pose3d* pose, CommandResult* result);
 
 }  // namespace mvstudio::app

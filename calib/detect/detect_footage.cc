@@ -13,6 +13,7 @@
 #include "core/hash/sha256.h"
 #include "core/join.h"
 #include "core/parallel.h"
+#include "core/text/shell_word.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -104,7 +105,7 @@ std::string NeverSeen(const std::vector<Board>& boards, const Footage& footage, 
                                     [](const auto& reason) { return reason.first.find(kMirroredReason) != std::string::npos; });
   if (mirrored) {
     return "camera " + footage.camera + ": the board " + names + " can be read only in a mirror (" + why +
-           "); if its images are flipped left-right, say so with option 'mirrored' " + footage.camera +
+           "); if its images are flipped left-right, say so with option 'mirrored' " + ShellWord(footage.camera) +
            "; if it looks at the back of a board that is printed through or on both sides, say so with two-sided=THICKNESS "
            "in option 'board'";
   }

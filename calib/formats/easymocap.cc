@@ -8,6 +8,8 @@
 #include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/units.h"
+#include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -52,6 +54,10 @@ geometry::Rigid3 ReadPose(const Entries& entries, const std::string& name, const
   const Entry& translation = Require(entries, "T_" + name, path);
   geometry::Rigid3 pose;
   pose.rotation = internal::ReadRotation(matrix ? *matrix : vector ? *vector : Require(entries, "R_" + name, path));
+  constexpr double kSame = DegToRad(0.1);
+  if (matrix && vector && geometry::RotationAngle(pose.rotation, internal::ReadRotation(*vector)) > kSame)
+    throw FormatError(path, "Rot_" + internal::Printable(name),
+                      "is another rotation than R_" + internal::Printable(name) + ": one of them was changed; take it out");
   const Eigen::VectorXd t = internal::ReadVector(translation);
   if (t.size() != 3) throw FormatError(path, translation.place.where, "3 numbers were expected");
   pose.translation = t;

@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/format.h"
+#include "core/units.h"
 #include "core/utf8.h"
 #include "geometry/lens/skew.h"
 #include "geometry/rig/lenses_only.h"
@@ -107,6 +108,14 @@ OpenCvLens OpenCvLensOf(const geometry::Camera& camera) {
   if (!lens)
     throw ContractViolation("camera '" + camera.name + "': " + std::string(ToString(camera.model)) + " is not OpenCV's");
   return *lens;
+}
+
+Eigen::Quaterniond MakeRotation(const Eigen::Vector3d& vector, const Place& place) {
+  if (vector.norm() > 2 * kPi)
+    throw FormatError(place.path, place.where,
+                      "a rotation vector of " + Format("%.3g", vector.norm()) +
+                          " radians is more than a full turn: are these degrees? radians were expected");
+  return geometry::RotationExp(vector);
 }
 
 void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig) {

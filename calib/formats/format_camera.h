@@ -52,11 +52,18 @@ OpenCvLens OpenCvLensOf(const geometry::Camera& camera);
 /// Rotation from a file's matrix; throws FormatError when it is farther than 1e-3 from a rotation.
 Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place);
 
+/// Rotation from a file's Rodrigues vector; throws FormatError for more than a full turn, as degrees would be.
+Eigen::Quaterniond MakeRotation(const Eigen::Vector3d& vector, const Place& place);
+
 /// Adds a camera; throws FormatError when its name is empty, not UTF-8, or already present.
 void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig);
 
 /// Note for files that name no unit.
 ImportNote UnitNote(double metres_per_unit);
+
+/// Kalibr's camchains: one, or several whose cameras all name their pose against the same IMU (T_cam_imu), which then is the
+/// world; several without any pose hold lenses alone. Throws FormatError where chains are not placed against each other.
+ImportedRig ReadKalibrChains(const std::vector<std::string>& paths, const ReadOptions& options);
 
 /// The file holds lenses alone: the gauge, and the note CAL-NOPOSE.
 void StateLensesOnly(ImportedRig* imported);

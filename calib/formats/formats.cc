@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
@@ -91,8 +92,8 @@ ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& pat
     case CalibrationFormat::kNerfstudio:
       return ReadNerfstudio(paths[0], options);
     case CalibrationFormat::kKalibr:
-      return ReadFile(paths[0]).find("T_BS:") == std::string::npos && paths.size() == 1 ? ReadKalibr(paths[0], options)
-                                                                                        : ReadEuroc(paths, options);
+      return ReadFile(paths[0]).find("T_BS:") == std::string::npos ? internal::ReadKalibrChains(paths, options)
+                                                                   : ReadEuroc(paths, options);
     case CalibrationFormat::kEasyMocap:
       return ReadEasyMocap(paths, options);
     default:
@@ -180,7 +181,8 @@ ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::str
   const bool several = format == CalibrationFormat::kOpenCvYaml || format == CalibrationFormat::kMrcal ||
                        format == CalibrationFormat::kEasyMocap || format == CalibrationFormat::kKalibr;
   if (paths.size() > 1 && !several) {
-    throw UsageError(paths[1] + ": only opencv, mrcal, easymocap and EuRoC's calibrations may be spread over several files");
+    throw UsageError(paths[1] +
+                     ": only opencv, mrcal, easymocap, Kalibr's and EuRoC's calibrations may be spread over several files");
   }
   ImportedRig imported = ReadAs(format, paths, options);
   CheckNames(imported.rig, paths[0]);

@@ -25,7 +25,7 @@ struct KalibrLens {
 std::optional<std::pair<LensModel, Eigen::VectorXd>> FromKalibr(const KalibrLens& lens, std::string* why) {
   const Eigen::VectorXd &lead = lens.leading, &k = lens.distortion;
   const bool radtan = lens.distortion_model == "radtan";
-  const bool plain = lens.distortion_model == "none" || k.isZero(0);
+  const bool plain = lens.distortion_model == "none" || (radtan && k.isZero(0));  // equidistant has no identity
   Eigen::VectorXd with_p(lead.size() + 2);
   if (radtan) with_p << lead, k.tail<2>();
   if (lens.projection == "pinhole") {
@@ -84,7 +84,12 @@ geometry::Camera ReadLens(const ValueView& view, const std::string& name) {
   const Eigen::VectorXd intrinsics = view["intrinsics"].Vector(static_cast<size_t>(4 + lead));
   lens.leading = intrinsics.head(lead);
   if (view.Has("distortion_model")) lens.distortion_model = view["distortion_model"].Text();
-  if (lens.distortion_model != "none") lens.distortion = view["distortion_coeffs"].Vector();
+  if (lens.distortion_model != "none") {
+    lens.distortion = view["distortion_coeffs"].Vector();
+  } else if (view.Has("distortion_coeffs") && !view["distortion_coeffs"].Vector().isZero(0)) {
+    view["distortion_coeffs"].Fail(view.Has("distortion_model") ? "distortion_model says none, these coefficients are not zero"
+                                                                : "without distortion_model it is not known what they mean");
+  }
   const bool four = lens.distortion_model == "radtan" || lens.distortion_model == "equidistant";
   if (four && lens.distortion.size() != 4) view["distortion_coeffs"].Fail("4 numbers were expected");
   std::string why;
@@ -166,31 +171,89 @@ ImportedRig ReadEuroc(const std::vector<std::string>& paths, const ReadOptions& 
   return imported;
 }
 
-ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
-  const internal::Value document = internal::ParseYaml(path, ReadFile(path));
-  const ValueView root(path, document);
-  ImportedRig imported;
-  imported.rig.gauge = "camera cam0";
-  bool placed = false;  // by any of them: then a pose that is missing is damage
-  for (size_t i = 1; root.Has("cam" + std::to_string(i)); ++i) placed |= root["cam" + std::to_string(i)].Has("T_cn_cnm1");
-  for (size_t i = 0; root.Has("cam" + std::to_string(i)); ++i) {
-    const std::string key = "cam" + std::to_string(i);
-    const ValueView view = root[key];
-    geometry::RigCamera camera;
-    camera.camera = ReadLens(view, ReadName(view, key));
-    if (i > 0 && placed) {
-      geometry::Rigid3 cam_from_previous = view["T_cn_cnm1"].Transform();
-      cam_from_previous.translation *= options.metres_per_unit;
-      camera.cam_from_world = cam_from_previous * imported.rig.cameras.back().cam_from_world;
-    }
-    internal::AddCamera(std::move(camera), view.place(), &imported.rig);
+namespace {
+
+geometry::Rigid3 PoseAt(const ValueView& view, const char* key, const ReadOptions& options) {
+  geometry::Rigid3 pose = view[key].Transform();
+  pose.translation *= options.metres_per_unit;
+  return pose;
+}
+
+/// cam0, cam1, … of a file. Throws FormatError where the numbers have a gap.
+std::vector<ValueView> ChainOf(const ValueView& root) {
+  std::vector<ValueView> chain;
+  while (root.Has("cam" + std::to_string(chain.size()))) chain.push_back(root["cam" + std::to_string(chain.size())]);
+  for (const auto& [key, value] : root.value().entries) {
+    const bool numbered =
+        key.size() > 3 && key.rfind("cam", 0) == 0 && key.find_first_not_of("0123456789", 3) == std::string::npos;
+    if (!value.used && numbered)
+      root.Fail("there is " + internal::Printable(key) + " and no cam" + std::to_string(chain.size()) +
+                ": the numbers of a chain have no gap");
   }
-  if (imported.rig.cameras.empty()) throw FormatError(path, "cam0", "this entry is missing");
-  imported.rig.gauge = "camera " + imported.rig.cameras[0].camera.name;
-  geometry::UnusedKeys unused(path, options.metres_per_unit);
-  internal::AddUnused(root, {"rostopic", "camoverlaps", "tcamimu", "tcncnm1"}, &unused);
-  internal::AddUnusedNote(unused, &imported);
-  if (!placed && imported.rig.cameras.size() > 1) internal::StateLensesOnly(&imported);
+  if (chain.empty()) throw FormatError(root.place().path, "cam0", "this entry is missing");
+  return chain;
+}
+
+/// Pose against the camera before: T_cn_cnm1, else by the IMU that both name.
+geometry::Rigid3 FromPrevious(const ValueView& previous, const ValueView& view, const ReadOptions& options) {
+  if (view.Has("T_cn_cnm1")) return PoseAt(view, "T_cn_cnm1", options);
+  if (!view.Has("T_cam_imu") || !previous.Has("T_cam_imu"))
+    view.Fail("the key 'T_cn_cnm1' is missing: nothing places this camera and those after it against " + previous.where() +
+              "; add it (or T_cam_imu to both), or give the cameras in files of their own for their lenses alone");
+  return PoseAt(view, "T_cam_imu", options) * Inverse(PoseAt(previous, "T_cam_imu", options));
+}
+
+void AddChain(const std::vector<ValueView>& chain, bool by_imu, bool placed, bool several, const ReadOptions& options,
+              ImportedRig* imported) {
+  geometry::Rigid3 from_world;
+  for (size_t i = 0; i < chain.size(); ++i) {
+    const ValueView& view = chain[i];
+    const std::string stem = internal::Stem(view.place().path);
+    geometry::RigCamera camera;
+    camera.camera = ReadLens(view, ReadName(view, !several           ? view.where()
+                                                  : chain.size() > 1 ? stem + "_" + view.where()
+                                                                     : stem));
+    if (by_imu) {
+      camera.cam_from_world = PoseAt(view, "T_cam_imu", options);
+    } else if (placed && i > 0) {
+      camera.cam_from_world = FromPrevious(chain[i - 1], view, options) * imported->rig.cameras.back().cam_from_world;
+    }
+    internal::AddCamera(std::move(camera), view.place(), &imported->rig);
+  }
+}
+
+}  // namespace
+
+ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
+  return internal::ReadKalibrChains({path}, options);
+}
+
+ImportedRig internal::ReadKalibrChains(const std::vector<std::string>& paths, const ReadOptions& options) {
+  std::vector<Value> documents;
+  std::vector<std::vector<ValueView>> chains;
+  for (const std::string& path : paths) documents.push_back(ParseYaml(path, ReadFile(path)));
+  bool placed = false, all_by_imu = true;  // placed, some of them: then a pose that is missing is damage
+  for (size_t f = 0; f < paths.size(); ++f) {
+    chains.push_back(ChainOf(ValueView(paths[f], documents[f])));
+    for (size_t i = 0; i < chains[f].size(); ++i) {
+      placed |= i > 0 && chains[f][i].Has("T_cn_cnm1");
+      all_by_imu &= chains[f][i].Has("T_cam_imu");
+    }
+  }
+  const bool several = paths.size() > 1, by_imu = all_by_imu && (several || !placed);
+  if (several && placed && !by_imu)
+    throw FormatError(paths[1], "",
+                      "nothing places its cameras against those of " + paths[0] +
+                          ": several camchains are one rig where every camera has T_cam_imu; else give one");
+  ImportedRig imported;
+  for (const auto& chain : chains) AddChain(chain, by_imu, placed, several, options, &imported);
+  imported.rig.gauge = by_imu ? "Kalibr's IMU" : "camera " + imported.rig.cameras[0].camera.name;
+  for (size_t f = 0; f < paths.size(); ++f) {
+    geometry::UnusedKeys unused(paths[f], options.metres_per_unit);
+    AddUnused(ValueView(paths[f], documents[f]), {"rostopic", "camoverlaps", "tcamimu"}, &unused);
+    AddUnusedNote(unused, &imported);
+  }
+  if (!placed && !by_imu && imported.rig.cameras.size() > 1) StateLensesOnly(&imported);
   return imported;
 }
 

@@ -59,8 +59,11 @@ geometry::RigCamera ReadOne(const std::string& path, double metres_per_unit, geo
   lens.params = root["intrinsics"].Vector();
   geometry::RigCamera camera;
   camera.camera = internal::Checked(std::move(lens), size[0], size[1], {path, "intrinsics"});
-  const Eigen::VectorXd rt = root[root.Has("rt_cam_ref") ? "rt_cam_ref" : "extrinsics"].Vector(6);
-  camera.cam_from_world.rotation = geometry::RotationExp(rt.head<3>());
+  const ValueView pose = root[root.Has("rt_cam_ref") ? "rt_cam_ref" : "extrinsics"];
+  const Eigen::VectorXd rt = pose.Vector(6);
+  if (root.Has("extrinsics") && (root["extrinsics"].Vector(6) - rt).norm() > 1e-6)
+    pose.Fail("is another pose than extrinsics: one of them was changed; take it out");
+  camera.cam_from_world.rotation = internal::MakeRotation(Eigen::Vector3d(rt.head<3>()), pose.place());
   camera.cam_from_world.translation = rt.tail<3>() * metres_per_unit;
   internal::AddUnused(root,
                       {"validintrinsicsregion", "optimizationinputs", "icamintrinsics", "icamintrinsicsoptimizationinputs",

@@ -27,7 +27,8 @@ double Number(const toml::node& node, const Place& place) {
 }
 
 /// Settings and figures of Pose2Sim, caliscope and aniposelib beside the lens and the pose.
-const std::set<std::string> kHarmlessInToml = {"error", "port", "camid", "rotationcount", "exposure", "gridcount", "verified"};
+const std::set<std::string> kHarmlessInToml = {"error",    "port",      "camid",    "rotationcount",
+                                               "exposure", "gridcount", "verified", "adjusted"};
 
 std::string TextOf(const toml::node& node) {
   if (const auto truth = node.as_boolean()) return **truth ? "true" : "false";
@@ -142,7 +143,7 @@ geometry::RigCamera ReadCamera(const CameraTable& table, const ReadOptions& opti
   if (!rotation.empty() && rotation[0].is_array()) {
     pose.rotation = internal::MakeRotation(table.Matrix("rotation"), table.At("rotation"));
   } else {
-    pose.rotation = geometry::RotationExp(table.Vector("rotation", 3));
+    pose.rotation = internal::MakeRotation(Eigen::Vector3d(table.Vector("rotation", 3)), table.At("rotation"));
   }
   pose.translation = table.Vector("translation", 3) * options.metres_per_unit;
   camera.cam_from_world = camera.cam_from_world * pose;
@@ -170,6 +171,9 @@ ImportedRig ReadToml(const std::string& path, const ReadOptions& options) {
                             first->name + (table.HasPose() ? " has none" : " has") + ": give all or none");
     internal::AddCamera(std::move(camera), table.place, &imported.rig);
     table.AddUnused(&unused);
+  }
+  if (const toml::table* metadata = root.get_as<toml::table>("metadata")) {
+    CameraTable{metadata, "", {path, "metadata"}}.AddUnused(&unused);
   }
   internal::AddUnusedNote(unused, &imported);
   if (first != cameras.end() && !first->HasPose()) internal::StateLensesOnly(&imported);

@@ -32,6 +32,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.dataset};
+  app::TellSplitFrames(data, arguments.split, &result);
   result.metrics = app::ToJson(fit);
   folder.Write(fit.result, arguments.frame_rate_hz, &result);
   result.text = app::ToTable(fit);

@@ -5,8 +5,10 @@
 
 #include "app/input/calib_read.h"
 #include "app/input/pose3d_input.h"
+#include "app/input/pose_changes.h"
 #include "avatar/io/lift/lift_take.h"
 #include "cli/program/commands.h"
+#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
@@ -14,6 +16,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "core/statistics.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/panoptic/panoptic.h"
 
 namespace mvstudio::cli {
@@ -35,7 +38,10 @@ struct TrainArguments {
 };
 
 struct ApplyArguments {
+  app::CalibReadOptions read;
+  app::PoseChanges changes;
   std::string pose2d, lifter, calib, camera, out, skeleton = "body25", truth;
+  double rate_hz = 0;
   double height_m = 0, min_score = 0.2, smooth = 0;
   int stride = 1;
   bool level = true;
@@ -165,12 +171,16 @@ const dataset::Person2d* Surest(const std::vector<dataset::Person2d>& people) {
 }
 
 /// Every frame from the first to the last; those without a person have no joints.
-std::map<int, avatar::LiftView> ReadViews(const ApplyArguments& arguments, const geometry::Camera& camera) {
+std::map<int, avatar::LiftView> ReadViews(const ApplyArguments& arguments, const geometry::Rig& rig,
+                                          const geometry::Camera& camera, CommandResult* result) {
   const body::Skeleton skeleton = body::SkeletonFrom(arguments.skeleton);
-  const dataset::Pose2dTrack track = dataset::ReadPose2d(arguments.pose2d, arguments.camera, skeleton);
+  std::vector<dataset::Pose2dTrack> tracks = {dataset::ReadPose2d(arguments.pose2d, arguments.camera, skeleton)};
+  LimitFrames(arguments.changes, &tracks, result);
+  ApplyChanges(arguments.changes, rig, skeleton, &tracks);
+  if (tracks.empty()) throw UsageError("--without-camera " + arguments.camera + ": it is the only one here");
   const geometry::Projector projector(camera);
   std::map<int, avatar::LiftView> views;
-  for (const auto& [frame, people] : track.frames) {
+  for (const auto& [frame, people] : tracks[0].frames) {
     avatar::LiftView& view = views[frame];
     const dataset::Person2d* found = Surest(people);
     if (!found) continue;
@@ -225,7 +235,9 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   if (!(arguments.smooth >= 0 && arguments.smooth <= 100)) throw UsageError("--smooth must be 0 to 100");
   if (arguments.stride < 1) throw UsageError("--stride must be 1 or more");
   const avatar::Lifter lifter = avatar::LoadLifter(arguments.lifter);
-  const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calib}, {});
+  if (arguments.rate_hz != 0 && !dataset::IsFrameRate(arguments.rate_hz))
+    throw UsageError(std::string("--frame-rate ") + dataset::kFrameRates);
+  const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calib}, arguments.read);
   const geometry::Rig& rig = imported.rig;
   const int index = rig.Find(arguments.camera);
   if (index < 0) {
@@ -240,11 +252,14 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   const OutputFolder place(arguments.out, result.inputs, {"points.csv", "covariance.csv", "pose3d.json"});
   std::optional<Eigen::Vector3d> up;
   if (arguments.level) up = camera.cam_from_world.rotation * Eigen::Vector3d::UnitZ();
-  const auto inputs = avatar::LiftInputs(ReadViews(arguments, camera.camera), arguments.stride, up);
+  const auto inputs = avatar::LiftInputs(ReadViews(arguments, rig, camera.camera, &result), arguments.stride, up);
   auto frames = avatar::LiftTake(lifter, inputs, size_m, PinholeOf(camera.camera).fx());
   avatar::SmoothTake(arguments.smooth, &frames);
-  WritePose3d(avatar::ToPose3d(frames, camera.cam_from_world, lifter.sigma_m), arguments.out);
+  dataset::Pose3d pose = avatar::ToPose3d(frames, camera.cam_from_world, lifter.sigma_m);
+  pose.frame_rate_hz = arguments.rate_hz != 0 ? arguments.rate_hz : app::StepRateHz(arguments.changes);
+  WritePose3d(pose, arguments.out);
   result.metrics["size_m"] = size_m;
+  result.metrics["rate_hz"] = pose.frame_rate_hz > 0 ? ordered_json(pose.frame_rate_hz) : ordered_json(nullptr);
   AddStatuses(frames, &result);
   result.folder = arguments.out;
   result.outputs.push_back({arguments.out + "/points.csv", "points"});
@@ -287,6 +302,9 @@ void RegisterApply(CLI::App& lift, Registry& registry) {
   AddOption(sub, "--height-m", a->height_m, "m; height of the person, which scales distance and size; 0: as those learned from")
       ->capture_default_str();
   AddOption(sub, "--min-score", a->min_score, "0..1; joints with a lower score count as not seen")->capture_default_str();
+  AddOption(sub, "--frame-rate", a->rate_hz, "frames a second, e.g. 60, stated beside the joints for those who read them");
+  AddPoseMendingOptions(sub, a->read.invert, a->read.mirror);
+  AddPoseChanges(sub, a->changes);
   AddOption(sub, "--stride", a->stride, "frames between the five that are lifted together; 2 for twice the learned frame rate")
       ->capture_default_str();
   AddOption(sub, "--smooth", a->smooth, "frames; standard deviation of a Gaussian over time; 0: every frame by itself")

@@ -2,6 +2,7 @@
 #include <map>
 #include <memory>
 
+#include "app/frame_notice.h"
 #include "body/articulated_pose.h"
 #include "body/files/atlas.h"
 #include "body/files/obj_sequence.h"
@@ -24,33 +25,32 @@ struct MeshArguments {
 };
 
 /// The poses of the frames that were asked for, all of them where "all" is.
-std::map<int, body::BodyPose> PosesOf(const body::PersonBody& person, const std::string& frames, const std::string& path) {
+std::map<int, body::BodyPose> PosesOf(const body::PersonBody& person, const std::string& frames, const std::string& path,
+                                      CommandResult* result) {
   if (person.seen.empty()) throw FormatError(path, "pose", "holds no pose of any frame: there is nothing to write");
   std::map<int, body::BodyPose> poses;
   if (frames == "all") {
     for (const auto& [frame, pose] : person.seen) poses.emplace(frame, ToBodyPose(person.body, pose));
     return poses;
   }
-  const auto refuse = [&](int frame) {
-    throw UsageError(Format("--frames: %s has no pose of frame %d; it has %zu frames from %d to %d", path.c_str(), frame,
-                            person.seen.size(), person.seen.begin()->first, person.seen.rbegin()->first));
-  };
-  const auto is_known = [&](int frame) { return person.seen.count(frame) > 0; };
-  for (const int frame : KnownFrames(ParseRanges("--frames", frames), is_known, refuse))
-    poses.emplace(frame, ToBodyPose(person.body, person.seen.at(frame)));
+  std::vector<int> known;
+  for (const auto& [frame, pose] : person.seen) known.push_back(frame);
+  const FrameChoice choice = KnownFrames("--frames", ParseRanges("--frames", frames), known, path);
+  app::TellFrames(choice.beyond, result);
+  for (const int frame : choice.frames) poses.emplace(frame, ToBodyPose(person.body, person.seen.at(frame)));
   return poses;
 }
 
 CommandResult RunMesh(const MeshArguments& arguments) {
   const bool in_folder = std::filesystem::is_directory(arguments.body);
   const std::string file = in_folder ? arguments.body + "/" + body::kPersonFileName : arguments.body;
+  CommandResult result;
   const body::TexturedPerson person = body::ReadPerson(file);
-  const std::map<int, body::BodyPose> poses = PosesOf(person.person, arguments.frames, file);
+  const std::map<int, body::BodyPose> poses = PosesOf(person.person, arguments.frames, file, &result);
   AtomicFolder folder(arguments.out, arguments.overwrite, {file});
   const body::AtlasPng atlas{dataset::EncodeImage(body::AtlasImage(person.textures), "body.png"), person.textures[0].width};
   body::WriteObjSequence(folder.work_path(), person.person.body, atlas, poses);
   folder.Commit();
-  CommandResult result;
   result.folder = arguments.out, result.inputs = {file};
   result.outputs = {{arguments.out, "meshes"}};
   result.metrics = {

@@ -7,6 +7,7 @@
 #include <set>
 #include <sstream>
 
+#include "app/frame_notice.h"
 #include "app/input/calib_read.h"
 #include "avatar/io/gaussians/gaussian_render.h"
 #include "avatar/io/render/backdrop.h"
@@ -184,6 +185,7 @@ void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const Loaded&
         {"AVA-SKIPPED", std::to_string(plan.skipped.size()) + " images could not be made; the first: " + plan.skipped.front(),
          "leave these cameras or frames out, or use --place training"});
   }
+  app::TellFrames(plan.track.beyond, result);
   constexpr double kSameSize = 0.05;
   if (plan.foreign && !plan.scaled && std::abs(plan.ratio - 1) > kSameSize) {
     const std::string text =

@@ -11,6 +11,7 @@ void AddSplitOptions(CLI::App* sub, app::SplitArguments& a) {
   AddOption(sub, "--holdout-cameras,--test-cameras", a.holdout_cameras,
             "cameras never trained on, e.g. cam_02,cam_05 (Panoptic or studio names)");
   AddOption(sub, "--holdout-frames,--test-frames", a.holdout_frames, "frames never trained on, e.g. 80-99");
+  AddOption(sub, "--frames", a.frames, "80-99 or 1,4,7-9: frames of the dataset, for training and test; all unless given");
   AddOption(sub, "--split", a.split,
             "a file of `mvstudio dataset split` in place of these three: its training, validation and test parts");
   AddOption(sub, "--validate-camera", a.validate_camera,

@@ -153,6 +153,7 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
       [&] { BeginRun(config, nullptr, arguments.out, files); }, context.run);
   FillCommon(config, packs, arguments.out, &result);
   TellFit(fit, &result);
+  app::TellSplitFrames(data, arguments.split, &result);
   app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }
@@ -209,6 +210,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
         "no network: textured networks have added less than 0.01 of SSIM to fitted bodies, and no validation images are there "
         "to show that this one adds more (--validate-camera NAME trains and judges one, --steps 600 trains one)\n";
   TellFit(fit, &result);
+  app::TellSplitFrames(data, arguments.split, &result);
   app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }

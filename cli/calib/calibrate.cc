@@ -27,6 +27,7 @@
 #include "cli/program/output_guard.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/text/shell_word.h"
 #include "dataset/session/session.h"
 #include "geometry/rig/rig_io.h"
 
@@ -91,11 +92,12 @@ void RequireSameSizes(const calib::CalibrateInput& input, const std::string& pat
     if (unknown || (lens.width_px == camera.width_px && lens.height_px == camera.height_px)) continue;
     wrong += (wrong.empty() ? "" : ", ") + camera.name + " (" + SizeText(lens.width_px, lens.height_px) + ", images " +
              SizeText(camera.width_px, camera.height_px) + ")";
-    sizes += " --camera-size " + camera.name + "=" + SizeText(camera.width_px, camera.height_px);
+    sizes += " --camera-size " + ShellWord(camera.name + "=" + SizeText(camera.width_px, camera.height_px));
   }
   if (wrong.empty()) return;
   throw UsageError(path + " has lenses of other image sizes: " + wrong +
-                   "; for the same part of the sensor: mvstudio calib resize " + path + sizes + " --out resized.json");
+                   "; for the same part of the sensor: mvstudio calib resize " + ShellWord(path) + sizes +
+                   " --out resized.json");
 }
 
 geometry::Rig GivenLenses(const std::string& path, CommandResult* result) {

@@ -15,6 +15,7 @@
 #include "core/format.h"
 #include "core/some_of.h"
 #include "dataset/build/build.h"
+#include "dataset/build/scene_joints.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
@@ -73,18 +74,14 @@ dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) 
   inputs.marker_unit = arguments->marker_unit, inputs.skeleton = arguments->skeleton;
   if (!arguments->frames.empty()) inputs.frames = ParseRanges("--frames", arguments->frames);
   if (inputs.pose3d.empty()) throw UsageError("--pose3d is needed: the folder that triangulate wrote");
-  if (std::filesystem::is_directory(inputs.pose3d) && !std::filesystem::exists(inputs.pose3d + "/points.csv") &&
-      !FilesNamed(inputs.pose3d, "body3DScene_", ".json").empty())
-    throw UsageError(
-        "--pose3d " + inputs.pose3d +
-        " holds body3DScene files, which are joints of a dataset already: give the folder that triangulate wrote, or "
-        "turn that dataset into a session with `mvstudio dataset import panoptic`");
   if (arguments->out.empty()) arguments->out = take.Folder("dataset");
   if (arguments->out.empty()) throw UsageError("--out is needed without --session");
   if (!arguments->sequence_given && !take.take.empty()) arguments->options.sequence = dataset::Slug(take.take);
   if (!arguments->rate_given) {
-    const double stated_hz =
-        take.fps_hz > 0 ? take.fps_hz : dataset::ReadPoints3d(inputs.pose3d, inputs.marker_unit).frame_rate_hz;
+    const bool scenes = !dataset::SceneFilesAt(inputs.pose3d).empty();
+    const double stated_hz = take.fps_hz > 0 ? take.fps_hz
+                             : scenes        ? dataset::ReadSceneJoints(inputs.pose3d).frame_rate_hz
+                                             : dataset::ReadPoints3d(inputs.pose3d, inputs.marker_unit).frame_rate_hz;
     if (stated_hz > 0) arguments->options.frame_rate_hz = stated_hz;
   }
   app::LeaveOutUncalibrated(inputs.calibration, &take, result);
@@ -197,9 +194,11 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   StartGroup(sub, "Calibration and 3D joints");
   AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's; default: the session's");
   AddTakeArguments(sub, arguments->take);
-  AddOption(sub, "--pose3d", arguments->pose3d,
-            "folder with points.csv, as triangulate writes it, or a .trc or .c3d file of markers; the session's pose3d/TAKE "
-            "unless given");
+  AddOption(
+      sub, "--pose3d", arguments->pose3d,
+      "folder with points.csv, as triangulate writes it, a dataset or folder of body3DScene_*.json, or a .trc or .c3d file of "
+      "markers; the session's pose3d/TAKE "
+      "unless given");
   AddOption(sub, "--frames", arguments->frames, "80-99 or 1,4,7-9: time steps of the joints; all unless given");
   AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
   AddSkeletonOption(sub, arguments->skeleton, "of the 3D joints, where --pose3d does not state it");

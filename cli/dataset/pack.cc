@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "app/frame_notice.h"
 #include "app/input/mask_notice.h"
 #include "body/skeleton.h"
 #include "cli/program/commands.h"
@@ -97,6 +98,7 @@ std::string Text(const PackArguments& arguments, const dataset::PackBuildReport&
 }
 
 void AddNotices(const dataset::PackBuildReport& report, CommandResult* result) {
+  app::TellFrames(report.frames_beyond, result);
   if (!report.skipped.empty()) {
     const std::string text = report.missing.missing() > 0 ? dataset::MissingText(report.missing)
                                                           : std::to_string(report.skipped.size()) + " pictures were left out";

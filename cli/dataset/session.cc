@@ -16,6 +16,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "core/text/shell_word.h"
 #include "dataset/session/session_scan.h"
 #include "dataset/session/timeline_source.h"
 
@@ -105,7 +106,8 @@ void LinkRaw(const InitArguments& arguments, LinkBack* back, CommandResult* resu
   if (!fs::is_symlink(raw)) return;
   result->warnings.push_back({"SES-OUTSIDE", raw.string() + " is a link to " + arguments.scan + ", outside the session",
                               "every command on this session needs --allow-outside, as in: mvstudio doctor " +
-                                  arguments.folder + " --allow-outside; copy the footage in place of the link to do without"});
+                                  ShellWord(arguments.folder) +
+                                  " --allow-outside; copy the footage in place of the link to do without"});
 }
 
 void RequireRoomForLink(const InitArguments& arguments) {

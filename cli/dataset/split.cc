@@ -2,9 +2,11 @@
 
 #include <cmath>
 
+#include "app/frame_notice.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
+#include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -75,11 +77,13 @@ dataset::Split Make(Arguments& arguments, const dataset::PanopticDataset& data, 
     return split;
   }
   if (arguments.out.empty()) throw UsageError("--out is needed: the file for the split (or --describe an existing one)");
-  if (!arguments.test_frames.empty())
-    arguments.options.test_frames = ParseRanges("--test-frames,--holdout-frames", arguments.test_frames);
-  if (!arguments.validation_frames.empty()) {
-    arguments.options.validation_frames = ParseRanges("--validation-frames", arguments.validation_frames);
-  }
+  const auto choose = [&](const char* flag, const std::string& ranges) {
+    const FrameChoice choice = KnownFrames(flag, ParseRanges(flag, ranges), data.frames, data.root);
+    app::TellFrames(choice.beyond, result);
+    return choice.frames;
+  };
+  arguments.options.test_frames = choose("--test-frames", arguments.test_frames);
+  arguments.options.validation_frames = choose("--validation-frames", arguments.validation_frames);
   return dataset::MakeSplit(data, arguments.options);
 }
 

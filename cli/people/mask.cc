@@ -283,13 +283,16 @@ void RegisterMask(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand("mask", "Foreground masks of people, with their quality");
   AddTakeArguments(sub, arguments->take);
   StartGroup(sub, "Calibration and joints");
-  AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's: masks are compared across cameras");
+  AddOption(sub, "--calib", arguments->calib,
+            "calibration file: ours, Panoptic's, or any that calib convert reads; masks are compared across cameras");
+  AddPoseMendingOptions(sub, arguments->read.invert, arguments->read.mirror);
   AddOption(
       sub, "--pose3d", arguments->pose3d,
       "3D joints that guide the masks: a folder with points.csv or body3DScene_*.json, a dataset, a .trc or .c3d file; the "
       "session's pose3d/TAKE where it is there");
   AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints, a name or a file FILE.toml")->capture_default_str();
+  AddPoseChanges(sub, arguments->changes);
   StartGroup(sub, "Output");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "new folder; the session's masks/TAKE unless given");
   AddOptions(sub, arguments->run);

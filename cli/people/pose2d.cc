@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "app/frame_notice.h"
 #include "app/input/calib_read.h"
 #include "app/nets/pose2d_detect.h"
 #include "app/nets/pose2d_existing.h"
@@ -12,10 +13,12 @@
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
+#include "core/choice/frame_choice.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/text/shell_word.h"
 #include "dataset/footage/image_io.h"
 
 namespace mvstudio::cli {
@@ -26,7 +29,7 @@ using nlohmann::ordered_json;
 
 struct Arguments {
   app::TakeArguments take;
-  std::string backend = "auto", calib, out, models, skeleton = "body25";
+  std::string backend = "auto", calib, out, models, skeleton = "body25", frames;
   int trial_frames = 16, overlays = 2, every = 1;
   bool overwrite = false;
   detect::PoseOptions options;
@@ -101,7 +104,9 @@ void AddCamera(const app::CameraPoses& camera, CommandResult* result) {
     result->exit = kExitPartial;
     result->warnings.push_back({"POSE-CAMERA",
                                 camera.track.camera + " gives nothing: " +
-                                    (camera.damage.empty() ? "its footage has no frame" : camera.damage.front()),
+                                    (!camera.damage.empty()   ? camera.damage.front()
+                                     : camera.numbers.empty() ? "its footage has no frame"
+                                                              : "it has none of the frames that were asked for"),
                                 "copy its footage again; the other cameras were done"});
     return;
   }
@@ -124,15 +129,15 @@ void CheckSizes(const std::vector<app::CameraPoses>& cameras, const geometry::Ri
     if (idx < 0 || camera.width == 0) continue;
     const geometry::Camera& lens = rig.cameras[static_cast<size_t>(idx)].camera;
     if (lens.width_px == camera.width && lens.height_px == camera.height) continue;
-    result->warnings.push_back({"POSE-SIZE",
-                                camera.track.camera + ": the footage has " + std::to_string(camera.width) + " x " +
-                                    std::to_string(camera.height) + " pixels, the calibration " +
-                                    std::to_string(lens.width_px) + " x " + std::to_string(lens.height_px),
-                                "keypoints are in the footage's pixels; triangulating them with this calibration costs that "
-                                "difference: mvstudio calib "
-                                "resize --camera-size " +
-                                    camera.track.camera + "=" + std::to_string(camera.width) + "x" +
-                                    std::to_string(camera.height) + " brings its lens to them"});
+    result->warnings.push_back(
+        {"POSE-SIZE",
+         camera.track.camera + ": the footage has " + std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+             " pixels, the calibration " + std::to_string(lens.width_px) + " x " + std::to_string(lens.height_px),
+         "keypoints are in the footage's pixels; triangulating them with this calibration costs that "
+         "difference: mvstudio calib "
+         "resize --camera-size " +
+             ShellWord(camera.track.camera + "=" + std::to_string(camera.width) + "x" + std::to_string(camera.height)) +
+             " brings its lens to them"});
   }
 }
 
@@ -198,6 +203,31 @@ void CheckAgreement(const app::PoseAgreement& agreement, CommandResult* result) 
                             "is the calibration of these cameras, and was the footage taken at the same time?"});
 }
 
+/// Leaves out what was not asked for, and says what is not there. Throws what KnownFrames does.
+void LimitToFrames(const std::vector<int>& asked, std::vector<app::CameraPoses>* cameras, CommandResult* result) {
+  std::vector<int> there;
+  for (app::CameraPoses& camera : *cameras) {
+    if (camera.numbers.empty()) {
+      for (const auto& [frame, people] : camera.track.frames) camera.numbers.push_back(frame);
+    }
+    there.insert(there.end(), camera.numbers.begin(), camera.numbers.end());
+  }
+  const auto failed = [](const app::CameraPoses& c) { return !c.failure.empty(); };
+  if (asked.empty() || std::all_of(cameras->begin(), cameras->end(), failed)) return;
+  const FrameChoice choice = KnownFrames("--frames", asked, std::move(there), "the footage");
+  app::TellFrames(choice.beyond, result);
+  for (app::CameraPoses& camera : *cameras) {
+    auto& frames = camera.track.frames;
+    const size_t before = frames.size();
+    for (auto it = frames.begin(); it != frames.end();)
+      it = std::binary_search(choice.frames.begin(), choice.frames.end(), it->first) ? std::next(it) : frames.erase(it);
+    if (frames.size() == before) continue;
+    const auto seen = [](const auto& frame) { return !frame.second.empty(); };
+    camera.frames = static_cast<int>(frames.size());
+    camera.frames_with_people = static_cast<int>(std::count_if(frames.begin(), frames.end(), seen));
+  }
+}
+
 CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   CommandResult result;
   const bool existing = arguments.backend.rfind("openpose:", 0) == 0;
@@ -208,6 +238,8 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   if (out.empty()) throw UsageError("--out is needed without --session");
   const std::string given = existing ? arguments.backend.substr(arguments.backend.find(':') + 1) : "";
   AtomicFolder folder(out, arguments.overwrite, Joined(PathsOf(take.footage), {given, arguments.calib, arguments.skeleton}));
+  std::vector<int> frames;
+  if (!arguments.frames.empty()) frames = ParseRanges("--frames", arguments.frames);
   Detected detected;
   if (existing) {
     detected.backend = arguments.backend;
@@ -215,8 +247,10 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
     if (body::IsSkeletonFile(arguments.skeleton)) result.inputs.push_back(arguments.skeleton);
     detected.cameras = app::ReadExistingPoses(arguments.backend.substr(9), take.footage, detected.skeleton, &result);
   } else {
-    detected = Detect(arguments, {take.footage, arguments.options, arguments.overlays, arguments.every}, rig, run, &result);
+    detected =
+        Detect(arguments, {take.footage, arguments.options, arguments.overlays, arguments.every, 0, frames}, rig, run, &result);
   }
+  LimitToFrames(frames, &detected.cameras, &result);
   result.metrics["backend"] = detected.backend;
   result.metrics["skeleton"] = detected.skeleton.name;
   result.metrics["cameras"] = ordered_json::array();
@@ -264,6 +298,7 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   AddOption(sub, "--overlays", arguments->overlays, "images of each camera to draw the keypoints on")
       ->capture_default_str()
       ->check(CLI::Range(0, 1000));
+  AddOption(sub, "--frames", arguments->frames, "80-99 or 1,4,7-9: frames of the footage; all unless given");
   AddOption(sub, "--every", arguments->every, "use every n-th frame of the footage; the others have no keypoints")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000000));

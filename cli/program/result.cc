@@ -14,6 +14,7 @@
 #include "cli/program/fingerprint.h"
 #include "cli/program/interrupt.h"
 #include "cli/program/redact.h"
+#include "core/choice/frame_choice.h"
 #include "core/disk/files.h"
 #include "core/disk/lock.h"
 #include "core/disk/temporary.h"
@@ -185,6 +186,8 @@ CommandResult ResultOfCurrentException() {
     return InterruptedResult(ReceivedSignal(), e.what());
   } catch (const UsageError& e) {
     return ErrorResult(kExitUsage, "CLI-USAGE", e.what());
+  } catch (const NothingLeftError& e) {
+    return ErrorResult(kExitQualityGate, "CLI-FRAMES", e.what());
   } catch (const LockedError& e) {
     return ErrorResult(kExitTryAgain, "CLI-LOCKED", e.what());
   } catch (const IoError& e) {

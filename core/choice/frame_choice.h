@@ -1,28 +1,26 @@
 #pragma once
 
-#include <algorithm>
+#include <string>
 #include <vector>
+
+#include "core/error.h"
 
 namespace mvstudio {
 
-/// Of the frames that somebody asked for, those that there are, sorted. Consecutive numbers are a range, of which takes that were
-/// thinned out have some: one must be known. So must a number by itself. `refuse(frame)` throws for the first that is not.
-template <class IsKnown, class Refuse>
-std::vector<int> KnownFrames(std::vector<int> asked, const IsKnown& is_known, const Refuse& refuse) {
-  std::sort(asked.begin(), asked.end());
-  asked.erase(std::unique(asked.begin(), asked.end()), asked.end());
-  std::vector<int> frames;
-  for (size_t begin = 0; begin < asked.size();) {
-    size_t end = begin + 1;
-    while (end < asked.size() && asked[end] == asked[end - 1] + 1) ++end;
-    const size_t before = frames.size();
-    for (size_t i = begin; i < end; ++i) {
-      if (is_known(asked[i])) frames.push_back(asked[i]);
-    }
-    if (frames.size() == before) refuse(asked[begin]);
-    begin = end;
-  }
-  return frames;
-}
+/// Of the frames that were asked for not one is there (exit code 4).
+class NothingLeftError : public Error {
+ public:
+  using Error::Error;
+};
+
+struct FrameChoice {
+  std::vector<int> frames;  ///< sorted
+  std::string beyond;       ///< what was asked for before the first frame or after the last, as a sentence; empty: nothing
+};
+
+/// Of the frames that `option` asks for, those that `source` has. Consecutive numbers are a range, of which takes that were
+/// thinned out have some: one must be known. So must a number by itself: UsageError. NothingLeftError where none of all is
+/// there. Messages say which frames there are.
+FrameChoice KnownFrames(const std::string& option, std::vector<int> asked, std::vector<int> there, const std::string& source);
 
 }  // namespace mvstudio

@@ -18,6 +18,7 @@
 #include "core/parallel.h"
 #include "core/statistics.h"
 #include "dataset/build/build_camera.h"
+#include "dataset/build/scene_joints.h"
 #include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
 #include "dataset/panoptic/panoptic.h"
@@ -260,23 +261,25 @@ Pose3d ReadMarkersOf(const BuildInputs& inputs, BuildReport* report) {
   return std::move(file.pose);
 }
 
-void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose) {
+void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose, BuildReport* report) {
   if (inputs.frames.empty()) return;
   std::set<int> there;
   for (const JointRow& row : pose->rows) there.insert(row.frame);
-  const auto refuse = [&](int frame) {
-    throw UsageError("option 'frames': " + inputs.pose3d + " has no frame " + std::to_string(frame));
+  const FrameChoice choice = KnownFrames("option 'frames'", inputs.frames, {there.begin(), there.end()}, inputs.pose3d);
+  if (!choice.beyond.empty())
+    report->warnings.push_back({"CLI-FRAMES", choice.beyond, "look at the numbers: time steps are those of the joints"});
+  const auto gone = [&](const JointRow& row) {
+    return !std::binary_search(choice.frames.begin(), choice.frames.end(), row.frame);
   };
-  const std::vector<int> kept = KnownFrames(
-      inputs.frames, [&](int frame) { return there.count(frame) > 0; }, refuse);
-  const auto gone = [&](const JointRow& row) { return !std::binary_search(kept.begin(), kept.end(), row.frame); };
   pose->rows.erase(std::remove_if(pose->rows.begin(), pose->rows.end(), gone), pose->rows.end());
 }
 
 Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
-  Pose3d pose = IsMarkerFile(inputs.pose3d) ? ReadMarkersOf(inputs, report) : ReadPoints3d(inputs.pose3d, inputs.marker_unit);
+  Pose3d pose = IsMarkerFile(inputs.pose3d)            ? ReadMarkersOf(inputs, report)
+                : !SceneFilesAt(inputs.pose3d).empty() ? ReadSceneJoints(inputs.pose3d)
+                                                       : ReadPoints3d(inputs.pose3d, inputs.marker_unit);
   if (!inputs.skeleton.empty()) UseSkeleton(body::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
-  KeepTimeSteps(inputs, &pose);
+  KeepTimeSteps(inputs, &pose, report);
   RequireJoints(inputs.pose3d, pose);
   return pose;
 }

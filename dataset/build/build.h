@@ -25,7 +25,7 @@ struct CameraFootage {
 struct BuildInputs {
   std::string calibration;  ///< ours or Panoptic's
   std::vector<CameraFootage> footage;
-  std::string pose3d;            ///< folder with points.csv, or a .trc or .c3d file
+  std::string pose3d;            ///< folder with points.csv, a dataset or folder of body3DScene files, or a .trc or .c3d file
   std::string marker_unit = {};  ///< m, cm, mm or in, instead of what such a file states
   std::string masks = {};        ///< folder with a folder of masks for each camera, instead of making them; may be empty
   std::string skeleton = {};     ///< name or file of the joints' skeleton, instead of what `pose3d` states; may be empty

@@ -11,6 +11,7 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/text/shell_word.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
@@ -310,12 +311,12 @@ void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibra
     wrong += (wrong.empty() ? "" : "; ") + ("camera " + job.footage.camera) + ": footage is " + SizeText(width, height) +
              ", the calibration is for " + SizeText(c.width_px, c.height_px) +
              (turned ? ": the footage is turned by a quarter" : ": more than 2 % apart");
-    if (!turned) sizes += " option 'camera-size' " + job.footage.camera + "=" + SizeText(width, height);
+    if (!turned) sizes += " option 'camera-size' " + ShellWord(job.footage.camera + "=" + SizeText(width, height));
   }
   if (wrong.empty()) return;
   const std::string resize = sizes.empty() ? ""
-                                           : ", or, for the same part of the sensor, mvstudio calib resize " + calibration +
-                                                 sizes + " option 'out' resized.json";
+                                           : ", or, for the same part of the sensor, mvstudio calib resize " +
+                                                 ShellWord(calibration) + sizes + " option 'out' resized.json";
   throw FormatError(calibration, "", wrong + "; calibrate at this size or give the footage that was calibrated" + resize);
 }
 

@@ -15,6 +15,7 @@ namespace mvstudio::dataset {
 namespace fs = std::filesystem;
 namespace {
 
+constexpr char kPicture[] = "is a picture of many shades, not a mask: 255 must be the person and 0 the background";
 constexpr size_t kMostFiles = 48;          // looked at to decide
 constexpr size_t kMostLabels = 64;         // parts of a body; more numbers are shades
 constexpr double kHigh = 0.9, kLow = 0.1;  // of the largest number: what is person or background up to the losses of JPEG
@@ -23,11 +24,26 @@ constexpr double kHigh = 0.9, kLow = 0.1;  // of the largest number: what is per
 struct Plane {
   int width = 0, height = 0, most = 255;
   std::vector<uint16_t> values;
+  bool colourful = false;  ///< more colours that are no grey than labels have
 };
+
+/// Colours of labels are few; those of a photograph are many. Grey ones with the losses of JPEG are none.
+bool IsColourful(const RawImage& raw) {
+  if (raw.channels < 3) return false;
+  const size_t n = static_cast<size_t>(raw.width) * raw.height, k = static_cast<size_t>(raw.channels);
+  const int grey = raw.most / 8, step = raw.most / 32 + 1;
+  std::set<int> colours;
+  for (size_t i = 0; i < n && colours.size() <= kMostLabels; ++i) {
+    const uint16_t* const p = raw.values.data() + i * k;
+    if (std::max({p[0], p[1], p[2]}) - std::min({p[0], p[1], p[2]}) <= grey) continue;
+    colours.insert((p[0] / step * 32 + p[1] / step) * 32 + p[2] / step);
+  }
+  return colours.size() > kMostLabels;
+}
 
 /// The largest of the colours, so that a label's colour counts whatever it is; or the opacity.
 Plane PlaneOf(const RawImage& raw, bool alpha) {
-  Plane plane{raw.width, raw.height, raw.most, {}};
+  Plane plane{raw.width, raw.height, raw.most, {}, !alpha && IsColourful(raw)};
   const size_t n = static_cast<size_t>(raw.width) * raw.height, k = static_cast<size_t>(raw.channels);
   plane.values.resize(n);
   for (size_t i = 0; i < n; ++i) {
@@ -56,15 +72,15 @@ struct Look {
   std::string why;  ///< of kUnclear
 };
 
-/// Foreground along the border, background in the middle.
-bool LooksInverted(const Plane& plane, double share) {
+/// Foreground along `least` of the border, background in the middle.
+bool LooksInverted(const Plane& plane, double share, double least) {
   if (share <= 0.5 || share >= 1) return false;
   const auto at = [&](int x, int y) { return plane.values[static_cast<size_t>(y) * plane.width + x] > 0; };
   int64_t border = 0, on = 0;
   const auto count = [&](int x, int y) { ++border, on += at(x, y); };
   for (int x = 0; x < plane.width; ++x) count(x, 0), count(x, plane.height - 1);
   for (int y = 0; y < plane.height; ++y) count(0, y), count(plane.width - 1, y);
-  return on >= kHigh * static_cast<double>(border);
+  return on >= least * static_cast<double>(border);
 }
 
 Kind KindOf(const std::map<int, size_t>& counts, Look* look) {
@@ -83,7 +99,7 @@ Kind KindOf(const std::map<int, size_t>& counts, Look* look) {
     return Kind::kUnclear;
   }
   if (middle > 0.5 * (middle + high) && middle >= 1000) {
-    look->why = "is a picture of many shades, not a mask: 255 must be the person and 0 the background";
+    look->why = kPicture;
     return Kind::kUnclear;
   }
   return Kind::kSoft;
@@ -102,8 +118,11 @@ Look LookAt(const Plane& plane) {
   look.brightest = counts.rbegin()->first, look.numbers = counts.size();
   look.share = 1 - static_cast<double>(histogram[0]) / static_cast<double>(plane.values.size());
   look.everywhere = histogram[0] == 0;
-  look.inverted = LooksInverted(plane, look.share);
   look.kind = KindOf(counts, &look);
+  const bool shades =
+      look.kind == Kind::kSoft && look.numbers > kMostLabels;  // as of a photograph on white, cut at its lower edge
+  look.inverted = LooksInverted(plane, look.share, shades ? 0.6 : kHigh);
+  if (plane.colourful) look.kind = Kind::kUnclear, look.why = kPicture;
   if (look.kind == Kind::kLabels) {
     for (const auto& [value, n] : counts) look.labels.push_back(value);
   }
@@ -195,13 +214,14 @@ void CheckBackground(const std::vector<Seen>& seen, MaskMeaning* meaning) {
   }
   if (people == 0) return;
   const Seen& first = *std::find_if(seen.begin(), seen.end(), [](const Seen& s) { return s.look.kind != Kind::kNobody; });
+  if (everywhere == people && meaning->form == MaskMeaning::Form::kSoft) throw FormatError(first.path, "values", kPicture);
   if (everywhere == people && meaning->form == MaskMeaning::Form::kLabels)
     throw FormatError(first.path, "values", "no pixel is 0, in none of the masks: 0 must be the background");
   if (2 * meaning->inverted.size() > people)
     throw FormatError(
         meaning->inverted.front(), "values",
-        "looks inverted, like most masks of the set: the border is foreground and the middle is not; 255 must be the "
-        "person and 0 the background");
+        "looks inverted, like most masks of the set, or is a picture on white: the border is foreground and the middle is not; "
+        "255 must be the person and 0 the background");
   if (everywhere == people) meaning->inverted.push_back(first.path);
 }
 

@@ -17,9 +17,10 @@ namespace {
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 /// Calls `use(position, number, picture)` for every frame; they must have one size and rising numbers. With `damage`, frames
-/// that do not decode are left out, and it gets a line for them.
+/// that do not decode are left out, and it gets a line for them. With `only`, `use` gets those frames alone.
 template <class Use>
-int EachFrame(const std::string& path, const Use& use, std::vector<std::string>* damage = nullptr) {
+int EachFrame(const std::string& path, const Use& use, std::vector<std::string>* damage = nullptr,
+              const std::set<int>* only = nullptr) {
   auto source = OpenFrames(path, {damage != nullptr});
   int position = 0, last = -1, width = 0, height = 0;
   while (auto frame = source->Next()) {
@@ -32,7 +33,8 @@ int EachFrame(const std::string& path, const Use& use, std::vector<std::string>*
           "is " + SizeText(frame->rgb.width, frame->rgb.height) + ", the ones before are " + SizeText(width, height));
     }
     last = number;
-    use(position++, number, std::move(frame->rgb));
+    if (!only || only->count(number)) use(position, number, std::move(frame->rgb));
+    ++position;
   }
   if (damage) *damage = source->Damage();
   if (position == 0) throw FormatError(path, "", "holds no image" + std::string(damage ? " that decodes; copy it again" : ""));
@@ -102,6 +104,7 @@ FootageSamples SampleFootage(const std::string& path, int count, bool keep_undam
   for (int64_t i = 0; i < k; ++i) wanted.push_back((2 * i + 1) * total / (2 * k));
   const auto take = [&](int position, int number, Image rgb) {
     samples.width = rgb.width, samples.height = rgb.height;
+    samples.all.push_back(number);
     // The last resort is for footage whose header promised more frames than it holds.
     if (!std::binary_search(wanted.begin(), wanted.end(), position) && !(position == 0 && total > 2 * k)) return;
     samples.numbers.push_back(number);
@@ -144,12 +147,12 @@ void Flicker::Add(const Image& rgb_before, const Image& mask_before, const Image
 TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
                       const std::function<Image(int)>& possible,
                       const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options,
-                      bool keep_undamaged) {
+                      bool keep_undamaged, const std::set<int>* only) {
   TakeMasks take;
   std::vector<std::string> damage;
   Image previous_rgb, previous_mask;
   double seconds = 0;
-  const auto segment = [&](int position, int number, Image rgb) {
+  const auto segment = [&](int, int number, Image rgb) {
     const auto start = std::chrono::steady_clock::now();
     MaskHints hints;
     hints.body = bodies.At(number);
@@ -157,10 +160,10 @@ TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const
     const Image room = possible ? possible(number) : Image();
     if (!probability.empty()) hints.probability = &probability;
     if (!room.empty()) hints.possible = &room;
-    if (position > 0) hints.previous_rgb = &previous_rgb, hints.previous_mask = &previous_mask;
+    if (take.pictures > 0) hints.previous_rgb = &previous_rgb, hints.previous_mask = &previous_mask;
     BodyMask mask = SegmentPeople(rgb, hints, model, options);
     seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (position > 0) take.flicker.Add(previous_rgb, previous_mask, rgb, mask.mask);
+    if (take.pictures > 0) take.flicker.Add(previous_rgb, previous_mask, rgb, mask.mask);
     use(number, rgb, mask);
     ++take.pictures;
     take.empty += mask.area_fraction == 0;
@@ -168,9 +171,9 @@ TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const
     take.joints += mask.joints, take.joints_on_mask += mask.joints_on_mask, take.joints_supported += mask.joints_supported;
     previous_rgb = std::move(rgb), previous_mask = std::move(mask.mask);
   };
-  EachFrame(path, segment, keep_undamaged ? &damage : nullptr);
-  take.mean_area_fraction /= take.pictures;
-  take.ms_per_picture = 1000 * seconds / take.pictures;
+  EachFrame(path, segment, keep_undamaged ? &damage : nullptr, only);
+  take.mean_area_fraction /= std::max(1, take.pictures);
+  take.ms_per_picture = 1000 * seconds / std::max(1, take.pictures);
   return take;
 }
 

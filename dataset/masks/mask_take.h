@@ -3,6 +3,7 @@
 #include <functional>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -31,7 +32,8 @@ struct BodiesOfTake {
 
 /// Pictures spread evenly over the footage.
 struct FootageSamples {
-  std::vector<int> numbers;  ///< frame numbers
+  std::vector<int> numbers;   ///< frame numbers
+  std::vector<int> all = {};  ///< of the footage
   std::vector<Image> frames;
   int num_frames = 0;  ///< of the footage
   int width = 0, height = 0;
@@ -65,10 +67,10 @@ struct TakeMasks {
 };
 
 /// `possible(frame)`: where other cameras allow a person; empty image: anywhere; may be an empty function. `use` receives
-/// every frame's number, picture and mask in order.
+/// every frame's number, picture and mask in order; with `only`, of those frames.
 TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
                       const std::function<Image(int)>& possible,
                       const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options,
-                      bool keep_undamaged = false);
+                      bool keep_undamaged = false, const std::set<int>* only = nullptr);
 
 }  // namespace mvstudio::dataset

@@ -126,6 +126,7 @@ class Builder {
     report_.missing = plan_.missing;
     if (plan_.masks) report_.masks = plan_.dataset.Masks();
     report_.frames_without_person = plan_.frames_without_person;
+    report_.frames_beyond = plan_.frames_beyond;
     report_.colour_status = plan_.colour.status;
     report_.colour_reason = plan_.options.match_colours ? plan_.colour.reason : "";
   }

@@ -81,6 +81,7 @@ struct PackBuildReport {
   MaskMeaning masks = {};                      ///< how the masks were read; nothing after a merge
   std::vector<std::string> skipped;            ///< pictures left out: "camera 00_03, frame 17: no image"
   MissingPictures missing;                     ///< of the whole pack's pictures and masks; nothing after a merge
+  std::string frames_beyond;                   ///< what was asked for and is not there, see KnownFrames
   int frames_without_person = 0;               ///< that were asked for; nothing after a merge
   int64_t samples = 0;                         ///< in built and kept shards
   uint64_t bytes = 0;                          ///< of their files

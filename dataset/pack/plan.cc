@@ -43,15 +43,12 @@ std::set<int> ChooseCameras(const PanopticDataset& dataset, const std::vector<st
   return chosen;
 }
 
-std::set<int> ChooseFrames(const PanopticDataset& dataset, const std::vector<int>& frames) {
-  const std::set<int> known(dataset.frames.begin(), dataset.frames.end());
-  const std::vector<int> chosen = KnownFrames(
-      frames, [&](int frame) { return known.count(frame) > 0; },
-      [&](int frame) {
-        throw UsageError("option 'frames': frame " + std::to_string(frame) + " has no body3DScene file in " + dataset.root +
-                         "; it has " + std::to_string(dataset.frames.front()) + " to " + std::to_string(dataset.frames.back()));
-      });
-  return chosen.empty() ? known : std::set<int>(chosen.begin(), chosen.end());
+std::set<int> ChooseFrames(PackPlan* plan) {
+  const std::vector<int>& known = plan->dataset.frames;
+  FrameChoice choice = KnownFrames("option 'frames'", plan->options.frames, known, plan->dataset.root);
+  plan->frames_beyond = std::move(choice.beyond);
+  const std::vector<int>& chosen = plan->options.frames.empty() ? known : choice.frames;
+  return {chosen.begin(), chosen.end()};
 }
 
 // The person whose joints go with whole pictures.
@@ -130,7 +127,7 @@ void FillShards(const std::optional<Split>& split, PackPlan* plan) {
   const std::set<int> cameras = ChooseCameras(plan->dataset, plan->options.cameras);
   const int64_t limit = std::clamp<int64_t>(kShardPixelBytes / PictureBytes(*plan), 1, plan->options.shard_samples);
   int64_t held = 0;
-  for (const int frame : ChooseFrames(plan->dataset, plan->options.frames)) {
+  for (const int frame : ChooseFrames(plan)) {
     std::vector<PackPicture> pictures;
     int64_t count = 0;
     for (const int c : cameras) {

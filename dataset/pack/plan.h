@@ -42,6 +42,7 @@ struct PackPlan {
   std::map<int, std::string> scene_paths;        ///< body3DScene files
   std::vector<std::vector<PackPicture>> shards;  ///< in order of frame, camera
   int frames_without_person = 0;                 ///< of the chosen frames, those without anybody (or the chosen person)
+  std::string frames_beyond;                     ///< see KnownFrames
   MissingPictures missing;                       ///< of the shards' pictures and, with masks, masks
   std::string json, sha256, rig_json;
 };

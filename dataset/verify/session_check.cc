@@ -11,6 +11,7 @@
 #include "core/format.h"
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
+#include "core/text/shell_word.h"
 #include "dataset/footage/chapters.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
@@ -193,8 +194,8 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
     findings->push_back({false, "SES-SIZE",
                          Where(f) + ": the footage is " + SizeText(f.info->width, f.info->height) +
                              ", the calibration is for " + SizeText(c.width_px, c.height_px),
-                         "if it shows the same part of the sensor: mvstudio calib resize " + path + " option 'camera-size' " +
-                             f.camera + "=" + SizeText(f.info->width, f.info->height) +
+                         "if it shows the same part of the sensor: mvstudio calib resize " + ShellWord(path) +
+                             " option 'camera-size' " + ShellWord(f.camera + "=" + SizeText(f.info->width, f.info->height)) +
                              " option 'out' resized.json, with option 'crop' for a part of it; small differences are explained "
                              "by dataset build option "
                              "'size-rule'"});

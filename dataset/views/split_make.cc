@@ -36,15 +36,6 @@ Names Resolve(const PanopticDataset& dataset, const Names& given, const std::str
   return names;
 }
 
-std::vector<int> Known(const PanopticDataset& dataset, std::vector<int> frames, const std::string& what) {
-  const auto refuse = [&](int frame) {
-    throw UsageError(what + " frame " + std::to_string(frame) + " is not in the dataset " + dataset.root + "; its frames are " +
-                     std::to_string(dataset.frames.front()) + " to " + std::to_string(dataset.frames.back()));
-  };
-  const auto is_known = [&](int frame) { return std::binary_search(dataset.frames.begin(), dataset.frames.end(), frame); };
-  return KnownFrames(std::move(frames), is_known, refuse);
-}
-
 template <class T>
 std::vector<T> Without(const std::vector<T>& all, const std::vector<T>& taken) {
   std::vector<T> rest;
@@ -142,8 +133,9 @@ std::vector<int> Near(const std::vector<int>& frames, const std::vector<int>& ot
 
 void ChooseFrames(const PanopticDataset& dataset, const SplitOptions& options, Split* split) {
   if (dataset.frames.empty()) throw UsageError("the dataset " + dataset.root + " has no frames");
-  split->test.frames = Known(dataset, options.test_frames, "test");
-  split->validation.frames = Known(dataset, options.validation_frames, "validation");
+  split->test.frames = KnownFrames("option 'test-frames'", options.test_frames, dataset.frames, dataset.root).frames;
+  split->validation.frames =
+      KnownFrames("option 'validation-frames'", options.validation_frames, dataset.frames, dataset.root).frames;
   if (split->test.frames.empty()) {
     if (!(options.test_share > 0 && options.test_share < 1)) {
       throw UsageError("test-share " + std::to_string(options.test_share) + ": more than 0 and less than 1");

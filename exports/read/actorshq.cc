@@ -2,6 +2,7 @@
 #include <filesystem>
 
 #include "calib/formats/csv_table.h"
+#include "calib/formats/format_camera.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "exports/read/layout_cameras.h"
@@ -41,8 +42,9 @@ geometry::Rig ReadActorsHq(const std::string& path, const calib::ReadOptions& op
     Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
     k(0, 0) = number(8) * w, k(1, 1) = number(9) * h, k(0, 2) = number(10) * w, k(1, 2) = number(11) * h;
     camera.k = FromCornerOrigin(k);
-    const geometry::Rigid3 world_from_cam{geometry::RotationExp({number(2), number(3), number(4)}),
-                                          {number(5), number(6), number(7)}};
+    const geometry::Rigid3 world_from_cam{
+        calib::internal::MakeRotation(Eigen::Vector3d(number(2), number(3), number(4)), camera.place),
+        {number(5), number(6), number(7)}};
     camera.cam_from_world = Inverse(world_from_cam);
     cameras.push_back(std::move(camera));
   }

@@ -3,6 +3,7 @@
 #include <map>
 
 #include "calib/formats/document.h"
+#include "calib/formats/format_camera.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
@@ -37,9 +38,20 @@ bool Differ(const LayoutCamera& a, const LayoutCamera& b) {
          (ToMatrix(a.cam_from_world) - ToMatrix(b.cam_from_world)).norm() > kSame * ToMatrix(a.cam_from_world).norm();
 }
 
-void AddMeta(const std::string& file, std::map<int, LayoutCamera>* cameras) {
+void AddMeta(const std::string& file, double metres_per_unit, std::map<int, LayoutCamera>* cameras) {
   const Value document = calib::internal::ParseLiteral(file, ReadFile(file));
   const ValueView root(file, document), ids = root["cam_id"];
+  for (const char* key : {"fn", "w2c", "k"}) {
+    if (root[key].ListSize() != ids.ListSize())
+      root[key].Fail("has " + std::to_string(root[key].ListSize()) + " time steps, cam_id has " +
+                     std::to_string(ids.ListSize()));
+    for (size_t step = 0; step < ids.ListSize(); ++step) {
+      const ValueView list = root[key][step];
+      if (list.ListSize() != ids[step].ListSize())
+        list.Fail("has " + std::to_string(list.ListSize()) + " cameras, cam_id[" + std::to_string(step) + "] has " +
+                  std::to_string(ids[step].ListSize()));
+    }
+  }
   for (size_t step = 0; step < ids.ListSize(); ++step) {
     for (size_t i = 0; i < ids[step].ListSize(); ++i) {
       const double id = ids[step][i].Number();
@@ -53,6 +65,8 @@ void AddMeta(const std::string& file, std::map<int, LayoutCamera>* cameras) {
       }
     }
   }
+  geometry::UnusedKeys unused(file, metres_per_unit);  // throws for those that change the meaning
+  calib::internal::AddUnused(root, {}, &unused);
 }
 
 }  // namespace
@@ -61,10 +75,10 @@ geometry::Rig ReadDynamic3dgs(const std::string& path, const calib::ReadOptions&
   std::map<int, LayoutCamera> by_id;
   if (std::filesystem::is_directory(path)) {
     for (const char* name : {"train_meta.json", "test_meta.json"}) {
-      if (std::filesystem::exists(path + "/" + name)) AddMeta(path + "/" + name, &by_id);
+      if (std::filesystem::exists(path + "/" + name)) AddMeta(path + "/" + name, options.metres_per_unit, &by_id);
     }
   } else {
-    AddMeta(path, &by_id);
+    AddMeta(path, options.metres_per_unit, &by_id);
   }
   if (by_id.empty()) throw FormatError(path, "cam_id", "there is no camera in any time step");
   std::vector<LayoutCamera> cameras;

@@ -89,6 +89,8 @@ std::string OtherMeaning(const std::string& key, const std::string& value, doubl
   if (Has(kLensKeys, plain) && !Has(kPinholes, word))
     return "says what kind of lens it is, which this format's reader does not know";
   if (Has(kSkewKeys, plain)) return "is a skew, which no lens model here has";
+  if (plain == "xi")
+    return "is the mirror of an omnidirectional lens (Mei), which this format's reader does not know; Kalibr's omni is read";
   if (Has(kBinningKeys, plain) && std::atof(value.c_str()) != 1)
     return "says that images are smaller than the calibration's: resize it (calib resize)";
   if (Has(kAxesKeys, plain) && !Has(kOurAxes, word))

@@ -133,7 +133,7 @@ TEST(PoseTrack, ReadsScenesAndTheirRate) {
   EXPECT_EQ(UsualStep(track.frames), 2);
   EXPECT_EQ(UsualStep({10, 11, 12, 40, 41}), 1);
   EXPECT_EQ(UsualStep({7}), 1);
-  EXPECT_THAT(MessageOf<UsageError>([&] { SelectFrames(track, {11}, 1); }),
+  EXPECT_THAT(MessageOf<NothingLeftError>([&] { SelectFrames(track, {11}, 1); }),
               AllOf(HasSubstr("frame 11"), HasSubstr("10 to 16")));
   EXPECT_THAT(MessageOf<UsageError>([&] { ReadPoseTrack(scenes, 7); }), HasSubstr("1, 3"));
   EXPECT_THAT(MessageOf<IoError>([&] { ReadPoseTrack(folder.path() + "/none", -1); }), HasSubstr("none"));

@@ -150,6 +150,52 @@ TEST(LensWordsOfFiles, OfRosAndOpenCv) {
   EXPECT_EQ(camera.params.tail(5)[3], -0.007);
 }
 
+/// What a file says twice, or in another unit, in formats of each kind.
+TEST(FilesThatContradictThemselves, AreRefusedByName) {
+  const TempDir folder;
+  const auto refused = [&](CalibrationFormat format, const std::string& name, const std::string& text) {
+    WriteFileAtomic(folder / name, text);
+    return MessageOf<FormatError>([&] { ReadCalibration(format, {folder / name}); });
+  };
+  const auto toml = [](const char* rotation, const char* metadata) {
+    return std::string("[a]\nsize = [640, 480]\nmatrix = [[400.0, 0.0, 320.0], [0.0, 400.0, 240.0], [0.0, 0.0, 1.0]]\n") +
+           "distortions = [0.1, 0.0, 0.0, 0.0]\nrotation = " + rotation + "\ntranslation = [0.0, 0.0, 1.0]\n" + metadata;
+  };
+  using Format = CalibrationFormat;
+  EXPECT_THAT(refused(Format::kToml, "a.toml", toml("[90.0, 0.0, 0.0]", "")), HasSubstr("a.rotation: a rotation vector of 90"));
+  EXPECT_THAT(refused(Format::kToml, "b.toml", toml("[0.0, 0.0, 0.0]", "[metadata]\nunits = \"mm\"\n")),
+              HasSubstr("metadata.units: 'mm' is not the unit"));
+  WriteFileAtomic(folder / "c.toml", toml("[6.0, 0.0, 0.0]", "[metadata]\nadjusted = false\nerror = 0.5\n"));
+  EXPECT_EQ(CodesOf(ReadToml(folder / "c.toml")), "");
+
+  const auto matrix = [](const char* key, const char* size, const char* data) {
+    return std::string(key) + ": !!opencv-matrix\n  " + size + "\n  dt: d\n  data: [" + data + "]\n";
+  };
+  const std::string k = matrix("camera_matrix", "rows: 3\n  cols: 3", "400, 0, 320, 0, 400, 240, 0, 0, 1"),
+                    d = matrix("distortion_coefficients", "rows: 1\n  cols: 4", "0.1, 0, 0, 0");
+  const std::string head = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n";
+  EXPECT_THAT(refused(Format::kOpenCvYaml, "a.yml", head + k + d + "xi: 1.2\n"), HasSubstr("omnidirectional lens"));
+  EXPECT_THAT(
+      refused(Format::kOpenCvYaml, "b.yml",
+              head + k + d + matrix("R", "rows: 3\n  cols: 1", "0, 45, 0") + matrix("T", "rows: 3\n  cols: 1", "0, 0, 1")),
+      HasSubstr("are these degrees?"));
+  const std::string models =
+      "{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [400, 400, 320, 240], 'imagersize': [640, 480], ";
+  EXPECT_THAT(refused(Format::kMrcal, "a.cameramodel", models + "'extrinsics': [0, 0, 90, 0, 0, 1]}"), HasSubstr("degrees?"));
+  EXPECT_THAT(
+      refused(Format::kMrcal, "b.cameramodel", models + "'extrinsics': [0, 0, 1, 0, 0, 1], 'rt_cam_ref': [0, 0, 1, 0, 0, 2]}"),
+      HasSubstr("another pose than extrinsics"));
+
+  const std::string names = "%YAML:1.0\n---\nnames:\n  - \"1\"\n";
+  WriteFileAtomic(folder / "intri.yml",
+                  names + matrix("K_1", "rows: 3\n  cols: 3", "400, 0, 320, 0, 400, 240, 0, 0, 1") + "H_1: 480\nW_1: 640\n");
+  WriteFileAtomic(folder / "extri.yml", names + matrix("R_1", "rows: 3\n  cols: 1", "0, 1, 0") +
+                                            matrix("Rot_1", "rows: 3\n  cols: 3", "1, 0, 0, 0, 1, 0, 0, 0, 1") +
+                                            matrix("T_1", "rows: 3\n  cols: 1", "0, 0, 1"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadEasyMocap({folder.path()}); }),
+              HasSubstr("Rot_1: is another rotation than R_1"));
+}
+
 TEST(LensWordsOfFiles, AColumnOfFourNeedsAWord) {
   const std::string column =
       "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 302, 0, 496, 0, 320, 331, "

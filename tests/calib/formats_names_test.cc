@@ -169,6 +169,103 @@ TEST(ReadColmap, RigsInBinary) {
   EXPECT_THAT(MessageOf<FormatError>([&] { ReadColmap(folder.path()); }), HasSubstr("truncated"));
 }
 
+/// Written for COLMAP 3.12: one rig that took all images at once, in text and bytes alike.
+TEST(ReadColmap, RigsAndFramesAreWrittenAndHeldAgainstImages) {
+  const TempDir folder;
+  geometry::Rig rig;
+  for (int c = 0; c < 3; ++c) {
+    geometry::RigCamera camera;
+    camera.camera.name = "cam" + std::to_string(c);
+    camera.camera.width_px = camera.camera.height_px = 100;
+    camera.camera.params = Eigen::Vector4d(90, 90, 50, 50);
+    camera.cam_from_world.rotation = Eigen::AngleAxisd(0.2 * c, Eigen::Vector3d::UnitY());
+    camera.cam_from_world.translation = {-0.2 * c, 0, 1};
+    rig.cameras.push_back(camera);
+  }
+  WriteColmapModel(rig, {"cam0.png", "cam1.png", "cam2.png"}, {}, folder.path());
+  EXPECT_THAT(ReadFile(folder / "rigs.txt"), HasSubstr("\n1 3 CAMERA 1 CAMERA 2 1 "));
+  EXPECT_THAT(ReadFile(folder / "frames.txt"), HasSubstr("3 CAMERA 1 1 CAMERA 2 2 CAMERA 3 3\n"));
+  const auto read = [&](const char* file) {
+    const ImportedRig found = ReadColmap(folder / file);
+    EXPECT_EQ(found.rig.cameras.size(), 3u) << file;
+    EXPECT_LT((found.rig.cameras[2].CenterInWorld() - rig.cameras[2].CenterInWorld()).norm(), 1e-12) << file;
+    return CodesOf(found);
+  };
+  for (const char* file : {"cameras.bin", "cameras.txt"}) EXPECT_EQ(read(file), "CAL-UNIT ") << file;
+
+  const std::string frames = ReadFile(folder / "frames.txt"), bytes = ReadFile(folder / "frames.bin");
+  WriteFileAtomic(folder / "frames.txt", frames.substr(0, frames.rfind("CAMERA")) + "CAMERA 3 9\n");
+  EXPECT_THAT(read("cameras.txt"), HasSubstr("CAL-COUNT"));  // an image that is not there
+  WriteFileAtomic(folder / "frames.txt", frames + frames.substr(frames.rfind("\n1 1 ") + 1));
+  EXPECT_THAT(read("cameras.txt"), HasSubstr("CAL-COUNT"));  // more frames than stated
+  const auto refused = [&](const char* file) { return MessageOf<FormatError>([&] { ReadColmap(folder / file); }); };
+  WriteFileAtomic(folder / "frames.txt", frames.substr(0, frames.size() - 4));
+  EXPECT_THAT(refused("cameras.txt"), HasSubstr("ends too early"));
+  WriteFileAtomic(folder / "frames.txt", "1 7 1 0 0 0 0 0 1 0\n");
+  EXPECT_THAT(refused("cameras.txt"), HasSubstr("no rig 7"));
+  WriteFileAtomic(folder / "frames.txt", "1 1 1 0 0 0 0 0 1.1 3 CAMERA 1 1 CAMERA 2 2 CAMERA 3 3\n");
+  EXPECT_THAT(refused("cameras.txt"), HasSubstr("image cam0.png stands elsewhere"));
+  std::string moved = bytes;
+  const double there = 1.1;
+  moved.replace(8 + 4 + 4 + 6 * 8, 8, reinterpret_cast<const char*>(&there), 8);
+  WriteFileAtomic(folder / "frames.bin", moved);
+  EXPECT_THAT(refused("cameras.bin"), HasSubstr("image cam0.png stands elsewhere"));
+  WriteFileAtomic(folder / "frames.bin", bytes.substr(0, bytes.size() - 3));
+  EXPECT_THAT(refused("cameras.bin"), HasSubstr("truncated"));
+
+  // Lines of points left out: every other image would be taken for the points of the one before.
+  fs::remove(folder / "frames.txt");
+  WriteFileAtomic(folder / "images.txt", "1 1 0 0 0 0 0 1 1 cam0.png\n2 1 0 0 0 0 0 1 2 cam1.png\n");
+  EXPECT_THAT(refused("cameras.txt"), HasSubstr("an image has two lines"));
+}
+
+/// Chains that are not whole, several of them, and lenses whose words do not agree.
+TEST(ReadKalibr, PosesAndLensesThatTheFileDoesNotHold) {
+  const TempDir folder;
+  const auto camera = [](const std::string& number, const std::string& more, const std::string& lens = "pinhole",
+                         const std::string& distortion = "radtan", const std::string& coefficients = "[0, 0, 0, 0]") {
+    const std::string first = lens == "omni" ? "1.2, " : lens == "ds" ? "-0.2, 0.6, " : "";
+    return "cam" + number + ":\n  camera_model: " + lens + "\n  intrinsics: [" + first + "400, 400, 320, 240]\n" +
+           (distortion.empty() ? "" : "  distortion_model: " + distortion + "\n") + "  distortion_coeffs: " + coefficients +
+           "\n  resolution: [640, 480]\n" + more;
+  };
+  const auto pose = [](const char* key, const char* x) {
+    return std::string("  ") + key + ": [[1, 0, 0, " + x + "], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]\n";
+  };
+  const std::string before = pose("T_cn_cnm1", "-0.1"), imu0 = pose("T_cam_imu", "0.5"), imu1 = pose("T_cam_imu", "0.2");
+  const std::string a = folder / "a.yaml", b = folder / "b.yaml";
+  const auto read = [&](const std::string& text, const std::string& other = "") {
+    WriteFileAtomic(a, text), WriteFileAtomic(b, other);
+    return ReadCalibration(CalibrationFormat::kKalibr, other.empty() ? std::vector{a} : std::vector{a, b});
+  };
+  const auto refused = [&](const std::string& text, const std::string& other = "") {
+    return MessageOf<FormatError>([&] { read(text, other); });
+  };
+  EXPECT_THAT(refused(camera("0", "") + camera("1", "") + camera("2", before)), HasSubstr("nothing places this camera"));
+  EXPECT_THAT(refused(camera("0", "") + camera("2", before)), HasSubstr("there is cam2 and no cam1"));
+  EXPECT_THAT(CodesOf(read(camera("0", before) + camera("1", before))), HasSubstr("CAL-KEYS"));
+  // A pose is missing, both cameras know the IMU's.
+  const auto by_imu = read(camera("0", imu0) + camera("1", imu1) + camera("2", before)).rig;
+  EXPECT_LT((by_imu.cameras[2].CenterInWorld() - Eigen::Vector3d(0.4, 0, 0)).norm(), 1e-12);
+  // Several chains: placed by one IMU, or lenses alone, or not one rig.
+  const auto of_imu = read(camera("0", imu0) + camera("1", imu1), camera("0", imu0)).rig;
+  EXPECT_EQ(of_imu.gauge, "Kalibr's IMU");
+  EXPECT_EQ(of_imu.cameras[1].camera.name, "a_cam1");
+  EXPECT_EQ(of_imu.cameras[2].camera.name, "b");
+  EXPECT_LT((of_imu.cameras[1].CenterInWorld() - Eigen::Vector3d(-0.2, 0, 0)).norm(), 1e-12);
+  EXPECT_THAT(CodesOf(read(camera("0", ""), camera("0", ""))), HasSubstr("CAL-NOPOSE"));
+  EXPECT_THAT(refused(camera("0", "") + camera("1", before), camera("0", "")), HasSubstr("nothing places its cameras"));
+
+  for (const char* lens : {"omni", "ds"}) {
+    EXPECT_THAT(refused(camera("0", "", lens, "radtan", "[0.1, 0, 0, 0]")), HasSubstr("k1 and k2")) << lens;
+    EXPECT_THAT(refused(camera("0", "", lens, "equidistant")), HasSubstr("'equidistant'")) << lens;
+    EXPECT_THAT(refused(camera("0", "", lens, "none", "[0.1, 0, 0, 0]")), HasSubstr("says none")) << lens;
+  }
+  EXPECT_THAT(refused(camera("0", "", "pinhole", "fov")), HasSubstr("'fov'"));
+  EXPECT_THAT(refused(camera("0", "", "pinhole", "", "[0.1, 0, 0, 0]")), HasSubstr("without distortion_model"));
+  EXPECT_EQ(read(camera("0", "", "omni")).rig.cameras[0].camera.model, geometry::LensModel::kUcm);
+}
+
 TEST(ReadEuroc, BodyFromCameraAndItsLens) {
   const TempDir folder;
   for (const std::string name : {"cam0", "cam1"}) {

@@ -76,7 +76,7 @@ TEST(AvatarMesh, FramesAreChosenAndForeignFoldersKept) {
   };
   const CliRun missing = with({"--frames", "3-4,6-16"});
   EXPECT_EQ(missing.exit, 2);
-  EXPECT_THAT(missing.err, HasSubstr("no pose of frame 6; it has 3 frames from 3 to 17"));
+  EXPECT_THAT(missing.err, HasSubstr("has no frame 6; it has 3 frames from 3 to 17"));
   EXPECT_FALSE(fs::exists(folder / "obj"));
   EXPECT_EQ(with({"--frames", "3-5"}).exit, 0);  // those of a range that there are
   EXPECT_TRUE(fs::exists(folder / "obj/FRAME_00000004.obj"));

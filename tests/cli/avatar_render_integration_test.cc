@@ -113,7 +113,7 @@ TEST_F(AvatarRender, WhatCannotBeDoneLosesNothing) {
       {{"--video", path("x.avi")}, 2},
       {{"--fps", "-1"}, 2},
       {{"--cameras", "nobody"}, 2},
-      {{"--frames", "500"}, 2},
+      {{"--frames", "500"}, 4},
       {{"--background", path("none.png")}, 2},
       {{"--bvh", path("none.bvh")}, 3},
       {{"--poses", path("none")}, 3},

@@ -60,7 +60,7 @@ TEST(DatasetExport, SaysWhatIsWrongWithTheRightExitCode) {
     return run.exit;
   };
   EXPECT_EQ(exit_of({d, "--to", "obj", "--out", out}, "unknown format 'obj'"), 2);
-  EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out, "--frames", "1-3"}, "no joints of frame 1"), 2);
+  EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out, "--frames", "1-3"}, "has no frames 1 to 3; it has "), 4);
   EXPECT_EQ(exit_of({folder / "nothing", "--to", "zju", "--out", out}, "no such folder"), 3);
   fs::remove(dataset.ImagePath("00_03", 246));
   EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out}, "1 images are not in the dataset"), 6);

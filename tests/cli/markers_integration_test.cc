@@ -94,7 +94,7 @@ TEST(MarkersCommand, TheRatesOfRunsAndFilesAreNotAskedForAgain) {
   EXPECT_THAT(other.Json()["warnings"].dump(), HasSubstr("MRK-RATE"));
   EXPECT_EQ(other.Json()["metrics"]["markers"]["rate_hz"], 25);
   EXPECT_THAT(RunCli({"markers", folder / "points", "--to", "csv", "--frames", "300-310", "--out", folder / "o3"}).err,
-              HasSubstr("has no frame 300; it has 120 frames from 0 to 119"));
+              HasSubstr("has no frames 300 to 310; it has 120 frames from 0 to 119"));
 }
 
 TEST(MarkersConvert, GoesFromFormatToFormat) {

@@ -1,8 +1,8 @@
+#include "core/text/shell_word.h"
 #include "core/text/words.h"
 
 #include <gtest/gtest.h>
 
-#include <set>
 
 #include "core/choice/frame_choice.h"
 #include "core/error.h"
@@ -24,11 +24,18 @@ TEST(Words, TheNearestIsNamed) {
   EXPECT_EQ(NearestWord(std::string(200, 'k'), known), "");
 }
 
-std::vector<int> Known(const std::vector<int>& asked) {
-  const std::set<int> there = {0, 12, 24, 36};
-  return KnownFrames(
-      asked, [&](int frame) { return there.count(frame) > 0; },
-      [](int frame) { throw UsageError("frame " + std::to_string(frame)); });
+std::vector<int> Known(const std::vector<int>& asked) { return KnownFrames("f", asked, {0, 12, 24, 36}, "x").frames; }
+
+std::string Beyond(const std::vector<int>& asked, const std::vector<int>& there) {
+  return KnownFrames("option 'frames'", asked, there, "walk.trc").beyond;
+}
+
+TEST(ShellWord, IsReadBackAsItWas) {
+  EXPECT_EQ(ShellWord("cams/a-1.json"), "cams/a-1.json");
+  EXPECT_EQ(ShellWord("my cams/a.json"), "'my cams/a.json'");
+  EXPECT_EQ(ShellWord("it's"), "'it'\\''s'");
+  EXPECT_EQ(ShellWord(""), "''");
+  for (const char c : std::string(" \t*?$&;|<>(){}[]\"`~#!\\^")) EXPECT_EQ(ShellWord(std::string("a") + c).front(), '\'') << c;
 }
 
 TEST(KnownFrames, ARangeTakesWhatThereIs) {
@@ -37,6 +44,19 @@ TEST(KnownFrames, ARangeTakesWhatThereIs) {
   EXPECT_TRUE(Known({}).empty());
   EXPECT_THROW(Known({0, 5}), UsageError);
   EXPECT_THROW(Known({0, 13, 14, 15}), UsageError);
+  EXPECT_THROW(Known({5}), NothingLeftError);
+  EXPECT_THROW(Known({40, 41}), NothingLeftError);
+  EXPECT_THROW(KnownFrames("f", {1}, {}, "x"), NothingLeftError);
+}
+
+TEST(KnownFrames, WhatLiesBeyondIsSaid) {
+  EXPECT_EQ(Beyond({2, 3}, {1, 2, 3}), "");
+  EXPECT_EQ(Beyond({2, 3, 4, 5}, {1, 2, 3}),
+            "option 'frames': walk.trc has no frames 4 to 5; it has 3 frames from 1 to 3, which are used as far as asked for");
+  EXPECT_EQ(Beyond({0, 1}, {1, 2, 3}).substr(0, 39), "option 'frames': walk.trc has no frame ");
+  // Thinned out: 11 was never filmed, 15 would have been the next.
+  EXPECT_EQ(Beyond({9, 10, 11}, {0, 5, 10}), "");
+  EXPECT_NE(Beyond({9, 10, 11, 12, 13, 14, 15}, {0, 5, 10}), "");
 }
 
 }  // namespace

@@ -126,6 +126,37 @@ TEST_F(MaskIo, WhatIsNoMaskIsRefusedByName) {
   EXPECT_THAT(refused(Put("picture.png", picture)), HasSubstr("not a mask"));
 }
 
+/// Photographs of a person on white and on black, in colour and grey, whole and cut at the lower edge: none is a soft mask.
+TEST_F(MaskIo, PhotographsAreNoMasks) {
+  const auto photograph = [](bool colour, int background, bool cut) {
+    cv::Mat picture(120, 100, CV_8UC3, cv::Scalar::all(background));
+    for (int y = 20; y < (cut ? 120 : 100); ++y) {
+      for (int x = 30; x < 65; ++x) {
+        const int v = (x * 7 + y * 3) % 240;
+        picture.at<cv::Vec3b>(y, x) = colour ? cv::Vec3b(v, 240 - v, y * 2) : cv::Vec3b(v, v, v);
+      }
+    }
+    return picture;
+  };
+  for (const bool colour : {true, false}) {
+    for (const bool cut : {true, false}) {
+      for (const int background : {255, 250, 0}) {
+        const std::string path = Put("photograph.png", photograph(colour, background, cut));
+        const std::string said = MessageOf<FormatError>([&] { ReadMask(path); });
+        EXPECT_THAT(said, ::testing::AnyOf(HasSubstr("not a mask"), HasSubstr("a picture on white")))
+            << colour << " " << cut << " " << background;
+      }
+    }
+  }
+  // A grey mask with the losses of JPEG, and labels in a few colours, are masks.
+  EXPECT_EQ(*ReadMask(Put("mask.jpg", Mask(255))).Pixel(20, 16), 255);
+  cv::Mat labels(kHeight, kWidth, CV_8UC3, cv::Scalar::all(0));
+  for (int y = 6; y < 26; ++y) {
+    for (int x = 12; x < 28; ++x) labels.at<cv::Vec3b>(y, x) = y < 16 ? cv::Vec3b(0, 0, 128) : cv::Vec3b(0, 128, 0);
+  }
+  ExpectPerson(ReadMask(Put("labels.png", labels)));
+}
+
 TEST_F(MaskIo, AFolderIsDecidedOnceAndSharedByCopies) {
   Put("masks/a/0.png", Mask(1)), Put("masks/b/0.png", Mask(0));
   const MaskFolder folder;

@@ -9,6 +9,7 @@
 
 #include "core/format.h"
 #include "core/join.h"
+#include "core/text/shell_word.h"
 #include "geometry/rig/meeting.h"
 #include "geometry/rig/plausible.h"
 #include "triangulate/sync/sync.h"
@@ -130,13 +131,14 @@ std::string SizeRemedy(const Rig& rig, double scale, int only) {
   };
   if (only >= 0) {
     const Camera& camera = rig.cameras[static_cast<size_t>(only)].camera;
-    return "option 'image-size' " + camera.name + "=" + size(camera);
+    return "option 'image-size' " + ShellWord(camera.name + "=" + size(camera));
   }
   const std::string first = size(rig.cameras.front().camera);
   const bool alike =
       std::all_of(rig.cameras.begin(), rig.cameras.end(), [&](const auto& camera) { return size(camera.camera) == first; });
   if (alike) return "option 'image-size' " + first;
-  return Join(rig.cameras, " ", [&](const auto& c) { return "option 'image-size' " + c.camera.name + "=" + size(c.camera); });
+  return Join(rig.cameras, " ",
+              [&](const auto& c) { return "option 'image-size' " + ShellWord(c.camera.name + "=" + size(c.camera)); });
 }
 
 void AddImageSizes(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
@@ -161,7 +163,7 @@ void AddExchanges(const Rig& rig, const std::vector<DetectedFrame>& frames, std:
       const std::string &first = rig.cameras[a].camera.name, &second = rig.cameras[b].camera.name;
       Assumption& other =
           list->emplace_back(Assumption{Cause::kExchanged, "with the detections of " + first + " and " + second + " exchanged",
-                                        "option 'swap-cameras' " + first + "," + second, rig, frames});
+                                        "option 'swap-cameras' " + ShellWord(first + "," + second), rig, frames});
       for (DetectedFrame& frame : other.frames) std::swap(frame.people[a], frame.people[b]);
     }
   }
@@ -182,8 +184,9 @@ void AddDetected(const Rig& rig, const std::vector<DetectedFrame>& frames, const
                  std::vector<Assumption>* list) {
   const std::string name = only < 0 ? "" : rig.cameras[static_cast<size_t>(only)].camera.name;
   std::string remedy = detected.option;
-  for (size_t at = remedy.find('@'); at != std::string::npos; at = remedy.find('@'))
-    remedy.replace(at, 1, only < 0 ? "" : detected.join + name + (detected.join == " " ? "" : "="));
+  const std::string named = only < 0 ? "" : detected.join + ShellWord(name) + (detected.join == " " ? "" : "=");
+  for (size_t at = remedy.find('@'); at != std::string::npos; at = remedy.find('@', at + named.size()))  // names have @, too
+    remedy.replace(at, 1, named);
   std::string text = detected.text;
   text.replace(text.find('@'), 1, only < 0 ? " of all cameras" : " of " + name);
   Assumption& other = list->emplace_back(Assumption{detected.cause, "with " + text, remedy, rig, frames});
@@ -234,7 +237,7 @@ void AddNormalized(const Rig& rig, const std::vector<DetectedFrame>& frames, std
   const bool all = names.size() == rig.cameras.size();
   other.text = "with the coordinates of " + (all ? std::string("all cameras") : Join(names, ", ")) +
                ", which lie within 0 to 1, as parts of the image's size";
-  other.remedy = "option 'normalized'" + (all ? "" : " " + Join(names, ","));
+  other.remedy = "option 'normalized'" + (all ? "" : " " + ShellWord(Join(names, ",")));
   list->push_back(std::move(other));
 }
 
@@ -292,7 +295,7 @@ void AddLeftOut(const Rig& rig, const std::vector<DetectedFrame>& frames, std::v
     const std::string& name = rig.cameras[c].camera.name;
     Assumption& other =
         list->emplace_back(Assumption{Cause::kMoved, "without " + name + ", which has moved or has another calibration",
-                                      "option 'without-camera' " + name + ", or calibrate it again", rig, frames});
+                                      "option 'without-camera' " + ShellWord(name) + ", or calibrate it again", rig, frames});
     for (DetectedFrame& frame : other.frames) frame.people[c].clear();
   }
 }
@@ -355,7 +358,7 @@ Assumption WithClocks(const Rig& rig, const std::vector<Clock>& clocks) {
       const double hz = std::round(kHz * clock.rate);
       nominal &= std::abs(hz / kHz / clock.rate - 1) < 1e-3;
       other.text += Format(" at %.4g frames for one of the others", clock.rate);
-      rates += " option 'rate' " + name + Format("=%g", hz);
+      rates += " option 'rate' " + ShellWord(name + Format("=%g", hz));
     } else if (clock.rate != 1) {
       other.text += Format(" drifting by %+.0f ppm", 1e6 * (clock.rate - 1));
     }

@@ -46,14 +46,12 @@ std::string ResolveCamera(const dataset::PanopticDataset& data, const std::strin
 
 /// Those of `asked` that the person is in, or with `of_anyone` anybody.
 std::vector<int> FramesWithPose(const dataset::PanopticDataset& data, int person, const std::vector<int>& asked,
-                                const std::vector<int>& known, bool of_anyone) {
-  const auto is_known = [&](int frame) {
-    return std::binary_search(known.begin(), known.end(), frame) || (of_anyone && data.poses.count(frame) > 0);
-  };
-  return KnownFrames(asked, is_known, [&](int frame) {
-    throw UsageError("frame " + std::to_string(frame) + " has no pose of person " + std::to_string(person) + " in " +
-                     data.root + "; its frames are " + std::to_string(known.front()) + " to " + std::to_string(known.back()));
-  });
+                                std::vector<int> known, bool of_anyone) {
+  for (const auto& [frame, people] : data.poses) {
+    if (of_anyone) known.push_back(frame);
+  }
+  const std::string who = of_anyone ? "" : "person " + std::to_string(person) + " in ";
+  return KnownFrames(of_anyone ? "option 'holdout-frames'" : "frames", asked, std::move(known), who + data.root).frames;
 }
 
 struct Job {

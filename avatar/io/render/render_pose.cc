@@ -134,12 +134,9 @@ PoseTrack ReadPoseTrack(const std::string& path, int person) {
 
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step) {
   if (step < 1) throw UsageError("option 'every' must be at least 1");
-  const auto is_known = [&](int frame) { return std::binary_search(track.frames.begin(), track.frames.end(), frame); };
-  const std::vector<int> wanted = frames.empty() ? track.frames : KnownFrames(frames, is_known, [&](int frame) {
-    throw UsageError("frame " + std::to_string(frame) + " has no pose in " + track.source + "; its frames are " +
-                     std::to_string(track.frames.front()) + " to " + std::to_string(track.frames.back()));
-  });
-  PoseTrack some{track.source, {}, {}, track.rate_hz};
+  const FrameChoice choice = KnownFrames("option 'frames'", frames, track.frames, track.source);
+  const std::vector<int>& wanted = frames.empty() ? track.frames : choice.frames;
+  PoseTrack some{track.source, {}, {}, track.rate_hz, choice.beyond};
   for (size_t i = 0; i < wanted.size(); i += static_cast<size_t>(step)) {
     const auto found = std::lower_bound(track.frames.begin(), track.frames.end(), wanted[i]);
     some.frames.push_back(wanted[i]);

@@ -17,7 +17,8 @@ struct PoseTrack {
   std::string source;       ///< file or folder, for messages
   std::vector<int> frames;  ///< ascending
   std::vector<dataset::Coco19Pose> poses;
-  double rate_hz = 0;  ///< frame numbers per second; 0: unknown
+  double rate_hz = 0;       ///< frame numbers per second; 0: unknown
+  std::string beyond = {};  ///< of SelectFrames: what was asked for and is not there, see KnownFrames
 };
 
 /// The person's poses in a dataset.
@@ -27,7 +28,7 @@ PoseTrack TrackOf(const dataset::PanopticDataset& data, int person);
 /// `person`: id, or -1 for the one with most frames. Throws IoError, FormatError, UsageError (no such person).
 PoseTrack ReadPoseTrack(const std::string& path, int person);
 
-/// The poses of `frames` (all when empty), every `step`-th of them. Throws UsageError naming a missing frame.
+/// The poses of `frames` (all when empty), every `step`-th of them. Throws what KnownFrames does.
 PoseTrack SelectFrames(const PoseTrack& track, const std::vector<int>& frames, int step);
 
 /// Size and position of a person.

@@ -3,11 +3,13 @@
 #include <filesystem>
 
 #include "calib/board/pixel_origin.h"
-#include "calib/formats/colmap_files.h"
+#include "calib/formats/colmap/colmap_files.h"
 #include "calib/formats/format_camera.h"
 #include "calib/formats/formats.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/units.h"
+#include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::calib {
 namespace internal {
@@ -102,7 +104,7 @@ ColmapCamera FromCamera(const geometry::Camera& camera) {
   return file;
 }
 
-/// A camera and an image each.
+/// A camera and an image each, and one rig of all that took them at once.
 ColmapFiles ModelOf(const geometry::Rig& rig, const std::vector<std::string>& images) {
   ColmapFiles model;
   for (size_t i = 0; i < rig.cameras.size(); ++i) {
@@ -114,7 +116,9 @@ ColmapFiles ModelOf(const geometry::Rig& rig, const std::vector<std::string>& im
     const uint32_t id = static_cast<uint32_t>(i + 1);
     model.cameras[id] = FromCamera(camera.camera);
     if (!model.cameras[id].model) throw UsageError("COLMAP has no lens like that of camera " + Printable(camera.camera.name));
-    model.images.push_back({camera.cam_from_world.rotation, camera.cam_from_world.translation, id, images[i], {}});
+    model.images.push_back({id, camera.cam_from_world.rotation, camera.cam_from_world.translation, id, images[i], {}});
+    if (i == 0) model.rigs.push_back({1, {}}), model.frames.push_back({1, 1, camera.cam_from_world, {}, {}});
+    model.rigs[0].cameras.push_back({id, camera.cam_from_world * Inverse(rig.cameras[0].cam_from_world)});
   }
   return model;
 }
@@ -183,33 +187,85 @@ std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::v
 
 namespace {
 
+const internal::ColmapSensor* SensorOf(const internal::ColmapRig& rig, uint32_t camera_id) {
+  for (const internal::ColmapSensor& sensor : rig.cameras) {
+    if (sensor.camera_id == camera_id) return &sensor;
+  }
+  return nullptr;
+}
+
 /// The one rig of two cameras or more that took all images and whose cameras' places in it are known; else null.
-const std::vector<internal::ColmapSensor>* RigOfAll(const internal::ColmapFiles& model) {
-  const std::vector<internal::ColmapSensor>* of_all = nullptr;
-  for (const auto& rig : model.rigs) {
-    if (rig.size() < 2) continue;
+const internal::ColmapRig* RigOfAll(const internal::ColmapFiles& model) {
+  const internal::ColmapRig* of_all = nullptr;
+  for (const internal::ColmapRig& rig : model.rigs) {
+    if (rig.cameras.size() < 2) continue;
     if (of_all) return nullptr;
     of_all = &rig;
   }
   if (!of_all) return nullptr;
   for (const internal::ColmapImage& image : model.images) {
-    const auto it = [&](const internal::ColmapSensor& sensor) { return sensor.camera_id == image.camera_id; };
-    const auto found = std::find_if(of_all->begin(), of_all->end(), it);
-    if (found == of_all->end() || !found->sensor_from_rig) return nullptr;
+    const internal::ColmapSensor* sensor = SensorOf(*of_all, image.camera_id);
+    if (!sensor || !sensor->sensor_from_rig) return nullptr;
   }
   return of_all;
 }
 
-/// The cameras of a rig, as they stood in the first image. `pictures`: as they stand one by one.
-void AddRigCameras(const internal::ColmapFiles& model, const std::vector<internal::ColmapSensor>& rig,
-                   const ReadOptions& options, const std::vector<internal::PictureCamera>& pictures, ImportedRig* imported) {
-  std::vector<internal::PictureCamera> cameras;
-  geometry::Rigid3 rig_from_world;
-  for (const internal::ColmapSensor& sensor : rig) {
-    if (model.images[0].camera_id != sensor.camera_id) continue;
-    rig_from_world = Inverse(*sensor.sensor_from_rig) * geometry::Rigid3{model.images[0].rotation, model.images[0].translation};
+/// Throws FormatError where an image does not stand where its rig stood at that moment: COLMAP 3.12 believes the rig, older
+/// programs the image.
+void CheckFrame(const internal::ColmapFrame& frame, const internal::ColmapRig& rig,
+                const std::map<uint64_t, const internal::ColmapImage*>& images, double extent, internal::ColmapFiles* model) {
+  constexpr double kTurn = DegToRad(0.1), kShare = 1e-3;
+  for (const uint64_t id : frame.images) {
+    const auto found = images.find(id);
+    if (found == images.end()) {
+      model->doubts.push_back(frame.place.path + ": " + frame.place.where + " names image " + std::to_string(id) +
+                              ", which the model does not hold");
+      continue;
+    }
+    const internal::ColmapImage& image = *found->second;
+    const internal::ColmapSensor* sensor = SensorOf(rig, image.camera_id);
+    if (!sensor || !sensor->sensor_from_rig) continue;
+    const geometry::Rigid3 by_rig = *sensor->sensor_from_rig * frame.rig_from_world, own{image.rotation, image.translation};
+    const double apart = (Inverse(by_rig).translation - Inverse(own).translation).norm();
+    if (apart <= kShare * extent && geometry::RotationAngle(by_rig.rotation, own.rotation) <= kTurn) continue;
+    throw FormatError(image.place.path, image.place.where,
+                      "image " + internal::Printable(image.name) + " stands elsewhere than rigs and frames place it (" +
+                          frame.place.path + ": " + frame.place.where +
+                          "): one of the files was changed by itself; let COLMAP write the model again, or take rigs and "
+                          "frames out of the folder if the images are right");
   }
-  for (const internal::ColmapSensor& sensor : rig) {
+}
+
+/// What frames state, held against rigs and images.
+void CheckFrames(internal::ColmapFiles* model) {
+  if (model->frames.empty()) return;
+  std::map<uint64_t, const internal::ColmapImage*> images;
+  double extent = 1e-9;
+  for (const internal::ColmapImage& image : model->images) {
+    images[image.id] = &image;
+    extent = std::max(extent, image.translation.norm());
+  }
+  size_t named = 0;
+  for (const internal::ColmapFrame& frame : model->frames) {
+    const auto is = [&](const internal::ColmapRig& rig) { return rig.id == frame.rig_id; };
+    const auto rig = std::find_if(model->rigs.begin(), model->rigs.end(), is);
+    if (rig == model->rigs.end())
+      throw FormatError(frame.place.path, frame.place.where, "there is no rig " + std::to_string(frame.rig_id));
+    CheckFrame(frame, *rig, images, extent, model);
+    named += frame.images.size();
+  }
+  if (named < images.size())
+    model->doubts.push_back(model->frames[0].place.path + " names " + std::to_string(named) + " images, the model holds " +
+                            std::to_string(images.size()));
+}
+
+/// The cameras of a rig, as they stood in the first image. `pictures`: as they stand one by one.
+void AddRigCameras(const internal::ColmapFiles& model, const internal::ColmapRig& rig, const ReadOptions& options,
+                   const std::vector<internal::PictureCamera>& pictures, ImportedRig* imported) {
+  std::vector<internal::PictureCamera> cameras;
+  const geometry::Rigid3 rig_from_world = Inverse(*SensorOf(rig, model.images[0].camera_id)->sensor_from_rig) *
+                                          geometry::Rigid3{model.images[0].rotation, model.images[0].translation};
+  for (const internal::ColmapSensor& sensor : rig.cameras) {
     for (size_t i = 0; i < pictures.size(); ++i) {
       if (model.images[i].camera_id != sensor.camera_id) continue;
       cameras.push_back(pictures[i]);
@@ -219,6 +275,7 @@ void AddRigCameras(const internal::ColmapFiles& model, const std::vector<interna
     }
   }
   internal::AddPictureCameras(std::move(cameras), imported);
+  if (pictures.size() == imported->rig.cameras.size()) return;
   imported->notes.push_back({"CAL-MERGED",
                              std::to_string(pictures.size()) + " images are of " +
                                  std::to_string(imported->rig.cameras.size()) +
@@ -234,9 +291,10 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
   const std::string folder = fs::is_directory(path) ? path : fs::path(path).parent_path().string();
   const bool named_text = fs::path(path).extension() == ".txt";
   const bool binary = !named_text && fs::exists(fs::path(folder) / "cameras.bin");
-  const internal::ColmapFiles model = binary ? internal::ReadColmapBinary(folder) : internal::ReadColmapText(folder);
+  internal::ColmapFiles model = binary ? internal::ReadColmapBinary(folder) : internal::ReadColmapText(folder);
   if (model.images.empty())
     throw FormatError(folder, "images", "there is no image in this model, hence no camera with a place");
+  CheckFrames(&model);
   ImportedRig imported;
   imported.rig.gauge = "COLMAP's world";
   std::vector<internal::PictureCamera> pictures;

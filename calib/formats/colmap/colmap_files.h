@@ -35,6 +35,7 @@ struct ColmapCamera {
 };
 
 struct ColmapImage {
+  uint32_t id = 0;
   Eigen::Quaterniond rotation;  ///< cam_from_world
   Eigen::Vector3d translation;
   uint32_t camera_id = 0;
@@ -60,17 +61,31 @@ struct ColmapSensor {
   std::optional<geometry::Rigid3> sensor_from_rig;
 };
 
+struct ColmapRig {
+  uint32_t id = 0;
+  std::vector<ColmapSensor> cameras;  ///< other sensors are left out
+};
+
+/// What a rig took at one moment: COLMAP 3.12's frames.txt and frames.bin.
+struct ColmapFrame {
+  uint32_t id = 0, rig_id = 0;
+  geometry::Rigid3 rig_from_world;
+  std::vector<uint64_t> images = {};  ///< ids
+  Place place;
+};
+
 struct ColmapFiles {
   std::map<uint32_t, ColmapCamera> cameras;
   std::vector<ColmapImage> images;
-  std::vector<std::vector<ColmapSensor>> rigs = {};  ///< each a list of its cameras; read where the file is there
-  std::vector<std::string> doubts = {};              ///< counts that a text file states and does not hold
-  std::vector<ColmapPoint> points = {};              ///< written only; ids from 1
+  std::vector<ColmapRig> rigs = {};      ///< read where the file is there
+  std::vector<ColmapFrame> frames = {};  ///< the same
+  std::vector<std::string> doubts = {};  ///< counts that a text file states and does not hold
+  std::vector<ColmapPoint> points = {};  ///< written only; ids from 1
 };
 
 ColmapFiles ReadColmapText(const std::string& folder);
 ColmapFiles ReadColmapBinary(const std::string& folder);
-/// cameras, images and points3D; return the files.
+/// cameras, images, rigs, frames and points3D; return the files. COLMAP before 3.12 looks for no rigs and frames.
 Files WriteColmapText(const ColmapFiles& model, const std::string& folder);
 Files WriteColmapBinary(const ColmapFiles& model, const std::string& folder);
 

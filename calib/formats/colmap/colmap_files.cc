@@ -1,4 +1,4 @@
-#include "calib/formats/colmap_files.h"
+#include "calib/formats/colmap/colmap_files.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <sstream>
 
+#include "calib/formats/colmap/colmap_rigs.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 
@@ -86,45 +87,65 @@ void ReadTextImages(const std::string& path, ColmapFiles* model) {
     for (size_t i = 0; i < 7; ++i) values[i] = ParseNumber(words[i + 1], place);
     ColmapImage image;
     image.place = place;
+    image.id = Id(words[0], place);
     image.rotation = ColmapRotation(values[0], values[1], values[2], values[3], place);
     image.translation = {values[4], values[5], values[6]};
     image.camera_id = Id(words[8], place);
     for (size_t i = 9; i < words.size(); ++i) image.name += (i > 9 ? " " : "") + words[i];
     model->images.push_back(image);
-    std::getline(lines, line), ++number;  // its points
+    if (!std::getline(lines, line)) line.clear();
+    if (Words(line).size() % 3 != 0)  // its points
+      throw FormatError(path, "line " + std::to_string(number + 1),
+                        "the points of image " + Printable(image.name) +
+                            " were expected, three numbers each, or an empty line: an image has two lines");
+    ++number;
   }
   CheckCount(path, "images", stated, model->images.size(), model);
 }
 
-/// RIG_ID NUM_SENSORS REF_TYPE REF_ID, then TYPE ID HAS_POSE [QW QX QY QZ TX TY TZ] of each other sensor.
-void ReadTextRigs(const std::string& path, ColmapFiles* model) {
+/// The words of a line one after the other; see colmap_rigs.h.
+class WordReader {
+ public:
+  WordReader(const std::string& line, Place place) : words_(Words(line)), place_(std::move(place)) {}
+
+  uint32_t Id() { return internal::Id(Next(), place_); }
+  uint64_t DataId() { return Id(); }
+  bool IsCamera() { return Next() == "CAMERA"; }
+  bool Flag() { return Next() != "0"; }
+  double Number() { return ParseNumber(Next(), place_); }
+  Place Here() const { return place_; }
+  void RequireEnd() const {
+    if (at_ != words_.size()) throw FormatError(place_.path, place_.where, "the line holds more than it states");
+  }
+
+ private:
+  const std::string& Next() {
+    if (at_ >= words_.size()) throw FormatError(place_.path, place_.where, "the line ends too early; is the file truncated?");
+    return words_[at_++];
+  }
+
+  std::vector<std::string> words_;
+  Place place_;
+  size_t at_ = 0;
+};
+
+/// Calls read(WordReader*) for each line that is no comment, and holds their number against the stated one.
+template <class ReadLine>
+void ReadTextLines(const std::string& path, const char* of_what, ColmapFiles* model, const ReadLine& read) {
   std::istringstream lines(ReadFile(path));
   int number = 0;
-  for (std::string line; std::getline(lines, line);) {
-    const Place place{path, "line " + std::to_string(++number)};
-    const std::vector<std::string> words = Words(line);
-    if (words.empty() || words[0][0] == '#') continue;
-    const auto word = [&](size_t i) -> const std::string& {
-      if (i >= words.size()) throw FormatError(path, place.where, "the line ends too early; is the file truncated?");
-      return words[i];
-    };
-    std::vector<ColmapSensor> rig;
-    size_t at = 2;
-    for (uint32_t left = Id(word(1), place), first = left; left > 0; --left) {
-      const bool reference = left == first, camera = word(at) == "CAMERA";
-      ColmapSensor sensor{Id(word(at + 1), place), geometry::Rigid3()};
-      at += 2;
-      if (!reference && word(at++) == "0") sensor.sensor_from_rig.reset();
-      if (!reference && sensor.sensor_from_rig) {
-        double values[7];
-        for (double& value : values) value = ParseNumber(word(at++), place);
-        sensor.sensor_from_rig = {ColmapRotation(values[0], values[1], values[2], values[3], place),
-                                  {values[4], values[5], values[6]}};
-      }
-      if (camera) rig.push_back(sensor);
-    }
-    model->rigs.push_back(std::move(rig));
+  long stated = -1;
+  size_t found = 0;
+  for (std::string line; std::getline(lines, line); ++number) {
+    stated = std::max(stated, StatedCount(line, of_what));
+    const size_t first = line.find_first_not_of(" \t\r");
+    if (first == std::string::npos || line[first] == '#') continue;
+    WordReader words(line, {path, "line " + std::to_string(number + 1)});
+    read(&words);
+    words.RequireEnd();
+    ++found;
   }
+  CheckCount(path, of_what, stated, found, model);
 }
 
 /// Reads little-endian numbers; every read is checked against the end.
@@ -156,6 +177,11 @@ class BinaryReader {
     if (count > (bytes_.size() - position_) / size) Truncated();
     position_ += static_cast<size_t>(count * size);
   }
+  // See colmap_rigs.h; a type is 0 for a camera.
+  uint32_t Id() { return Read<uint32_t>(); }
+  uint64_t DataId() { return Read<uint64_t>(); }
+  bool IsCamera() { return Read<int32_t>() == 0; }
+  bool Flag() { return Read<uint8_t>() != 0; }
   /// A count of entries of at least `size` bytes each.
   uint64_t Count(uint64_t size) {
     const uint64_t count = Read<uint64_t>();
@@ -173,30 +199,6 @@ class BinaryReader {
   const std::string path_, bytes_;
   size_t position_ = 0;
 };
-
-/// The same numbers; a type is 0 for a camera.
-void ReadBinaryRigs(const std::string& path, ColmapFiles* model) {
-  BinaryReader in(path);
-  for (uint64_t left = in.Count(8); left > 0; --left) {
-    std::vector<ColmapSensor> rig;
-    in.Read<uint32_t>();
-    const uint32_t count = in.Read<uint32_t>();
-    for (uint32_t i = 0; i < count; ++i) {
-      const bool camera = in.Read<int32_t>() == 0;
-      ColmapSensor sensor{in.Read<uint32_t>(), geometry::Rigid3()};
-      if (i > 0 && in.Read<uint8_t>() == 0) sensor.sensor_from_rig.reset();
-      if (i > 0 && sensor.sensor_from_rig) {
-        double values[7];
-        for (double& value : values) value = in.Number();
-        sensor.sensor_from_rig = {ColmapRotation(values[0], values[1], values[2], values[3], in.Here()),
-                                  {values[4], values[5], values[6]}};
-      }
-      if (camera) rig.push_back(sensor);
-    }
-    model->rigs.push_back(std::move(rig));
-  }
-  in.RequireEnd();
-}
 
 void ReadBinaryCameras(const std::string& path, ColmapFiles* model) {
   BinaryReader in(path);
@@ -221,7 +223,7 @@ void ReadBinaryImages(const std::string& path, ColmapFiles* model) {
   for (uint64_t left = in.Count(4 + 7 * 8 + 4 + 1 + 8); left > 0; --left) {
     ColmapImage image;
     image.place = in.Here();
-    in.Read<uint32_t>();
+    image.id = in.Read<uint32_t>();
     double values[7];
     for (double& value : values) value = in.Number();
     image.rotation = ColmapRotation(values[0], values[1], values[2], values[3], image.place);
@@ -234,17 +236,7 @@ void ReadBinaryImages(const std::string& path, ColmapFiles* model) {
   in.RequireEnd();
 }
 
-template <class T>
-void Append(T value, std::string* bytes) {
-  char raw[sizeof(T)];
-  std::memcpy(raw, &value, sizeof(T));
-  bytes->append(raw, sizeof(T));
-}
-
-std::vector<double> PoseNumbers(const ColmapImage& image) {
-  const Eigen::Quaterniond& q = image.rotation;
-  return {q.w(), q.x(), q.y(), q.z(), image.translation.x(), image.translation.y(), image.translation.z()};
-}
+geometry::Rigid3 PoseOf(const ColmapImage& image) { return {image.rotation, image.translation}; }
 
 std::string PointsText(const ColmapFiles& model) {
   std::string text =
@@ -279,13 +271,26 @@ void AppendPoints(const ColmapFiles& model, std::string* bytes) {
   }
 }
 
+Files WriteAll(const std::string& folder, const char* extension, const std::array<std::string, 5>& contents) {
+  constexpr const char* kNames[] = {"/cameras", "/images", "/rigs", "/frames", "/points3D"};
+  Files files;
+  for (size_t i = 0; i < contents.size(); ++i) {
+    files.push_back(folder + kNames[i] + extension);
+    WriteFileAtomic(files.back(), contents[i]);
+  }
+  return files;
+}
+
 }  // namespace
 
 ColmapFiles ReadColmapText(const std::string& folder) {
   ColmapFiles model;
   ReadTextCameras(folder + "/cameras.txt", &model);
   ReadTextImages(folder + "/images.txt", &model);
-  if (std::filesystem::exists(folder + "/rigs.txt")) ReadTextRigs(folder + "/rigs.txt", &model);
+  if (std::filesystem::exists(folder + "/rigs.txt"))
+    ReadTextLines(folder + "/rigs.txt", "rigs", &model, [&](WordReader* in) { model.rigs.push_back(ReadRig(in)); });
+  if (std::filesystem::exists(folder + "/frames.txt"))
+    ReadTextLines(folder + "/frames.txt", "frames", &model, [&](WordReader* in) { model.frames.push_back(ReadFrame(in)); });
   return model;
 }
 
@@ -293,7 +298,16 @@ ColmapFiles ReadColmapBinary(const std::string& folder) {
   ColmapFiles model;
   ReadBinaryCameras(folder + "/cameras.bin", &model);
   ReadBinaryImages(folder + "/images.bin", &model);
-  if (std::filesystem::exists(folder + "/rigs.bin")) ReadBinaryRigs(folder + "/rigs.bin", &model);
+  if (std::filesystem::exists(folder + "/rigs.bin")) {
+    BinaryReader in(folder + "/rigs.bin");
+    for (uint64_t left = in.Count(4 + 4); left > 0; --left) model.rigs.push_back(ReadRig(&in));
+    in.RequireEnd();
+  }
+  if (std::filesystem::exists(folder + "/frames.bin")) {
+    BinaryReader in(folder + "/frames.bin");
+    for (uint64_t left = in.Count(4 + 4 + 7 * 8 + 4); left > 0; --left) model.frames.push_back(ReadFrame(&in));
+    in.RequireEnd();
+  }
   return model;
 }
 
@@ -309,30 +323,34 @@ Files WriteColmapText(const ColmapFiles& model, const std::string& folder) {
     for (const double param : camera.params) cameras += " " + NumberText(param);
     cameras += "\n";
   }
-  std::string images =
+  TextSink images{
       "# Image list with two lines of data per image:\n"
       "#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n"
       "# Number of images: " +
-      count + "\n";
+      count + "\n"};
   for (const ColmapImage& image : model.images) {
-    images += std::to_string(image.camera_id);
-    for (const double value : PoseNumbers(image)) images += " " + NumberText(value);
-    images += " " + std::to_string(image.camera_id) + " " + image.name + "\n";
-    std::string features;
+    images.Id(image.id), WritePose(PoseOf(image), &images), images.Id(image.camera_id), images.Word(image.name + "\n");
     for (const ColmapImage::Feature& feature : image.features) {
-      features += (features.empty() ? "" : " ") + NumberText(feature.px_from_corner.x()) + " " +
-                  NumberText(feature.px_from_corner.y()) + " " + std::to_string(feature.point_id);
+      images.Number(feature.px_from_corner.x()), images.Number(feature.px_from_corner.y());
+      images.DataId(feature.point_id);
     }
-    images += features + "\n";
+    images.text += "\n";
   }
-  WriteFileAtomic(folder + "/cameras.txt", cameras);
-  WriteFileAtomic(folder + "/images.txt", images);
-  WriteFileAtomic(folder + "/points3D.txt", PointsText(model));
-  return {folder + "/cameras.txt", folder + "/images.txt", folder + "/points3D.txt"};
+  TextSink rigs{
+      "# Rig calib list with one line of data per calib:\n#   RIG_ID, NUM_SENSORS, REF_SENSOR_TYPE, REF_SENSOR_ID, "
+      "SENSORS[] as (SENSOR_TYPE, SENSOR_ID, HAS_POSE, [QW, QX, QY, QZ, TX, TY, TZ])\n# Number of rigs: " +
+      std::to_string(model.rigs.size()) + "\n"};
+  for (const ColmapRig& rig : model.rigs) WriteRig(rig, &rigs), rigs.text += "\n";
+  TextSink frames{
+      "# Frame list with one line of data per frame:\n#   FRAME_ID, RIG_ID, RIG_FROM_WORLD[QW, QX, QY, QZ, TX, TY, TZ], "
+      "NUM_DATA_IDS, DATA_IDS[] as (SENSOR_TYPE, SENSOR_ID, DATA_ID)\n# Number of frames: " +
+      std::to_string(model.frames.size()) + "\n"};
+  for (const ColmapFrame& frame : model.frames) WriteFrame(frame, model, &frames), frames.text += "\n";
+  return WriteAll(folder, ".txt", {cameras, images.text, rigs.text, frames.text, PointsText(model)});
 }
 
 Files WriteColmapBinary(const ColmapFiles& model, const std::string& folder) {
-  std::string cameras, images, points;
+  std::string cameras, points;
   Append<uint64_t>(model.cameras.size(), &cameras);
   for (const auto& [id, camera] : model.cameras) {
     Append<uint32_t>(id, &cameras);
@@ -341,24 +359,22 @@ Files WriteColmapBinary(const ColmapFiles& model, const std::string& folder) {
     Append<uint64_t>(static_cast<uint64_t>(camera.height_px), &cameras);
     for (const double param : camera.params) Append<double>(param, &cameras);
   }
-  Append<uint64_t>(model.images.size(), &images);
+  ByteSink images, rigs, frames;
+  images.DataId(model.images.size());
   for (const ColmapImage& image : model.images) {
-    Append<uint32_t>(image.camera_id, &images);
-    for (const double value : PoseNumbers(image)) Append<double>(value, &images);
-    Append<uint32_t>(image.camera_id, &images);
-    images += image.name + '\0';
-    Append<uint64_t>(image.features.size(), &images);
+    images.Id(image.id), WritePose(PoseOf(image), &images), images.Id(image.camera_id);
+    images.bytes += image.name + '\0';
+    images.DataId(image.features.size());
     for (const ColmapImage::Feature& feature : image.features) {
-      Append<double>(feature.px_from_corner.x(), &images);
-      Append<double>(feature.px_from_corner.y(), &images);
-      Append<uint64_t>(feature.point_id, &images);
+      images.Number(feature.px_from_corner.x()), images.Number(feature.px_from_corner.y());
+      images.DataId(feature.point_id);
     }
   }
+  rigs.DataId(model.rigs.size()), frames.DataId(model.frames.size());
+  for (const ColmapRig& rig : model.rigs) WriteRig(rig, &rigs);
+  for (const ColmapFrame& frame : model.frames) WriteFrame(frame, model, &frames);
   AppendPoints(model, &points);
-  WriteFileAtomic(folder + "/cameras.bin", cameras);
-  WriteFileAtomic(folder + "/images.bin", images);
-  WriteFileAtomic(folder + "/points3D.bin", points);
-  return {folder + "/cameras.bin", folder + "/images.bin", folder + "/points3D.bin"};
+  return WriteAll(folder, ".bin", {cameras, images.bytes, rigs.bytes, frames.bytes, points});
 }
 
 }  // namespace mvstudio::calib::internal
