@@ -75,8 +75,7 @@ dataset::Split Make(Arguments& arguments, const dataset::PanopticDataset& data, 
     return split;
   }
   if (arguments.out.empty()) throw UsageError("--out is needed: the file for the split (or --describe an existing one)");
-  if (!arguments.test_frames.empty())
-    arguments.options.test_frames = ParseRanges("--test-frames,--holdout-frames", arguments.test_frames);
+  if (!arguments.test_frames.empty()) arguments.options.test_frames = ParseRanges("--holdout-frames", arguments.test_frames);
   if (!arguments.validation_frames.empty()) {
     arguments.options.validation_frames = ParseRanges("--validation-frames", arguments.validation_frames);
   }
@@ -122,13 +121,14 @@ void RegisterDatasetSplit(CLI::App& dataset, Registry& registry) {
   AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file for the split (JSON)");
   AddOption(sub, "--describe", arguments->from, "check and describe this split instead of making one");
   AddOption(sub, "--preset", o.preset, presets);
-  AddOption(sub, "--test-cameras,--holdout-cameras", o.test_cameras, "names, separated by commas")->delimiter(',');
+  AddOption(sub, "--holdout-cameras,--test-cameras", o.test_cameras, "names, separated by commas: those that test")
+      ->delimiter(',');
   AddOption(sub, "--train-cameras", o.train_cameras, "names; default: all that are not for test")->delimiter(',');
   AddOption(sub, "--validation-cameras", o.validation_cameras, "names; default: the training cameras")->delimiter(',');
   AddOption(sub, "--train-count", o.num_train_cameras,
             "number of training cameras, spread evenly around the people; the others are for test; --seed gives other choices");
   AddOption(sub, "--every-camera", o.every_camera, "every k-th camera is for test");
-  AddOption(sub, "--test-frames", arguments->test_frames, "such as 90-119 or 0-9,50-59");
+  AddOption(sub, "--holdout-frames,--test-frames", arguments->test_frames, "such as 90-119 or 0-9,50-59");
   AddOption(sub, "--validation-frames", arguments->validation_frames, "likewise");
   AddOption(sub, "--test-share", o.test_share, "share of the frames, the last ones, when none are named")
       ->capture_default_str();
