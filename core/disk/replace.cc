@@ -1,10 +1,8 @@
 #include "core/disk/replace.h"
 
-#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
-#include <cerrno>
 #include <filesystem>
 #include <mutex>
 #include <set>
@@ -76,11 +74,10 @@ void RequireRoomIn(const std::string& folder) {
   std::error_code ignored;
   if (!std::filesystem::is_directory(there, ignored)) return;  // what is wrong with it its writer says better
   const std::string trial = internal::TemporaryBeside(there + "/trial");
-  if (!internal::Allowed("create", trial) || mkdir(trial.c_str(), 0700) != 0) {
-    const int code = errno;
-    internal::ThrowErrno(folder, "nothing can be made in " + there, code);
-  }
-  rmdir(trial.c_str());
+  const int fd = internal::CreateWorkFolder(trial, folder);
+  internal::RemoveWorkFolder(trial);
+  internal::UnregisterTemporary(trial);
+  close(fd);
   struct statvfs disk {};
   if (statvfs(there.c_str(), &disk) != 0 || disk.f_blocks == 0) return;
   if (static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize) < kLeastBytes)
