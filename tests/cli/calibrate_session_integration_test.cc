@@ -126,6 +126,10 @@ TEST_F(CalibrateSession, ACheckOfItsCalibrationLeavesATrace) {
   EXPECT_EQ(check({"--out", *studio_ / "check", "--overwrite"}).exit, 0);
   ASSERT_EQ(RunCli({"report", *studio_ / "check"}).exit, 0);
   EXPECT_THAT(Slurp(*studio_ / "check/report.html"), HasSubstr("calib eval"));
+  const CliRun same = RunCli({"calib", "compare", *studio_ / "complete/calibration.json",
+                              *studio_ / "complete/calibration.json", "--out", *studio_ / "change"});
+  EXPECT_EQ(same.exit, 0) << same.err;
+  EXPECT_TRUE(fs::exists(*studio_ / "change/calib_compare.result.json"));
   const CliRun none = RunCli({"calib", "eval", "--board", "chessboard:5x4:25mm", "--corners", "nowhere"});
   EXPECT_EQ(none.exit, 2);
   EXPECT_THAT(none.err, HasSubstr("--session"));
