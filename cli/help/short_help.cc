@@ -95,8 +95,7 @@ class ShortFormatter : public PlainFlags {
     all_ = mode == CLI::AppFormatMode::All || seldom_.empty();
     const std::string help = PlainFlags::make_help(app, name, mode);
     if (all_) return help;
-    return WithoutEmptyLines(help) + "\n" + std::to_string(seldom_.size()) + " more with --help-all\n" + app->get_footer() +
-           "\n";
+    return WithoutEmptyLines(help) + std::to_string(seldom_.size()) + " more with --help-all\n" + app->get_footer() + "\n";
   }
   std::string make_footer(const CLI::App* app) const override { return all_ ? PlainFlags::make_footer(app) : ""; }
   std::string make_group(std::string group, bool is_positional, std::vector<const CLI::Option*> options) const override {
