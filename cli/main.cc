@@ -28,10 +28,12 @@ std::string WithHint(const Notice& notice) { return notice.text + (notice.hint.e
 void PrintLine(std::string_view line) { (void)!write(STDERR_FILENO, line.data(), line.size()); }
 
 /// Text of the program's own, one line, past all buffers.
-void PrintNotice(const std::string& text) { PrintLine(OneLine(text) + "\n"); }
+void PrintNotice(const std::string& label, Colour colour, const std::string& text) {
+  PrintLine(Painted(label, colour, STDERR_FILENO) + OneLine(text) + "\n");
+}
 
 void PrintErrors(const CommandResult& result) {
-  for (const Notice& notice : result.errors) PrintNotice("error: " + WithHint(notice));
+  for (const Notice& notice : result.errors) PrintNotice("error: ", Colour::kRed, WithHint(notice));
 }
 
 /// What made a gate fail first; what is to be done about several of them once.
@@ -40,12 +42,14 @@ void PrintWarnings(std::vector<Notice> warnings) {
   std::set<std::string> told;
   for (Notice& notice : warnings) {
     if (!told.insert(notice.hint).second) notice.hint.clear();
-    PrintNotice((notice.fails ? "failed " : "warning ") + notice.code + ": " + WithHint(notice));
+    const std::string label = (notice.fails ? "failed " : "warning ") + notice.code + ": ";
+    PrintNotice(label, notice.fails ? Colour::kRed : Colour::kYellow, WithHint(notice));
   }
 }
 
 void PrintForPerson(const CommandResult& result) {
-  if (!result.text.empty()) PrintOut(ManyLines(result.text) + (result.text.back() == '\n' ? "" : "\n"));
+  if (!result.text.empty())
+    PrintOut(WithPaintedVerdicts(ManyLines(result.text), STDOUT_FILENO) + (result.text.back() == '\n' ? "" : "\n"));
   PrintWarnings(result.warnings);
   std::string written;
   for (const auto& output : result.outputs) {

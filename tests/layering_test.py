@@ -100,9 +100,9 @@ MAY_INCLUDE = {
     "avatar/io/pack": CORE | GEOMETRY | {"body", "body/fit", "body/dynamic", "body/texture", "body/files", "body/templates", "dataset/footage", "dataset/pose", "dataset/panoptic", "dataset/views", "avatar/settings",
                                          "avatar/maps", "avatar/data", "avatar/io/surface"},
     "avatar/io/references": CORE | GEOMETRY | {"body", "body/texture", "body/files", "dataset/views", "avatar/settings", "avatar/data", "avatar/io/pack"},
-    "avatar/io/render": CORE | GEOMETRY | {"body", "body/fit", "body/files", "dataset/footage", "dataset/pose", "dataset/panoptic", "dataset/views", "avatar/maps",
+    "avatar/io/render": CORE | GEOMETRY | {"body", "body/fit", "body/files", "dataset/footage", "dataset/pose", "dataset/session", "dataset/panoptic", "dataset/views", "avatar/maps",
                                            "avatar/nets", "avatar/io/pack", "avatar/io/references"},
-    "avatar/io/evaluate": CORE | GEOMETRY | {"metrics", "body", "body/texture", "body/files", "splats", "splats/files", "dataset/footage", "dataset/panoptic", "dataset/views", "detect/tfjs",
+    "avatar/io/evaluate": CORE | GEOMETRY | {"metrics", "body", "body/texture", "body/files", "splats", "splats/files", "dataset/footage", "dataset/panoptic", "dataset/session", "dataset/views", "detect/tfjs",
                                              "detect/models", "avatar/maps", "avatar/data", "avatar/nets", "avatar/scores",
                                              "avatar/io/pack", "avatar/io/references"},
     "avatar/io/gaussians": CORE | GEOMETRY | {"metrics", "body", "body/files", "body/texture", "splats", "splats/train", "splats/files", "dataset/footage", "dataset/pose", "dataset/panoptic", "dataset/views", "avatar/settings", "avatar/data", "avatar/io/pack", "avatar/io/render"},
@@ -130,9 +130,10 @@ MAY_INCLUDE |= {
 }
 COMMANDS = {"cli/calib", "cli/dataset", "cli/people", "cli/avatar", "cli/tradeoff"}
 APP = {f for f in MAY_INCLUDE if f.split("/")[0] == "app"}
-MAY_INCLUDE |= {"cli/program": LIBRARIES | APP}
+MAY_INCLUDE |= {"cli/help": {"core"}}
+MAY_INCLUDE |= {"cli/program": LIBRARIES | APP | {"cli/help"}}
 MAY_INCLUDE |= {folder: LIBRARIES | APP | {"cli/program"} for folder in COMMANDS}
-MAY_INCLUDE |= {"cli": LIBRARIES | APP | COMMANDS | {"cli/program"}}
+MAY_INCLUDE |= {"cli": LIBRARIES | APP | COMMANDS | {"cli/program", "cli/help"}}
 MOST_FILES = 40  # source files of a folder, headers and .cc files counted
 FREE = {"bench", "fuzz", "tests"}  # may include everything
 EVERYTHING = {"cli", *FREE}  # programs: may print and exit

@@ -3,6 +3,7 @@
 #include <memory>
 #include <set>
 
+#include "app/input/take_input.h"
 #include "core/error.h"
 #include "dataset/footage/frames.h"
 
@@ -34,6 +35,7 @@ std::vector<calib::Footage> OpenFootage(const std::vector<NamedPath>& cameras, C
     footage.push_back(OpenOne(name, path));
     result->inputs.push_back(path);
   }
+  RefuseSameFootage(cameras, false);
   return footage;
 }
 

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/join.h"
 #include "core/some_of.h"
+#include "dataset/session/timeline_source.h"
 
 namespace mvstudio::app {
 namespace {
@@ -96,6 +97,21 @@ void SayUnused(const calib::FootageDetections& camera, bool alone, CommandResult
   if (!unseen.empty()) result->text += unseen + "\n";
 }
 
+/// The timeline of a table of times, in place of what a session says.
+dataset::Timeline TimelineOfTable(const CornerArguments& arguments, CommandResult* result) {
+  constexpr double kPictureRateHz = 30;  // the table's times replace it
+  std::vector<dataset::SessionCamera> cameras;
+  std::vector<dataset::CameraTimes> times;
+  for (const NamedPath& camera : arguments.cameras) {
+    cameras.push_back({camera.name, "", "", 0, 0});
+    times.push_back(dataset::ReadFootageTimes(camera.name, camera.path, kPictureRateHz));
+  }
+  for (const std::string& note : dataset::ReadTimestamps(arguments.timestamps, cameras, &times))
+    result->warnings.push_back({"SES-TIMELINE", note, "see docs/formats.md for the columns of time stamps"});
+  result->inputs.push_back(arguments.timestamps);
+  return dataset::BuildTimeline(times, dataset::TimelineClock::kCommon, nullptr);
+}
+
 CornerInput Detect(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
   if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
   const std::vector<calib::Board>& boards = arguments.boards;
@@ -124,6 +140,13 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
 }
 
 }  // namespace
+
+void FillTimeline(CornerArguments* arguments, CommandResult* result) {
+  if (arguments->timestamps.empty()) return;
+  if (arguments->cameras.empty())
+    throw UsageError("option 'timestamps' pairs footage: it needs option 'camera' or option 'session'");
+  arguments->timeline = std::make_shared<const dataset::Timeline>(TimelineOfTable(*arguments, result));
+}
 
 CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
   SayMirrored(arguments.mirrored, result);

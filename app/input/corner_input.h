@@ -20,6 +20,7 @@ struct CornerArguments {
   std::vector<NamedPath> cameras;
   std::string corners;
   std::vector<std::string> mirrored;  ///< names of cameras whose images are flipped left-right
+  std::string timestamps;             ///< table of the footage's times on one clock; empty: none
   calib::FootageOptions footage;
   calib::CornerFileOptions corner_files;
   std::shared_ptr<const dataset::Timeline> timeline;  ///< of the footage; null: equal frame numbers are one time step
@@ -29,6 +30,10 @@ struct CornerInput {
   calib::CalibrateInput input;
   std::vector<calib::FootageDetections> found;  ///< of footage only
 };
+
+/// The timeline of a table of time stamps, where one is given, in place of any other; to be called when the footage is known.
+/// Throws UsageError without footage, and as ReadTimestamps and BuildTimeline do.
+void FillTimeline(CornerArguments* arguments, CommandResult* result);
 
 /// Reads corners from either source, those of mirrored cameras as in images that are not flipped; image sizes are 0 where a
 /// corner file does not state them. Notes become warnings, files inputs. Throws UsageError, IoError, FormatError.

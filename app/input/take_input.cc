@@ -84,25 +84,24 @@ std::string FilesOf(const std::string& path, bool digest) {
   }
 }
 
-/// Two cameras cannot have filmed the same file: masks, joints and images of one of them would be the other's.
-void RefuseSameFootage(const TakeInput& take) {
-  std::map<std::string, std::vector<const CameraFootage*>> alike;
-  for (const CameraFootage& footage : take.footage) alike[FilesOf(footage.path, false)].push_back(&footage);
+}  // namespace
+
+void RefuseSameFootage(const std::vector<NamedPath>& footage, bool of_session) {
+  std::map<std::string, std::vector<const NamedPath*>> alike;
+  for (const NamedPath& each : footage) alike[FilesOf(each.path, false)].push_back(&each);
   for (const auto& [size, list] : alike) {
     if (size.empty() || list.size() < 2) continue;
-    std::map<std::string, const CameraFootage*> first;
-    for (const CameraFootage* footage : list) {
-      const auto [at, is_new] = first.emplace(FilesOf(footage->path, true), footage);
+    std::map<std::string, const NamedPath*> first;
+    for (const NamedPath* each : list) {
+      const auto [at, is_new] = first.emplace(FilesOf(each->path, true), each);
       if (is_new) continue;
-      throw FormatError(footage->path, "",
-                        "is the same recording as " + at->second->path + ": cameras " + at->second->camera + " and " +
-                            footage->camera + " cannot have filmed the same; copy the right file, or leave one of the two out" +
-                            (take.session ? " of the take in mvstudio.toml" : ""));
+      throw FormatError(each->path, "",
+                        "is the same recording as " + at->second->path + ": cameras " + at->second->name + " and " +
+                            each->name + " cannot have filmed the same; copy the right file, or leave one of the two out" +
+                            (of_session ? " of the take in mvstudio.toml" : ""));
     }
   }
 }
-
-}  // namespace
 
 std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& session, const dataset::SessionTake& take,
                                                     bool allow_outside, bool make, CommandResult* result) {
@@ -170,7 +169,9 @@ TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result) {
     found->plate = plate.path;
     result->inputs.push_back(plate.path);
   }
-  RefuseSameFootage(input);
+  std::vector<NamedPath> named_footage;
+  for (const CameraFootage& footage : input.footage) named_footage.push_back({footage.camera, footage.path});
+  RefuseSameFootage(named_footage, input.session.has_value());
   return input;
 }
 

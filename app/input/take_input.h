@@ -36,6 +36,10 @@ struct TakeInput {
   std::string Folder(const std::string& kind, const std::string& camera = "") const;
 };
 
+/// Two cameras cannot have filmed the same file: masks, joints, boards and images of one of them would be the other's. Throws
+/// FormatError.
+void RefuseSameFootage(const std::vector<NamedPath>& footage, bool of_session);
+
 /// Takes the footage of cameras that a session's calibration lacks out, names them (CAL-LEFTOUT) and makes the result partial.
 /// Does nothing without --session or calibration. Throws FormatError when fewer than two cameras would stay.
 void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, CommandResult* result);

@@ -117,6 +117,7 @@ CommandResult PretrainRenderer(const RendererPretraining& arguments, const std::
   const Clock::time_point start = Clock::now();
   if (arguments.runs.empty()) throw UsageError("give the runs of the people to learn from");
   avatar::Validate(arguments.train);
+  avatar::ResolveDevice(arguments.train.device);
   std::vector<Subject> subjects;
   for (size_t i = 0; i < arguments.runs.size(); ++i) {
     subjects.push_back(ReadRun(arguments.runs[i]));

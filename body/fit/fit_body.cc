@@ -26,6 +26,10 @@ constexpr double kReachPx = 12;
 constexpr double kBrightnessSigmaPx[] = {4, 2};
 constexpr double kOneCameraMargin = 0.1;  // of the held-out loss, by which a softer surface must lower it
 
+// Of the time of a fit, as measured on 30 time steps of six cameras: a round of outlines is 1.
+constexpr int kRoundWork = 1, kSmoothnessWork = 2, kBrightnessWork = 4, kFinishWork = 3;
+constexpr int kBrightnessParts = 3, kFinishParts = 3;
+
 /// A body that has been fitted so far, and its losses.
 struct Candidate {
   std::string name;
@@ -60,22 +64,31 @@ class Fit {
       out_.person = state_.Person();
       return out_;
     }
-    ProgressStage stage(run_, "fitting the body", static_cast<int64_t>(std::size(kRounds) + std::size(kSmoothness) + 3));
+    ProgressStage stage(run_, "fitting the body", TotalWork());
     before_ = ViewIous(state_, steps_, run_);
     Reject(before_);
     std::vector<Candidate> candidates = {Judge("lengths of the bones alone", state_)};
     out_.iou_before = 1 - Mean(FiniteValues(candidates[0].loss));
     if (options_.fit_surface) FitSurface(&stage, &candidates);
     Candidate best = Choose(&candidates);
-    stage.Advance();
-    if (best.name != candidates[0].name && options_.use_brightness && several_cameras_) best = WithBrightness(std::move(best));
-    stage.Advance();
-    Finish(best);
-    stage.Advance();
+    if (UsesBrightness()) {
+      const bool bones_alone = best.name == candidates[0].name;
+      if (bones_alone) stage.Advance(kBrightnessParts * kBrightnessWork);
+      if (!bones_alone) best = WithBrightness(std::move(best), &stage);
+    }
+    Finish(best, &stage);
     return out_;
   }
 
  private:
+  bool UsesBrightness() const { return options_.fit_surface && options_.use_brightness && several_cameras_; }
+
+  int64_t TotalWork() const {
+    int64_t work = kFinishParts * kFinishWork;
+    if (options_.fit_surface) work += std::size(kRounds) * kRoundWork + std::size(kSmoothness) * kSmoothnessWork;
+    return UsesBrightness() ? work + kBrightnessParts * kBrightnessWork : work;
+  }
+
   bool HasViews() const {
     for (size_t i = 0; i < steps_.size(); ++i) {
       if (state_.IsFitted(static_cast<int>(i)) && !steps_[i].views.empty()) return true;
@@ -97,7 +110,7 @@ class Fit {
       state_.FitShape(round.laplacian_sigma_m, round.max_px);
       if (!first) state_.FitPoses(round.max_px);
       first = false;
-      stage->Advance();
+      stage->Advance(kRoundWork);
     }
     Reject(ViewIous(state_, steps_, run_));
   }
@@ -109,7 +122,7 @@ class Fit {
       for (int k = 0; k < 2; ++k) softer.FitShape(smoothness, kReachPx), softer.FitPoses(kReachPx);
       candidates->push_back(Judge(Format("offsets, smooth to %.1f mm", 1e3 * smoothness), softer));
       candidates->back().smoothness_m = smoothness;
-      stage->Advance();
+      stage->Advance(kSmoothnessWork);
     }
   }
 
@@ -134,22 +147,24 @@ class Fit {
   }
 
   /// Poses by brightness too, where the surface of held-out images then fits the others better.
-  Candidate WithBrightness(Candidate outlines) {
+  Candidate WithBrightness(Candidate outlines, ProgressStage* stage) {
     FitState state = outlines.state;
     for (const double sigma_px : kBrightnessSigmaPx) {
       state.FitBrightness(sigma_px, kReachPx);
       state.FitShape(outlines.smoothness_m, kReachPx);
+      stage->Advance(kBrightnessWork);
     }
     Candidate brighter = Judge("poses by brightness", state);
     const UnitMean worse = DifferenceOverUnits(BrightnessLoss(brighter.person, steps_, kBrightnessSigmaPx[1], run_),
                                                BrightnessLoss(outlines.person, steps_, kBrightnessSigmaPx[1], run_));
     out_.stages.back().kept = worse.mean < 0;
     brighter.by_brightness = true, brighter.smoothness_m = outlines.smoothness_m;
+    stage->Advance(kBrightnessWork);
     return worse.mean < 0 ? brighter : outlines;
   }
 
   /// Held-out time steps join the others: they have done their work.
-  void Finish(const Candidate& best) {
+  void Finish(const Candidate& best, ProgressStage* stage) {
     out_.held_out_loss = best.loss;
     out_.iou = 1 - Mean(FiniteValues(best.loss));
     FitState state = best.state;
@@ -159,16 +174,19 @@ class Fit {
     if (!out_.stages[0].kept) {
       for (int k = 0; k < 2; ++k) state.FitPoses(kReachPx);
     }
+    stage->Advance(kFinishWork);
     if (best.by_brightness) {
       state.FitBrightness(kBrightnessSigmaPx[1], kReachPx);
       out_.brightness = state.Brightness(kBrightnessSigmaPx[1]);
     }
+    stage->Advance(kFinishWork);
     out_.person = state.Person();
     out_.offsets = state.Offsets();
     if (best.smoothness_m > 0) out_.offset_sigma_m = state.OffsetSigma(best.smoothness_m, kReachPx);
     out_.coefficients = state.coefficients();
     out_.joint_error_m = state.joint_error_m();
     out_.cameras = CompareCameras(out_.person, state, steps_, before_, run_);
+    stage->Advance(kFinishWork);
   }
 
   const std::vector<FitStep>& steps_;

@@ -1,6 +1,7 @@
 #include "body/fit/pose_by_images.h"
 
 #include <cmath>
+#include <mutex>
 
 #include "body/fit/fit_judge.h"
 #include "core/parallel.h"
@@ -112,6 +113,8 @@ StepPoses PoseByImages(const PersonBody& person, const MeanBrightness* brightnes
   std::vector<std::vector<double>> ious(steps.size());
   std::vector<std::vector<uint8_t>> used(steps.size());
   const auto count = static_cast<int64_t>(steps.size());
+  ProgressStage stage(run, "posing by images", count);
+  std::mutex mutex;
   ParallelFor(count, run.num_threads, [&](int64_t i) {
     poses[i] = ExpectByJoints(person, steps[i].joints.x_in_world, steps[i].joints.valid);
     if (!poses[i]) return;
@@ -122,6 +125,10 @@ StepPoses PoseByImages(const PersonBody& person, const MeanBrightness* brightnes
   out.rejected = RejectViews(steps, ious, &used);
   std::vector<double> before(steps.size(), std::nan("")), after = before;
   ParallelFor(count, run.num_threads, [&](int64_t i) {
+    {
+      const std::lock_guard<std::mutex> lock(mutex);
+      stage.Advance();
+    }
     before[i] = after[i] = MeanOfUsed(ious[i], used[i]);
     if (!std::isfinite(before[i])) return;
     const ArticulatedPose pose = FromJoints(poser, brightness != nullptr, steps[i], used[i], *poses[i]);

@@ -69,7 +69,7 @@ void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const Rig
     Add("warn",
         {"CAL-FRAMES",
          Format("camera %s: %d of %d boards disagree grossly with the other cameras", name, c.num_outlying_views, c.num_views),
-         "check the synchronisation; hold the board still"},
+         "check the synchronisation, or give the frames' times as option 'timestamps'; hold the board still"},
         verdict);
   }
   if (c.own_rms_px > options.warn_px) {
@@ -95,7 +95,9 @@ void JudgeFound(const RigCheck& check, Verdict* verdict) {
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"},
         verdict);
   if (!check.found.frame_shift.empty())
-    Add("warn", {"CAL-FRAMES", check.found.shift_text + "; they were added", "number the frames by their time stamps"},
+    Add("warn",
+        {"CAL-FRAMES", check.found.shift_text + "; they were added",
+         "number the frames by their time stamps, or give them as option 'timestamps'"},
         verdict);
   if (check.offsets_stated && !check.offsets_used)
     Add("warn",

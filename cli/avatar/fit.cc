@@ -1,5 +1,6 @@
 #include <memory>
 
+#include "app/dataset/studio_names.h"
 #include "app/input/mask_notice.h"
 #include "app/nets/avatar_fit.h"
 #include "app/nets/avatar_train_data.h"
@@ -22,6 +23,7 @@ struct FitArguments {
 };
 
 CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
+  app::UseStudioNames(arguments.dataset);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   const int person = avatar::ChoosePerson(data, arguments.options.person);
   const avatar::DatasetSplit split = app::SplitOf(data, person, arguments.split);

@@ -3,6 +3,7 @@
 #include "app/nets/avatar_pretrain.h"
 #include "app/nets/renderer_pretrain.h"
 #include "avatar/maps/bone_lists.h"
+#include "avatar/train/train.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/redact.h"
@@ -18,6 +19,7 @@ struct PretrainArguments {
 
 CommandResult RunPretrain(const PretrainArguments& arguments, CommandContext& context) {
   Validate(arguments.options);
+  avatar::ResolveDevice(arguments.options.train.device);
   const int num_joints = avatar::LayoutOf(arguments.options.model.inputs).num_joints;
   const app::PretrainInput input =
       app::ReadPretrainInput(arguments.motion, arguments.poses, arguments.body_template, num_joints);

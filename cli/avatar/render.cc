@@ -7,6 +7,7 @@
 #include <set>
 #include <sstream>
 
+#include "app/dataset/studio_names.h"
 #include "app/frame_notice.h"
 #include "app/input/calib_read.h"
 #include "avatar/io/gaussians/gaussian_render.h"
@@ -203,6 +204,7 @@ CommandResult RunAvatarRender(const RenderArguments& arguments, CommandContext& 
   avatar::RenderOptions options = arguments.options;
   if (!arguments.frames.empty()) options.frames = ParseRanges("--frames", arguments.frames);
   const avatar::RunConfig config = avatar::OpenRun(arguments.run_folder, options.dataset);
+  if (options.calib.empty()) app::UseStudioNames(config.dataset);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   RenderPlan plan = avatar::MakeRenderPlan(config, data, options);
   Loaded model = Load(arguments.run_folder, config);

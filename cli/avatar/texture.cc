@@ -1,5 +1,6 @@
 #include <memory>
 
+#include "app/dataset/studio_names.h"
 #include "app/nets/texture/avatar_texture.h"
 #include "cli/avatar/body_folder.h"
 #include "cli/program/commands.h"
@@ -18,6 +19,7 @@ struct TextureArguments {
 
 CommandResult RunTexture(const TextureArguments& arguments, CommandContext& context) {
   const app::TextureSource source = app::OpenTextureSource(arguments.source, arguments.options.dataset);
+  app::UseStudioNames(source.data.root);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.source, source.data.root};
   const OutputFolder place(arguments.out, result.inputs, BodyFolder::Names());

@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "app/dataset/studio_names.h"
 #include "app/input/mask_notice.h"
 #include "app/nets/avatar_fit.h"
 #include "app/nets/avatar_gaussians.h"
@@ -133,7 +134,12 @@ void BeginRun(const RunConfig& config, const avatar::References* references, con
   WriteRunConfig(Redacting() ? WithRelativePaths(config, out) : config, files.Path(avatar::kRunConfigFile));
 }
 
+using Clock = std::chrono::steady_clock;
+
+double SecondsSince(Clock::time_point begin) { return std::chrono::duration<double>(Clock::now() - begin).count(); }
+
 CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& context) {
+  const Clock::time_point begin = Clock::now();
   app::RefuseNetworkOptions(arguments.start.given);
   if (arguments.start.fit != app::BodyFitMode::kAuto)
     throw UsageError("--method gaussians needs a body that is fitted: --fit auto, or --body");
@@ -145,13 +151,11 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   config.pack.keep_views = true;
   const app::RunPacks packs = app::BuildPacks(data, avatar::ModelOptions{}, arguments.train, context.run, &config);
-  const auto clock_s = [] {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-  };
+  const auto clock_s = [] { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); };
   CommandResult result = app::TrainGaussianRun(
       {arguments.gaussians, arguments.train, arguments.start.given, clock_s}, config, packs, files,
       [&] { BeginRun(config, nullptr, arguments.out, files); }, context.run);
-  FillCommon(config, packs, arguments.out, &result);
+  FillCommon(config, packs, arguments.out, SecondsSince(begin), &result);
   TellFit(fit, &result);
   app::TellSplitFrames(data, arguments.split, &result);
   app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
@@ -159,6 +163,8 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
 }
 
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
+  const Clock::time_point begin = Clock::now();
+  app::UseStudioNames(arguments.dataset);
   if (arguments.start.model.method == avatar::Method::kGaussians) return RunGaussians(arguments, context);
   app::RefuseGaussianOptions(arguments.start.given);
   Validate(arguments.train);
@@ -202,7 +208,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   const auto replace_older = [&] { BeginRun(config, packs.references.get(), arguments.out, files); };
   CommandResult result = TrainHere(trainer, files, packs, options, 0, ranks, context, replace_older);
   if (!ranks.first()) return result;
-  FillCommon(config, packs, arguments.out, &result);
+  FillCommon(config, packs, arguments.out, SecondsSince(begin), &result);
   if (start) TellStart(arguments.start, *from, *start, &result);
   if (seen) result.warnings.push_back(*seen);
   if (body_alone)
@@ -234,17 +240,20 @@ RankArguments RanksOf(const ResumeArguments& arguments, const avatar::TensorFile
 }
 
 CommandResult RunResume(const ResumeArguments& arguments, CommandContext& context) {
+  const Clock::time_point begin = Clock::now();
+  if (!arguments.device.empty()) avatar::ResolveDevice(arguments.device);
   if (avatar::HoldsGaussians(arguments.run))
     throw UsageError(arguments.run +
                      " holds Gaussians, which cannot be resumed: train them again with --overwrite and more --steps");
   app::AvatarRun files(arguments.run);
   RunConfig config = avatar::ReadRunConfig(files.Path(avatar::kRunConfigFile));
-  if (!arguments.device.empty()) avatar::ResolveDevice(arguments.device);
+  app::UseStudioNames(config.dataset);
   const avatar::TensorFile checkpoint = avatar::ReadTensorFile(files.checkpoint_path());
   avatar::TrainOptions options = avatar::TrainOptionsFrom(checkpoint, files.checkpoint_path());
   if (arguments.steps >= 0) options.steps = arguments.steps;
   if (arguments.patience >= 0) options.patience = arguments.patience;
   if (!arguments.device.empty()) options.device = arguments.device;
+  avatar::ResolveDevice(options.device);  // which the run may have had on another machine
   SettlePerceptual(arguments, files.checkpoint_path(), &options);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   std::optional<OutputFolder> place;
@@ -261,7 +270,7 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   const double earlier_s = ranks.first() ? files.TakeUpHistory(before) : 0;
   CommandResult result = TrainHere(trainer, files, packs, options, earlier_s, ranks, context);
   if (!ranks.first()) return result;
-  FillCommon(config, packs, arguments.run, &result);
+  FillCommon(config, packs, arguments.run, SecondsSince(begin), &result);
   result.metrics["resumed_from"] = before;
   if (trainer.model().step == before) {
     result.warnings.push_back({"AVA-NOTHING-TO-DO", "all " + std::to_string(before) + " steps are done, or --patience was over",

@@ -110,7 +110,8 @@ CommandResult TrainHere(avatar::Trainer& trainer, app::AvatarRun& files, const a
   return result;
 }
 
-void FillCommon(const avatar::RunConfig& config, const app::RunPacks& packs, const std::string& folder, CommandResult* result) {
+void FillCommon(const avatar::RunConfig& config, const app::RunPacks& packs, const std::string& folder, double whole_s,
+                CommandResult* result) {
   result->folder = folder;
   result->inputs = {config.dataset};
   result->metrics["train"] = {{"cameras", config.split.train_cameras.size()},
@@ -129,8 +130,9 @@ void FillCommon(const avatar::RunConfig& config, const app::RunPacks& packs, con
   text << "avatar (" << m["method"].get<std::string>();
   if (m["steps"] != 0) text << ", " << m["num_parameters"] << " parameters";
   text << ") " << (m["steps"] == 0 ? "made of " : "trained on ") << packs.train.size() << " images of "
-       << config.split.train_cameras.size() << " cameras: " << m["steps"] << " steps in "
-       << std::llround(m["wall_s"].get<double>()) << " s\n  " << folder << "\n";
+       << config.split.train_cameras.size() << " cameras";
+  if (m["steps"] != 0) text << ": " << m["steps"] << " steps in " << std::llround(m["wall_s"].get<double>()) << " s";
+  text << ", " << std::llround(whole_s) << " s in all\n  " << folder << "\n";
   result->text = text.str() + result->text;
 }
 

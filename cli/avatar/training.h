@@ -17,7 +17,9 @@ CommandResult TrainHere(avatar::Trainer& trainer, app::AvatarRun& files, const a
                         const avatar::TrainOptions& options, double earlier_s, RankProcesses& ranks, CommandContext& context,
                         const std::function<void()>& begin = {});
 
-/// Adds what both commands say of a run in `folder`: its images, and those that the dataset does not hold.
-void FillCommon(const avatar::RunConfig& config, const app::RunPacks& packs, const std::string& folder, CommandResult* result);
+/// Adds what both commands say of a run in `folder`: its images, those that the dataset does not hold, and how long all took,
+/// `whole_s`, the body's fit and the crops included.
+void FillCommon(const avatar::RunConfig& config, const app::RunPacks& packs, const std::string& folder, double whole_s,
+                CommandResult* result);
 
 }  // namespace mvstudio::cli

@@ -53,12 +53,13 @@ void SayFound(const calib::CornerFindings& found, CommandResult* result) {
     result->warnings.push_back(
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"});
   if (!found.frame_shift.empty())
-    result->warnings.push_back(
-        {"CAL-FRAMES", found.shift_text + "; they were added", "number the frames by their time stamps"});
+    result->warnings.push_back({"CAL-FRAMES", found.shift_text + "; they were added",
+                                "number the frames by their time stamps, or give them as --timestamps FILE"});
 }
 
 RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandContext& context, CommandResult* result) {
   app::FillCorners(arguments.session, &arguments.corners, result);
+  app::FillTimeline(&arguments.corners, result);
   const app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, result);
   calib::CornerFindings found;
   const calib::CalibrateInput seen = SeenCorners(rig, corners.input, calib::CameraParts::kByFrame, &found);

@@ -63,9 +63,12 @@ void SaveCorners(const app::CornerInput& corners, const std::string& path, Comma
   result->outputs.push_back({path, "corners"});
 }
 
-/// Where boards were paired by number, a session's videos may know better.
+/// Where boards were paired by number, a session's videos may know better, or a table of times.
 std::string HintFor(const calib::Verdict::Reason& reason, const Arguments& arguments) {
-  if (reason.code != "CAL-FRAMES" || arguments.session.session.empty() || arguments.corners.timeline) return reason.hint;
+  if (reason.code != "CAL-FRAMES" || arguments.corners.timeline) return reason.hint;
+  const bool footage = !arguments.corners.cameras.empty();
+  if (arguments.session.session.empty())
+    return reason.hint + (footage ? "; a table of their times, --timestamps FILE, pairs them by time" : "");
   return reason.hint + "; `mvstudio session timeline` with the board's --take reads dropped frames from time stamps, and " +
          "calibrate then pairs by time";
 }
@@ -251,6 +254,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   const bool from_session =
       !arguments.session.session.empty() && arguments.corners.cameras.empty() && arguments.corners.corners.empty();
   if (!from_points) app::FillCorners(arguments.session, &arguments.corners, &result);
+  app::FillTimeline(&arguments.corners, &result);
   const std::vector<std::string> not_filmed =
       from_session ? app::CamerasWithoutBoard(arguments.session) : std::vector<std::string>{};
   arguments.corners.footage.all_cameras = false;

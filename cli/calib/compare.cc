@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <optional>
 
 #include "app/input/calib_read.h"
 #include "calib/check/expected_difference.h"
@@ -8,6 +9,7 @@
 #include "cli/calib/calib.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
+#include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -24,7 +26,7 @@ using nlohmann::ordered_json;
 
 struct Arguments {
   app::CalibReadOptions read;
-  std::string rig, reference, ranges = "1,3,inf";
+  std::string rig, reference, out, ranges = "1,3,inf";
   double max_rotation_deg = 0, max_translation_mm = 0, max_focal_percent = 0, max_lens_px = 0, max_projection_px = 0;
   bool implied = true;
   double focus = 1;
@@ -257,6 +259,10 @@ CommandResult Compare(const Arguments& arguments) {
   calib::ImportedRig reference = app::ReadCalibrationFiles({arguments.reference}, arguments.read);
   CommandResult result;
   result.inputs = {arguments.rig, arguments.reference};
+  std::optional<OutputFolder> place;
+  if (!arguments.out.empty())
+    place.emplace(arguments.out, result.inputs, std::vector<std::string>{"calib_compare.result.json"});
+  result.folder = arguments.out;
   app::AddNotes(rig.notes, &result);
   app::AddNotes(reference.notes, &result);
   if (rig.rig.cameras.size() == 1 && reference.rig.cameras.size() == 1) {
@@ -296,6 +302,7 @@ void RegisterCalibCompare(CLI::App& calib, Registry& registry) {
                                        "best, and projection in px");
   AddOption(sub, "A", arguments->rig, "calibration")->required();
   AddOption(sub, "B", arguments->reference, "reference calibration")->required();
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder that keeps the comparison, for mvstudio report");
   AddOption(sub, "--range-m", arguments->ranges, "distances at which projections are compared, metres, with commas")
       ->capture_default_str();
   AddFlag(sub, "--implied,!--no-implied", arguments->implied,

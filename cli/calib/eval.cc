@@ -1,20 +1,24 @@
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "app/calib/calibrate_result.h"
 #include "app/calib/calibration_use.h"
 #include "app/input/calib_read.h"
 #include "app/input/corner_input.h"
+#include "app/input/session_input.h"
 #include "calib/check/rig_check.h"
 #include "cli/calib/calib.h"
 #include "cli/program/arguments.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
+#include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
 #include "core/units.h"
+#include "dataset/session/session.h"
 #include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
@@ -23,7 +27,8 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string calibration, repair;
+  std::string calibration, repair, out;
+  app::SessionArguments session;
   app::CalibReadOptions read;
   app::CornerArguments corners;
   calib::RigCheckOptions check;
@@ -133,8 +138,29 @@ void ReportLeftOut(const std::vector<std::string>& unknown, const std::string& p
                               "rename its cameras with calib convert --rename, or calibrate them too"});
 }
 
-CommandResult Eval(const Arguments& arguments, CommandContext& context) {
+constexpr char kResultFile[] = "calib_eval.result.json";
+
+/// From a session what was not named: its calibration, board and footage.
+void FillFromSession(Arguments* arguments, CommandResult* result) {
+  if (arguments->calibration.empty() && !arguments->session.session.empty()) {
+    const bool outside = arguments->session.allow_outside;
+    arguments->calibration = dataset::CalibrationOf(dataset::ReadSession(arguments->session.session, outside), outside);
+  }
+  if (arguments->calibration.empty())
+    throw UsageError("CALIB is needed: the calibration to check, or a --session that has been calibrated");
+  app::FillCorners(arguments->session, &arguments->corners, result);
+  app::FillTimeline(&arguments->corners, result);
+}
+
+CommandResult Eval(Arguments arguments, CommandContext& context) {
   CommandResult result;
+  FillFromSession(&arguments, &result);
+  std::optional<OutputFolder> place;
+  if (!arguments.out.empty()) {
+    place.emplace(arguments.out, Joined(PathsIn(arguments.corners.cameras), {arguments.calibration}),
+                  std::vector<std::string>{kResultFile});
+    result.folder = arguments.out;
+  }
   const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
   app::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
@@ -163,10 +189,12 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = calib.add_subcommand(
       "eval", "Check a calibration on new footage of a board: has a camera been bumped, which one, how far");
-  AddOption(sub, "CALIB", arguments->calibration, "calibration to check")->required();
+  AddOption(sub, "CALIB", arguments->calibration, "calibration to check; that of --session unless given");
   AddCornerArguments(sub, arguments->corners);
+  AddSessionArguments(sub, arguments->session, "calibration, board and footage", "a board");
   AddOutput(sub, "--repair", arguments->repair, OutputKind::kFile,
             "write the calibration with the new poses of the cameras that have moved");
+  AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder that keeps the check, for mvstudio report");
   AddOptions(sub, arguments->check);
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()

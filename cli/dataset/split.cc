@@ -82,7 +82,7 @@ dataset::Split Make(Arguments& arguments, const dataset::PanopticDataset& data, 
     app::TellFrames(choice.beyond, result);
     return choice.frames;
   };
-  arguments.options.test_frames = choose("--test-frames", arguments.test_frames);
+  arguments.options.test_frames = choose("--holdout-frames", arguments.test_frames);
   arguments.options.validation_frames = choose("--validation-frames", arguments.validation_frames);
   return dataset::MakeSplit(data, arguments.options);
 }
@@ -126,13 +126,14 @@ void RegisterDatasetSplit(CLI::App& dataset, Registry& registry) {
   AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file for the split (JSON)");
   AddOption(sub, "--describe", arguments->from, "check and describe this split instead of making one");
   AddOption(sub, "--preset", o.preset, presets);
-  AddOption(sub, "--test-cameras,--holdout-cameras", o.test_cameras, "names, separated by commas")->delimiter(',');
+  AddOption(sub, "--holdout-cameras,--test-cameras", o.test_cameras, "names, separated by commas: those that test")
+      ->delimiter(',');
   AddOption(sub, "--train-cameras", o.train_cameras, "names; default: all that are not for test")->delimiter(',');
   AddOption(sub, "--validation-cameras", o.validation_cameras, "names; default: the training cameras")->delimiter(',');
   AddOption(sub, "--train-count", o.num_train_cameras,
             "number of training cameras, spread evenly around the people; the others are for test; --seed gives other choices");
   AddOption(sub, "--every-camera", o.every_camera, "every k-th camera is for test");
-  AddOption(sub, "--test-frames", arguments->test_frames, "such as 90-119 or 0-9,50-59");
+  AddOption(sub, "--holdout-frames,--test-frames", arguments->test_frames, "such as 90-119 or 0-9,50-59");
   AddOption(sub, "--validation-frames", arguments->validation_frames, "likewise");
   AddOption(sub, "--test-share", o.test_share, "share of the frames, the last ones, when none are named")
       ->capture_default_str();

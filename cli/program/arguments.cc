@@ -134,6 +134,16 @@ std::string UnknownFlag(const CLI::App& app, const std::string& word) {
 
 bool IsFlag(const std::string& word) { return word.size() > 1 && word[0] == '-'; }
 
+/// "--units is required: m, cm or mm": what the help says of the option that is missing.
+std::string WithMeaning(const CLI::App& app, const std::string& text) {
+  const size_t end = text.find(" is required");
+  for (const CLI::Option* option : app.get_options()) {
+    if (end != std::string::npos && option->get_name() == text.substr(0, end))
+      return text + ": " + option->get_description().substr(0, option->get_description().find("; "));
+  }
+  return text;
+}
+
 std::string FaultText(const CLI::App& app, const CLI::ParseError& error) {
   const CLI::App* root = &app;
   const CLI::App& current = Deepest(*root);
@@ -148,7 +158,7 @@ std::string FaultText(const CLI::App& app, const CLI::ParseError& error) {
     if (IsFlag(*word)) return UnknownFlag(current, *word);
     return group ? UnknownCommand(current, *word) : "unexpected argument " + Quoted(*word);
   }
-  if (!group || !dynamic_cast<const CLI::RequiredError*>(&error)) return error.what();
+  if (!group || !dynamic_cast<const CLI::RequiredError*>(&error)) return WithMeaning(current, error.what());
   const std::string path = PathOf(current);
   return path.empty() ? "no command given"
                       : Quoted(path) + " needs one of its commands: " + Join(SubcommandNames(current), ", ");

@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <cstring>
 #include <mutex>
+#include <utility>
 
 #include "cli/program/flag_text.h"
 #include "cli/program/interrupt.h"
@@ -32,7 +34,9 @@ class ConsoleProgress : public ProgressSink {
     std::lock_guard<std::mutex> lock(mutex_);
     stage_ = OneLine(stage), total_ = total, done_ = 0;
     start_ = last_ = Clock::now();
-    shown_ = false;
+    shown_ = bar_;
+    if (bar_) std::fprintf(stderr, "\r\033[K%s", stage_.c_str());  // a stage of one long step is seen, too
+    std::fflush(stderr);
   }
   void Advance(int64_t done, const std::string& note) override {
     std::lock_guard<std::mutex> lock(mutex_);
@@ -138,6 +142,27 @@ void PrintOut(const std::string& text) {
     if (written < 0) throw ResourceError(std::string("stdout: cannot write: ") + std::strerror(errno));
     at += static_cast<size_t>(written);
   }
+}
+
+std::string Painted(const std::string& text, Colour colour, int fd) {
+  const char *forbidden = std::getenv("NO_COLOR"), *terminal = std::getenv("TERM");
+  const bool dumb = !terminal || std::string(terminal) == "dumb";
+  if (dumb || (forbidden && *forbidden) || isatty(fd) == 0) return text;
+  return Format("\033[%dm", static_cast<int>(colour)) + text + "\033[0m";
+}
+
+std::string WithPaintedVerdicts(std::string text, int fd) {
+  static const std::pair<const char*, Colour> kVerdicts[] = {
+      {"pass", Colour::kGreen}, {"warn", Colour::kYellow}, {"fail", Colour::kRed}};
+  const std::string head = "verdict: ";
+  for (size_t at = text.find(head); at != std::string::npos; at = text.find(head, at + head.size())) {
+    if (at > 0 && text[at - 1] != '\n') continue;
+    for (const auto& [word, colour] : kVerdicts) {
+      if (text.compare(at + head.size(), std::strlen(word), word) == 0)
+        text.replace(at + head.size(), std::strlen(word), Painted(word, colour, fd));
+    }
+  }
+  return text;
 }
 
 void InstallLog(const std::string& level) {

@@ -134,6 +134,8 @@ void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {
   AddOption(sub, "--mirrored", arguments.mirrored,
             "names of cameras, with commas, whose images are flipped left-right: they are calibrated as if they were not")
       ->delimiter(',');
+  AddOption(sub, "--timestamps", arguments.timestamps,
+            "table of the frames' times on one clock (CSV, docs/formats.md): boards are paired by time, not by number");
   AddOptions(sub, arguments.footage);
   AddOptions(sub, arguments.corner_files);
 }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "cli/program/places.h"
 #include "core/error.h"
 #include "core/text/words.h"
 
@@ -45,7 +46,7 @@ void NameOutput(CLI::Option* option, OutputKind kind) {
     if (!text.empty()) text = OutputName(text, kind);  // the check of texts says that it is missing
     return std::string();
   };
-  option->transform(CLI::Validator(name, ""));
+  option->transform(CLI::Validator(name, "", kind == OutputKind::kFile ? kFileMark : kPlaceMark));
 }
 
 namespace {

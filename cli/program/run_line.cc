@@ -4,12 +4,16 @@
 #include <chrono>
 #include <filesystem>
 
+#include "app/dataset/studio_names.h"
+#include "cli/help/examples.h"
+#include "cli/help/short_help.h"
+#include "cli/help/wrap.h"
 #include "cli/program/arguments.h"
 #include "cli/program/flag_text.h"
 #include "cli/program/options.h"
+#include "cli/program/places.h"
 #include "cli/program/redact.h"
 #include "cli/program/result.h"
-#include "cli/program/short_help.h"
 #include "core/check.h"
 #include "core/disk/manifest.h"
 #include "core/disk/replace.h"
@@ -29,6 +33,7 @@ void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
   AddOption(&app, "--progress", global.progress, "auto, bar, plain or none")
       ->capture_default_str()
       ->check(OneOf({"auto", "bar", "plain", "none"}));
+  AddFlag(&app, "--quiet", global.quiet, "the same as --log-level error --progress none");
   AddFlag(&app, "--redact", global.redact,
           "leave the names of the user and the machine, and where files lie, out of results, provenance and reports");
 }
@@ -112,6 +117,7 @@ void SeeFlags(const std::vector<std::string>& words, const std::vector<std::stri
 void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::string>& argv) {
   const WriterScope writer(outcome.command);
   NameFlags(&outcome.result);
+  app::NameCameras(&outcome.result);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
   KeepResult(outcome.command, &outcome.result, outcome.json, argv);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
@@ -131,20 +137,23 @@ void RunParsed(const std::vector<std::string>& words, const std::vector<std::str
   AddOverwrite(registry);
   CheckValues(app);
   ShortenHelp(app);
+  AddExamples(app);
 
   try {
     app.parse(WordsForParser(words));
     if (global.redact) StartRedacting(argv);
+    if (global.quiet) global.log_level = "error", global.progress = "none";
     const Registry::Entry* entry = Chosen(registry);
     MVS_CHECK(entry, "a command that runs nothing");
     outcome->command = entry->name;
     const WriterScope writer(entry->name);
     const ReplaceScope replacing(MayReplaceResults(*entry));
+    CheckPlaces(*entry);
     outcome->result = run(*entry);
   } catch (const CLI::CallForHelp&) {
-    outcome->help = app.help();
+    outcome->help = WrapHelp(app.help(), HelpWidth());
   } catch (const CLI::CallForAllHelp&) {
-    outcome->help = app.help("", CLI::AppFormatMode::All);
+    outcome->help = WrapHelp(app.help("", CLI::AppFormatMode::All), HelpWidth());
   } catch (const CLI::CallForVersion& version) {
     outcome->help = version.what() + std::string("\n");
   } catch (const CLI::ParseError& e) {

@@ -14,7 +14,7 @@ struct GlobalOptions {
   uint64_t seed = 1;
   std::string log_level = "warning";
   std::string progress = "auto";
-  bool redact = false;
+  bool redact = false, quiet = false;
 };
 
 /// The outcome of one command line: what was run, its result, and the JSON object of the contract.

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "app/dataset/studio_names.h"
 #include "app/study/avatar_trials.h"
 #include "app/study/tradeoff.h"
 #include "avatar/io/pack/pack_builder.h"
@@ -12,7 +13,11 @@
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "dataset/panoptic/panoptic.h"
+#include "dataset/panoptic/studio_names.h"
+#include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -39,10 +44,23 @@ std::vector<std::string> HeldOutCameras(const dataset::PanopticDataset& data, co
     const size_t end = std::min(text.find(',', begin), text.size());
     const std::string name = text.substr(begin, end - begin);
     names.push_back(data.Resolve(name));
-    if (names.back().empty()) throw UsageError("--holdout-cameras: " + data.root + " has no camera '" + name + "'");
+    if (names.back().empty()) {
+      const auto known = [&](const std::string& camera) { return dataset::StudioName(data, camera); };
+      throw UsageError("--holdout-cameras: " + data.root + " has no camera '" + name + "'; it has " +
+                       Join(geometry::CameraNames(data.rig), ", ", known));
+    }
     begin = end + 1;
   }
   return names;
+}
+
+/// What each trial would refuse, before the first of them.
+void RequireFrames(const dataset::PanopticDataset& data, const std::string& text) {
+  for (const int frame : ParseRanges("--holdout-frames", text)) {
+    if (data.poses.count(frame) > 0) continue;
+    const std::string there = data.frames.empty() ? "none" : Format("%d to %d", data.frames.front(), data.frames.back());
+    throw UsageError("--holdout-frames: " + data.root + Format(" has no joints in frame %d; its frames: ", frame) + there);
+  }
 }
 
 /// The last quarter of the person's frames.
@@ -110,6 +128,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(options.dataset);
   options.holdout_cameras = HeldOutCameras(data, arguments.holdout_cameras);
   if (options.holdout_frames.empty()) options.holdout_frames = LastFrames(data);
+  RequireFrames(data, options.holdout_frames);
   if (options.score_size_px == 0) options.score_size_px = *std::max_element(grid.sizes.begin(), grid.sizes.end());
   std::vector<app::AvatarTrial> trials = app::MakeTrials(grid, SpreadOut(data, options.holdout_cameras));
   for (const std::string& method : grid.methods)
@@ -118,6 +137,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   MakeFolder(options.out);
   CommandResult result;
   RunAll(options, context, &trials, &result);
+  app::UseStudioNames(options.dataset);
   trials.erase(std::remove_if(trials.begin(), trials.end(), [](const app::AvatarTrial& t) { return !t.done; }), trials.end());
   app::MarkFronts(&trials);
   result.metrics["holdout_cameras"] = options.holdout_cameras;
@@ -158,8 +178,9 @@ void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry) {
   AddOption(sub, "--cameras", a->grid.cameras, "cameras trained on, as many as there are at most; spread out")
       ->delimiter(',')
       ->capture_default_str();
-  AddOption(sub, "--holdout-cameras", a->holdout_cameras, "cameras scored and never trained on; every fifth unless given");
-  AddOption(sub, "--holdout-frames", a->options.holdout_frames,
+  AddOption(sub, "--holdout-cameras,--test-cameras", a->holdout_cameras,
+            "cameras scored and never trained on; every fifth unless given");
+  AddOption(sub, "--holdout-frames,--test-frames", a->options.holdout_frames,
             "frames scored and never trained on; the last quarter unless given");
   AddOption(sub, "--score-size", a->options.score_size_px, "edge of the crops that are compared, px; 0: the largest of --sizes")
       ->capture_default_str();

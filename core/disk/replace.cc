@@ -1,11 +1,16 @@
 #include "core/disk/replace.h"
 
+#include <sys/statvfs.h>
+#include <unistd.h>
+
 #include <filesystem>
 #include <mutex>
 #include <set>
 
 #include "core/disk/manifest.h"
 #include "core/disk/parents.h"
+#include "core/disk/system_calls.h"
+#include "core/disk/temporary.h"
 #include "core/error.h"
 
 namespace mvstudio {
@@ -60,6 +65,23 @@ void RequireNoResult(const std::string& path) {
   const std::string writer = WriterOf(path);
   throw UsageError(path + ": is a result of an earlier run" + (writer.empty() ? "" : " of `mvstudio " + writer + "`") +
                    "; choose another option 'out' or pass option 'overwrite'");
+}
+
+void RequireRoomIn(const std::string& folder) {
+  constexpr double kLeastBytes = 64 * 1024;  // of a result and its records
+  std::string there = internal::Normal(folder);
+  while (!internal::Exists(there) && there != "/") there = internal::ParentOf(there);
+  std::error_code ignored;
+  if (!std::filesystem::is_directory(there, ignored)) return;  // what is wrong with it its writer says better
+  const std::string trial = internal::TemporaryBeside(there + "/trial");
+  const int fd = internal::CreateWorkFolder(trial, folder);
+  internal::RemoveWorkFolder(trial);
+  internal::UnregisterTemporary(trial);
+  close(fd);
+  struct statvfs disk {};
+  if (statvfs(there.c_str(), &disk) != 0 || disk.f_blocks == 0) return;
+  if (static_cast<double>(disk.f_bavail) * static_cast<double>(disk.f_frsize) < kLeastBytes)
+    throw ResourceError(folder + ": the disk is full: make room, or choose another option 'out'");
 }
 
 namespace internal {

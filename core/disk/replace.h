@@ -24,6 +24,9 @@ bool MayReplace();
 /// Throws UsageError when `path` exists, this process did not write it, and results are to be kept.
 void RequireNoResult(const std::string& path);
 
+/// Throws IoError when nothing can be made where `folder` is or would be, ResourceError when its disk is full. Leaves nothing.
+void RequireRoomIn(const std::string& folder);
+
 namespace internal {
 /// Remembers files that this process wrote: those it may write again.
 void RecordResults(const std::vector<std::string>& paths);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "app/input/board_footage.h"
+#include "core/disk/files.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/message_of.h"
@@ -40,6 +41,10 @@ TEST(BoardFootage, WhatIsMissingOrGivenTwiceIsNamed) {
   const NamedPath a = PutFootage(folder, "a");
   CommandResult result;
   EXPECT_THAT(MessageOf<UsageError>([&] { OpenFootage({}, &result); }), HasSubstr("option 'camera'"));
+  EXPECT_THAT(MessageOf<FormatError>([&] {
+                OpenFootage({a, {"b", a.path}}, &result);
+              }),
+              HasSubstr("is the same recording as " + a.path + ": cameras a and b"));
   EXPECT_THAT(MessageOf<UsageError>([&] { OpenFootage({a, a}, &result); }), HasSubstr("option 'camera' a is given twice"));
   EXPECT_THAT(MessageOf<IoError>([&] { OpenFootage({{"b", folder / "none"}}, &result); }), HasSubstr(folder / "none"));
 }
@@ -73,6 +78,24 @@ TEST(CornerInputs, ABoardThatLooksTheSameAfterHalfATurnIsToldOf) {
   };
   EXPECT_THAT(warnings("chessboard:5x3:25mm"), ElementsAre("CAL-AMBIGUOUS"));
   EXPECT_THAT(warnings("chessboard:4x3:25mm"), ElementsAre());
+}
+
+TEST(CornerInputs, ATableOfTimesPairsFootage) {
+  const TempDir folder;
+  CornerArguments arguments;
+  arguments.cameras = {PutFootage(folder, "a"), PutFootage(folder, "b")};
+  arguments.timestamps = folder / "times.csv";
+  WriteFileAtomic(arguments.timestamps, "camera,frame,time_s\na,3,10.0\na,10,10.5\nb,3,10.5\nb,10,11.0\n");
+  CommandResult result;
+  FillTimeline(&arguments, &result);
+  ASSERT_TRUE(arguments.timeline);
+  const auto later = dataset::InstantOfEachFrame(*arguments.timeline->Find("a")).at(10);
+  EXPECT_EQ(dataset::InstantOfEachFrame(*arguments.timeline->Find("b")).at(3), later) << "both at 10.5 s";
+  EXPECT_THAT(result.inputs, ElementsAre(arguments.timestamps));
+  arguments.cameras.clear();
+  EXPECT_THAT(MessageOf<UsageError>([&] { FillTimeline(&arguments, &result); }), HasSubstr("option 'timestamps'"));
+  arguments.timestamps.clear();
+  FillTimeline(&arguments, &result);
 }
 
 }  // namespace

@@ -86,6 +86,21 @@ TEST_F(CalibrateSession, BoardsArePairedByTimeWhereItIsKnown) {
   std::printf("rejected: %.2f %% before frames were dropped, then %.2f %% by number, %.2f %% by time\n",
               100 * Rejected(complete_), 100 * Rejected(by_number), 100 * Rejected(by_time));
 
+  // Without a session, the table is named on the command line.
+  NameTimestamps("");
+  std::vector<std::string> words = {"calibrate", "--board",          Read().board, "--out",  *studio_ / "table",
+                                    "--cache",   *studio_ / "cache", "--model",    "brown4", "--json"};
+  for (const dataset::SessionCamera& camera : Read().cameras) {
+    words.push_back("--camera");
+    words.push_back(camera.name + "=" + *studio_ / ("s/raw/board/" + camera.name));
+  }
+  const auto untimed = RunCli(words).Json();
+  EXPECT_EQ(untimed["metrics"]["pairing"]["by"], "number");
+  EXPECT_THAT(untimed.dump(), HasSubstr("--timestamps FILE"));
+  words.insert(words.end(), {"--timestamps", *studio_ / "s/raw/board.csv", "--overwrite"});
+  EXPECT_EQ(RunCli(words).Json()["metrics"]["rms_px"], by_time["metrics"]["rms_px"]);
+  NameTimestamps("raw/board.csv");
+
   // A written timeline is used though the table of times is gone.
   ASSERT_EQ(RunCli({"session", "timeline", *studio_ / "s", "--take", "board"}).exit, 0);
   NameTimestamps("");
@@ -93,6 +108,31 @@ TEST_F(CalibrateSession, BoardsArePairedByTimeWhereItIsKnown) {
   EXPECT_EQ(written["metrics"]["pairing"], by_time["metrics"]["pairing"]);
   EXPECT_EQ(written["metrics"]["rejected_fraction"], by_time["metrics"]["rejected_fraction"]);
   EXPECT_EQ(written["metrics"]["rms_px"], by_time["metrics"]["rms_px"]);
+}
+
+TEST_F(CalibrateSession, ACheckOfItsCalibrationLeavesATrace) {
+  const auto check = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> words = {
+        "calib", "eval", *studio_ / "complete/calibration.json", "--session", *studio_ / "s", "--cache", *studio_ / "cache"};
+    words.insert(words.end(), more.begin(), more.end());
+    return RunCli(words);
+  };
+  const CliRun first = check({"--out", *studio_ / "check"});
+  ASSERT_EQ(first.exit, 0) << first.out << first.err;
+  const auto kept = nlohmann::json::parse(Slurp(*studio_ / "check/calib_eval.result.json"));
+  EXPECT_EQ(kept["metrics"]["cameras"].size(), 4u);
+  EXPECT_TRUE(fs::exists(*studio_ / "check/provenance.jsonl"));
+  EXPECT_EQ(check({"--out", *studio_ / "check"}).exit, 2) << "last month's check stays";
+  EXPECT_EQ(check({"--out", *studio_ / "check", "--overwrite"}).exit, 0);
+  ASSERT_EQ(RunCli({"report", *studio_ / "check"}).exit, 0);
+  EXPECT_THAT(Slurp(*studio_ / "check/report.html"), HasSubstr("calib eval"));
+  const CliRun same = RunCli({"calib", "compare", *studio_ / "complete/calibration.json",
+                              *studio_ / "complete/calibration.json", "--out", *studio_ / "change"});
+  EXPECT_EQ(same.exit, 0) << same.err;
+  EXPECT_TRUE(fs::exists(*studio_ / "change/calib_compare.result.json"));
+  const CliRun none = RunCli({"calib", "eval", "--board", "chessboard:5x4:25mm", "--corners", "nowhere"});
+  EXPECT_EQ(none.exit, 2);
+  EXPECT_THAT(none.err, HasSubstr("--session"));
 }
 
 }  // namespace

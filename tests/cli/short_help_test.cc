@@ -95,6 +95,34 @@ TEST(ShortHelp, EveryOptionOfALongCommandHasASubject) {
   EXPECT_GE(num_long, 5u) << "the commands and their options were not found";
 }
 
+std::string LastLine(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  return text.substr(text.rfind('\n') + 1);
+}
+
+TEST(ShortHelp, EndsWithAnExample) {
+  size_t count = 0;
+  for (const std::string& command : AllCommands()) {
+    const std::string last = LastLine(RunCli(Words(command + " --help")).out);
+    EXPECT_EQ(last.rfind("Example: mvstudio" + command, 0), 0u) << command << ": " << last;
+    ++count;
+  }
+  EXPECT_GE(count, 30u);
+  EXPECT_EQ(LastLine(RunCli({"markers", "--help"}).out).rfind("Example: mvstudio markers pose3d", 0), 0u);
+}
+
+TEST(ShortHelp, IsAsWideAsTheTerminal) {
+  const std::string whole = RunCli({"calibrate", "--help"}).out;
+  const std::string narrow = RunCli({"calibrate", "--help"}, "COLUMNS=80 ").out;
+  std::istringstream lines(narrow);
+  for (std::string line; std::getline(lines, line);) {
+    const bool one_word = line.size() > 30 && line.find(' ', 30) == std::string::npos;
+    EXPECT_TRUE(line.size() <= 80 || one_word || line.rfind("Example: ", 0) == 0) << line;
+  }
+  EXPECT_EQ(Words(narrow), Words(whole)) << "the same words";
+  EXPECT_NE(narrow, whole);
+}
+
 TEST(ShortHelp, ACommandWithFewOptionsShowsThemAll) {
   EXPECT_EQ(RunCli({"sync", "--help"}).out, RunCli({"sync", "--help-all"}).out);
   EXPECT_TRUE(Mentions(RunCli({"--help"}).out, "--help-all"));

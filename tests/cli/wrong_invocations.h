@@ -214,7 +214,7 @@ inline const Invocation kInvocations[] = {
     {2, "calib compare rig.json rig.json --range-m x", "--range-m"},
     {2, "calib compare rig.json rig.json --max-lens-px nan", "is not a finite number"},
     {2, "calib compare rig.json rig.json --grid 1", "--grid"},
-    {2, "calib eval", "CALIB is required"},
+    {2, "calib eval", "CALIB is needed"},
     {2, "calib eval rig.json", ""},
     {3, "calib eval none.json --corners garbage.csv --board chessboard:9x6:20mm", "none.json"},
     {3, "calib eval rig.json --corners garbage.csv --board chessboard:9x6:20mm", "garbage.csv"},

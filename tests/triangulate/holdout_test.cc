@@ -3,8 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/LU>
+#include <atomic>
 #include <cmath>
 #include <limits>
+#include <set>
+#include <utility>
 
 #include "core/error.h"
 #include "tests/triangulate/support.h"
@@ -57,6 +60,26 @@ TEST(LeaveOneCameraOut, PredictsExactDetectionsExactly) {
     ASSERT_EQ(sample.status, Status::kOk);
     EXPECT_LT(sample.residual_px.norm(), 1e-8);
   }
+}
+
+TEST(LeaveOneCameraOut, VeryManyCamerasTakeTurns) {
+  const Scene scene = MakeScene(130, 2, 0.1, 0, 9);
+  std::atomic<int> solved = 0;
+  const auto count = [&](const std::vector<Observation>& others) {
+    ++solved;
+    return Solver(scene.prepared, PointMethod::kLinear)(others);
+  };
+  const auto samples = LeaveOneCameraOut(scene.prepared, scene.points, count, 1);
+  EXPECT_LE(solved, 32 * static_cast<int>(scene.points.size()));
+  EXPECT_GE(solved, 20 * static_cast<int>(scene.points.size()));
+  std::set<int> cameras;
+  std::set<std::pair<int, int>> pairs;  // a joint meets other cameras in the next frame
+  for (const LeftOutSample& sample : samples) {
+    cameras.insert(sample.camera_idx);
+    pairs.insert({sample.camera_idx, scene.labels[sample.point].joint_idx});
+  }
+  EXPECT_EQ(cameras.size(), 130u);
+  EXPECT_GT(pairs.size(), samples.size() / 2);
 }
 
 TEST(LeaveOneCameraOut, ResidualIsDetectionMinusProjection) {

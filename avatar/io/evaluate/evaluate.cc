@@ -27,6 +27,8 @@
 #include "core/format.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
+#include "dataset/panoptic/studio_names.h"
+#include "dataset/session/session.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -137,27 +139,27 @@ Image ToImage(const at::Tensor& picture) {
   return image;
 }
 
-std::string CameraAndFrame(const AvatarPack& pack, int64_t row) {
-  return pack.cameras[pack.camera_idx[row].item<int64_t>()] +
+std::string CameraAndFrame(const dataset::PanopticDataset& data, const AvatarPack& pack, int64_t row) {
+  return dataset::Slug(dataset::StudioName(data, pack.cameras[pack.camera_idx[row].item<int64_t>()])) +
          Format("_%08lld", static_cast<long long>(pack.frame[row].item<int64_t>()));
 }
 
 // eval/truth and eval/render, the same names in both.
-void WriteRenders(const std::string& work, int count, const AvatarPack& pack, const at::Tensor& truth,
-                  const RenderedRows& rendered) {
+void WriteRenders(const dataset::PanopticDataset& data, const std::string& work, int count, const AvatarPack& pack,
+                  const at::Tensor& truth, const RenderedRows& rendered) {
   if (count == 0) return;
   const auto cameras = static_cast<int>(pack.cameras.size());
   for (const int64_t i : Examples(pack, count < 0 ? -1 : (count + cameras - 1) / cameras)) {
-    const std::string name = CameraAndFrame(pack, i) + ".png";
+    const std::string name = CameraAndFrame(data, pack, i) + ".png";
     MakeFolder(work + "/truth"), MakeFolder(work + "/render");
     dataset::WriteImage(ToImage(truth[i]), work + "/truth/" + name);
     dataset::WriteImage(ToImage(rendered.images[i]), work + "/render/" + name);
   }
 }
 
-std::vector<PictureStrip> WritePictures(const std::string& folder, const EvaluateOptions& options, const AvatarPack& pack,
-                                        const at::Tensor& truth, const RenderedRows& rendered, const Baselines& baselines,
-                                        const RowScores& scores) {
+std::vector<PictureStrip> WritePictures(const dataset::PanopticDataset& data, const std::string& folder,
+                                        const EvaluateOptions& options, const AvatarPack& pack, const at::Tensor& truth,
+                                        const RenderedRows& rendered, const Baselines& baselines, const RowScores& scores) {
   std::vector<PictureStrip> strips;
   AtomicFolder out(folder, true);
   for (const int64_t i : Examples(pack, std::max(0, options.pictures))) {
@@ -165,12 +167,12 @@ std::vector<PictureStrip> WritePictures(const std::string& folder, const Evaluat
     strip.camera = pack.cameras[pack.camera_idx[i].item<int64_t>()];
     strip.frame = static_cast<int>(pack.frame[i].item<int64_t>());
     strip.ssim = scores.pictures[i].bbox.ssim, strip.psnr_db = scores.pictures[i].bbox.psnr_db;
-    const std::string name = "/" + CameraAndFrame(pack, i) + ".png";
+    const std::string name = "/" + CameraAndFrame(data, pack, i) + ".png";
     dataset::WriteImage(MakeStrip(truth[i], rendered.images[i], baselines.nearest_pose.images[i]), out.work_path() + name);
     strip.path = folder + name;
     strips.push_back(strip);
   }
-  WriteRenders(out.work_path(), options.renders, pack, truth, rendered);
+  WriteRenders(data, out.work_path(), options.renders, pack, truth, rendered);
   out.Commit();
   return strips;
 }
@@ -347,7 +349,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   ScoreBaselines(session, pack, truth, baselines, &result);
   ScoreBodyAlone(session, selection, pack, truth, &result);
   ScoreTemplateAlone(session, subject, built, truth, &result);
-  result.strips = WritePictures(run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
+  result.strips = WritePictures(data, run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
   const std::vector<ProtocolSplit> others = ScoreOtherSplits(session, subject, &result);
   result.protocol = MakeProtocol(
       {&data, result.config, result.size_px, PicturesOf(selection.kind, pack), others, result.features, result.lpips});

@@ -23,6 +23,7 @@
 #include "core/parallel.h"
 #include "core/statistics.h"
 #include "dataset/footage/image_io.h"
+#include "dataset/panoptic/studio_names.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::avatar {
@@ -38,9 +39,7 @@ std::string ResolveCamera(const dataset::PanopticDataset& data, const std::strin
   const std::string resolved = data.Resolve(name);
   if (!resolved.empty() && data.rig.Find(resolved) >= 0) return resolved;
   std::vector<std::string> known = geometry::CameraNames(data.rig);
-  for (const auto& [alias, panoptic] : data.aliases) {
-    if (data.rig.Find(panoptic) >= 0) known.push_back(alias);
-  }
+  for (std::string& camera : known) camera = dataset::StudioName(data, camera);
   throw UsageError("camera '" + name + "' is not in the dataset " + data.root + "; it has " + Join(known, ", "));
 }
 

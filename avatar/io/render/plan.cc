@@ -10,6 +10,8 @@
 #include "core/join.h"
 #include "core/statistics.h"
 #include "core/units.h"
+#include "dataset/panoptic/studio_names.h"
+#include "dataset/session/session.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::avatar {
@@ -128,10 +130,19 @@ void TakeJoints(const RunConfig& config, const dataset::PanopticDataset& data, R
     plan->joints.push_back(source.At(plan->track.frames[i], plan->track.poses[i]));
 }
 
-RigCamera CameraNamed(const geometry::Rig& rig, const std::string& name, const std::string& asked, const std::string& where) {
+RigCamera CameraNamed(const geometry::Rig& rig, const std::string& name, const std::string& where) {
   const int found = rig.Find(name);
   if (found >= 0) return rig.cameras[found];
-  throw UsageError("camera '" + asked + "' is not in " + where + "; it has " + Join(geometry::CameraNames(rig), ", "));
+  throw UsageError("camera '" + name + "' is not in " + where + "; it has " + Join(geometry::CameraNames(rig), ", "));
+}
+
+/// By its name in the dataset or in the studio.
+RigCamera CameraNamed(const dataset::PanopticDataset& data, const std::string& name) {
+  const int found = data.rig.Find(data.Resolve(name));
+  if (found >= 0) return data.rig.cameras[found];
+  const auto known = [&](const std::string& camera) { return dataset::StudioName(data, camera); };
+  throw UsageError("camera '" + name + "' is not in the dataset " + data.root + "; it has " +
+                   Join(geometry::CameraNames(data.rig), ", ", known));
 }
 
 std::vector<RigCamera> ChooseCameras(const RunConfig& config, const dataset::PanopticDataset& data, const RenderOptions& o) {
@@ -139,13 +150,12 @@ std::vector<RigCamera> ChooseCameras(const RunConfig& config, const dataset::Pan
   std::vector<RigCamera> cameras;
   if (!o.calib.empty()) {
     const geometry::Rig rig = dataset::ReadAnyCalibration(o.calib);
-    for (const std::string& name : asked) cameras.push_back(CameraNamed(rig, name, name, o.calib));
+    for (const std::string& name : asked) cameras.push_back(CameraNamed(rig, name, o.calib));
     return asked.empty() ? rig.cameras : cameras;
   }
-  for (const std::string& name : asked)
-    cameras.push_back(CameraNamed(data.rig, data.Resolve(name), name, "the dataset " + data.root));
+  for (const std::string& name : asked) cameras.push_back(CameraNamed(data, name));
   if (!asked.empty()) return cameras;
-  for (const std::string& name : config.split.holdout_cameras) cameras.push_back(CameraNamed(data.rig, name, name, data.root));
+  for (const std::string& name : config.split.holdout_cameras) cameras.push_back(CameraNamed(data, name));
   return cameras.empty() ? data.rig.cameras : cameras;
 }
 
@@ -185,7 +195,7 @@ Orbit OrbitLikeTraining(const RunConfig& config, const dataset::PanopticDataset&
   std::vector<double> elevations, distances;
   Orbit orbit;
   for (const std::string& name : config.split.train_cameras) {
-    const Eigen::Vector3d from = CameraNamed(data.rig, name, name, data.root).CenterInWorld() - middle;
+    const Eigen::Vector3d from = CameraNamed(data, name).CenterInWorld() - middle;
     if (distances.empty()) orbit.azimuth_rad = std::atan2(from.y(), from.x());
     distances.push_back(from.norm());
     elevations.push_back(std::atan2(from.z(), std::hypot(from.x(), from.y())));
@@ -263,8 +273,10 @@ RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDatase
     PlanTurntable(config, data, options, &plan);
   } else {
     for (const RigCamera& camera : ChooseCameras(config, data, options)) {
+      const std::string& name = camera.camera.name;
+      const std::string view = dataset::Slug(options.calib.empty() ? dataset::StudioName(data, name) : name);
       for (size_t i = 0; i < plan.track.poses.size(); ++i)
-        AddJob(config, config.pack.size_px, {camera.camera.name, plan.track.frames[i], i, camera, {}}, &plan);
+        AddJob(config, config.pack.size_px, {view, plan.track.frames[i], i, camera, {}}, &plan);
     }
   }
   if (plan.jobs.empty()) {

@@ -1,4 +1,4 @@
-#include "cli/program/short_help.h"
+#include "cli/help/short_help.h"
 
 #include <algorithm>
 #include <memory>
@@ -95,8 +95,9 @@ class ShortFormatter : public PlainFlags {
     all_ = mode == CLI::AppFormatMode::All || seldom_.empty();
     const std::string help = PlainFlags::make_help(app, name, mode);
     if (all_) return help;
-    return WithoutEmptyLines(help) + "\n" + std::to_string(seldom_.size()) + " more with --help-all\n";
+    return WithoutEmptyLines(help) + std::to_string(seldom_.size()) + " more with --help-all\n" + app->get_footer() + "\n";
   }
+  std::string make_footer(const CLI::App* app) const override { return all_ ? PlainFlags::make_footer(app) : ""; }
   std::string make_group(std::string group, bool is_positional, std::vector<const CLI::Option*> options) const override {
     const auto is_seldom = [this](const CLI::Option* option) { return !all_ && seldom_.count(option) > 0; };
     options.erase(std::remove_if(options.begin(), options.end(), is_seldom), options.end());
@@ -108,7 +109,9 @@ class ShortFormatter : public PlainFlags {
   mutable bool all_ = false;  // CLI11 asks for a group without saying what for
 };
 
-CLI::App* Command(CLI::App& app, const std::string& words) {
+}  // namespace
+
+CLI::App* CommandNamed(CLI::App& app, const std::string& words) {
   CLI::App* command = &app;
   std::istringstream in(words);
   for (std::string word; command && in >> word;) {
@@ -117,6 +120,8 @@ CLI::App* Command(CLI::App& app, const std::string& words) {
   }
   return command;
 }
+
+namespace {
 
 std::set<const CLI::Option*> AllBut(CLI::App* command, const std::string& names) {
   std::vector<const CLI::Option*> front;
@@ -141,7 +146,7 @@ void UsePlainFlags(CLI::App& app) { app.formatter(std::make_shared<PlainFlags>()
 void ShortenHelp(CLI::App& app) {
   app.set_help_all_flag("--help-all", "Print all options of a command, and exit");
   for (const CommonOptions& common : kCommon) {
-    CLI::App* command = Command(app, common.command);
+    CLI::App* command = CommandNamed(app, common.command);
     if (!command) continue;  // needs libtorch, and this program has none
     command->formatter(std::make_shared<ShortFormatter>(AllBut(command, common.options)));
   }
