@@ -394,8 +394,4 @@ CalibrateInput ToCalibrateInput(const std::vector<Board>& boards, const std::vec
   return input;
 }
 
-CalibrateInput ToCalibrateInput(const Board& board, const std::vector<FootageDetections>& found) {
-  return ToCalibrateInput(std::vector<Board>{board}, found);
-}
-
 }  // namespace mvstudio::calib

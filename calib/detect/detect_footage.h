@@ -80,6 +80,5 @@ std::vector<FootageDetections> DetectFootage(const Board& board, std::vector<Foo
 
 /// All detections as input of Calibrate.
 CalibrateInput ToCalibrateInput(const std::vector<Board>& boards, const std::vector<FootageDetections>& found);
-CalibrateInput ToCalibrateInput(const Board& board, const std::vector<FootageDetections>& found);
 
 }  // namespace mvstudio::calib

@@ -39,7 +39,7 @@ TEST(OpencvStereo, BeatsTheKnownFigures) {
   const auto found = DetectFootage(board, footage, FootageOptions(), RunContext());
   EXPECT_EQ(found[0].detections.size(), 13u);
   EXPECT_EQ(found[1].detections.size(), 13u);
-  const CalibrateReport report = Calibrate(ToCalibrateInput(board, found), CalibrateOptions(), RunContext());
+  const CalibrateReport report = Calibrate(ToCalibrateInput(std::vector<Board>{board}, found), CalibrateOptions(), RunContext());
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LE(report.rms_px, 0.186);
   EXPECT_LE(report.rejected_fraction, 0.024);
