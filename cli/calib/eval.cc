@@ -34,6 +34,18 @@ struct Arguments {
   calib::RigCheckOptions check;
 };
 
+ordered_json LensJson(const calib::LensCheck& lens) {
+  return {{"status", std::string(ToString(lens.status))},
+          {"changed", lens.changed},
+          {"num_boards", lens.num_views},
+          {"rms_px", FiniteOrNull(lens.rms_px)},
+          {"refitted_rms_px", FiniteOrNull(lens.refitted_rms_px)},
+          {"focal_px", FiniteOrNull(lens.focal_px)},
+          {"refitted_focal_px", FiniteOrNull(lens.refitted_focal_px)},
+          {"shift_px", FiniteOrNull(lens.shift_px)},
+          {"significance", FiniteOrNull(lens.significance)}};
+}
+
 ordered_json CameraJson(const calib::CameraCheck& camera) {
   ordered_json json{{"name", camera.name}, {"status", std::string(ToString(camera.status))}, {"moved", camera.moved}};
   json["num_views"] = camera.num_views;
@@ -44,6 +56,7 @@ ordered_json CameraJson(const calib::CameraCheck& camera) {
   json["own_rms_px"] = FiniteOrNull(camera.own_rms_px);
   json["rms_px"] = FiniteOrNull(camera.rms_px);
   json["median_px"] = FiniteOrNull(camera.median_px);
+  if (camera.lens) json["lens"] = LensJson(*camera.lens);
   if (camera.status != Status::kOk) return json;
   json["rms_after_px"] = FiniteOrNull(camera.rms_after_px);
   json["rotation_deg"] = FiniteOrNull(RadToDeg(camera.rotation_rad));
@@ -84,7 +97,20 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   for (const calib::CameraCheck& camera : check.cameras) m["cameras"].push_back(CameraJson(camera));
 }
 
+/// Of cameras that share no board with another.
+std::string LensLines(const calib::RigCheck& check) {
+  std::string text;
+  for (const calib::CameraCheck& c : check.cameras) {
+    if (!c.lens || c.lens->status != Status::kOk) continue;
+    text += Format("%s: its lens alone, %d boards: %.3f px as calibrated, %.3f px fitted anew (focal length %.2f -> %.2f px)\n",
+                   c.name.c_str(), c.lens->num_views, c.lens->rms_px, c.lens->refitted_rms_px, c.lens->focal_px,
+                   c.lens->refitted_focal_px);
+  }
+  return text;
+}
+
 std::string Summary(const calib::RigCheck& check) {
+  if (check.num_boards == 0) return LensLines(check) + app::VerdictLine(check.verdict);
   std::string text = Format("%-16s %6s %8s %8s %8s   %-22s %-22s %8s\n", "camera", "boards", "own px", "rms px", "after px",
                             "turned deg", "moved mm", "shift px");
   for (const calib::CameraCheck& c : check.cameras) {
@@ -97,6 +123,7 @@ std::string Summary(const calib::RigCheck& check) {
       text += std::string(ToString(c.status)) + "\n";
     }
   }
+  text += LensLines(check);
   text += Format("%d boards seen by two cameras or more: rms %.3f px, median %.3f px\n", check.num_boards, check.rms_px,
                  check.median_px);
   text += Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
