@@ -87,6 +87,13 @@ geometry::Rigid3 ReadTransform(const pugi::xml_node& element, const Place& place
   return cam_from_world;
 }
 
+/// Qualisys' fisheye lenses have a model of their own.
+void RefuseFisheye(const std::string& word, const Place& place) {
+  if (geometry::PlainKey(word).find("fisheye") != std::string::npos)
+    throw FormatError(place.path, place.where,
+                      "says that the lenses are fisheyes, whose terms in this format are not known here; convert it with QTM");
+}
+
 std::string Escaped(const std::string& text) {
   std::string escaped;
   for (const char c : text) {
@@ -105,6 +112,11 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
   ImportedRig imported;
   imported.rig.gauge = "as imported";
   geometry::UnusedKeys unused(path, 0.001);
+  const pugi::xml_node head = document.child("calibration");
+  for (const pugi::xml_attribute& word : head.attributes()) {
+    if (geometry::LensWords::IsKey(word.name()) || std::string(word.name()) == "type")
+      RefuseFisheye(word.value(), {path, std::string("calibration.") + internal::Printable(word.name())});
+  }
   for (size_t i = 0; i < elements.size(); ++i) {
     const Place place{path, "camera[" + std::to_string(i) + "]"};
     const pugi::xml_node element = elements[i].node();
@@ -115,6 +127,13 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
           {"CAL-VIEWROTATION",
            "camera " + name + " is shown rotated by " + turned + " degrees in QTM; its calibration is for the sensor as it is",
            "use its footage unrotated"});
+    }
+    if (std::string(element.attribute("active").value()) == "0") {
+      imported.notes.push_back({"CAL-INACTIVE",
+                                "camera " + name +
+                                    " is marked inactive: it took no part in this calibration, what stands there "
+                                    "may be of an earlier one",
+                                "leave it out of the session, or calibrate it again"});
     }
     geometry::RigCamera camera = ReadIntrinsics(element, name, place, options, &unused, &imported.notes);
     camera.cam_from_world = camera.cam_from_world * ReadTransform(element, place);

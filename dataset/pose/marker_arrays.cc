@@ -151,7 +151,11 @@ MarkerFile ReadNpzMarkers(const std::string& path, const std::string& unit) {
   const double rate_hz = ValueIn(members, "rate_hz", path);
   file.pose.frame_rate_hz = rate_hz > 0 && std::isfinite(rate_hz) ? rate_hz : 0;
   if (file.pose.rows.empty()) throw FormatError(path, "joints", "is empty");
-  SortByFrame(&file.pose);
+  for (const char* key : {"up", "axes", "up_axis", "scale", "coordinate_system"}) {
+    if (members.count(key) > 0)
+      file.notes.push_back("its array `" + std::string(key) + "` is not read: option 'up' and option 'unit' say what is meant");
+  }
+  SortByFrame(path, &file.pose);
   return file;
 }
 

@@ -20,6 +20,8 @@ MarkerFile ReadStoMarkers(const std::string& path, const std::string& unit);
 /// numpy: `joints` (frames, [people,] points, 3), `joint_names`, `frames`, `people`, `rate_hz`; z up.
 MarkerFile ReadNpzMarkers(const std::string& path, const std::string& unit);
 
+std::string LowerCase(std::string text);
+
 /// Three columns that are one point.
 struct ColumnTriple {
   std::string name;
@@ -35,7 +37,8 @@ std::string UnitOrAsk(const std::string& asked, const std::string& stated, const
 
 /// A point as a row; missing where it is not finite.
 void AddMarkerRow(int frame, int person, const std::string& joint, const Eigen::Vector3d& metres_in_world, Pose3d* pose);
-void SortByFrame(Pose3d* pose);
+/// Throws FormatError where a person's point is twice in a frame.
+void SortByFrame(const std::string& path, Pose3d* pose);
 /// Frames a second of frames with these times; 0 where they do not say it, and a note where they are not even.
 double RateOf(const std::vector<std::pair<int, double>>& times, std::vector<std::string>* notes);
 

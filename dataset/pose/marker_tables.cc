@@ -16,36 +16,6 @@
 namespace mvstudio::dataset::internal {
 namespace {
 
-std::string LowerCase(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
-
-/// A column's name taken apart: point, axis and unit; no axis: it is no coordinate.
-struct ColumnName {
-  std::string point, unit;
-  int axis = -1;
-};
-
-constexpr char kBetween[] = "_.:- ";
-
-ColumnName Split(std::string text) {
-  ColumnName name;
-  const size_t last = text.find_last_of(kBetween);
-  if (last != std::string::npos && MetresPerUnit(text.substr(last + 1)) && last > 0)
-    name.unit = LowerCase(text.substr(last + 1)), text.resize(last);
-  if (text.size() < 3) return name;
-  const int axis = std::tolower(static_cast<unsigned char>(text.back())) - 'x';
-  if (axis < 0 || axis > 2) return name;
-  size_t end = text.size() - 1;
-  const char before = text[end - 1];
-  if ((before == 't' || before == 'p') && end >= 3 && std::string(kBetween).find(text[end - 2]) != std::string::npos) --end;
-  if (std::string(kBetween).find(text[end - 1]) == std::string::npos) return name;
-  name.point = text.substr(0, end - 1);
-  if (!name.point.empty()) name.axis = axis;
-  return name;
-}
-
 /// Names of columns that count or time the rows.
 int FindColumn(const std::vector<std::string>& header, std::initializer_list<const char*> names) {
   for (const char* name : names) {
@@ -117,6 +87,21 @@ void ReadLongRows(CsvReader* csv, const LongColumns& columns, size_t width, doub
     if (columns.time >= 0) times.emplace_back(frame, NumberIn(*csv, cells[columns.time]));
   }
   file->pose.frame_rate_hz = RateOf(times, &file->notes);
+}
+
+/// Columns that no reader of rows per point asks for; those of our own tables say nothing about the points.
+void NoteUnread(const std::vector<std::string>& header, const LongColumns& columns, MarkerFile* file) {
+  std::vector<std::string> unread;
+  for (size_t c = 0; c < header.size(); ++c) {
+    const int column = static_cast<int>(c);
+    bool used = std::count(columns.x, columns.x + 3, column) > 0;
+    for (const int known :
+         {columns.frame, columns.person, columns.joint, columns.sigma, columns.source, columns.status, columns.time})
+      used = used || known == column;
+    const std::string name = LowerCase(header[c]);
+    if (!used && name != "num_views" && name != "rms_px") unread.push_back(header[c]);
+  }
+  if (!unread.empty()) file->notes.push_back("its columns that are not read: " + SomeOf(unread));
 }
 
 void ReadWideRows(CsvReader* csv, const std::vector<std::string>& header, const std::vector<ColumnTriple>& triples,
@@ -219,82 +204,40 @@ Eigen::Vector3d StoVector(const std::string& path, int line, const std::string& 
   return x;
 }
 
-/// Frames follow from the times and the rate.
-double StoRate(const StoHead& head, const std::vector<double>& times, const std::string& path) {
+/// Frames follow from the times and the rate: the header's, where the times do not speak against it.
+double StoRate(const StoHead& head, const std::vector<double>& times, const std::string& path,
+               std::vector<std::string>* notes) {
   const auto stated = head.values.find("datarate");
-  if (stated != head.values.end()) {
-    const double rate_hz = ReadNumberCell(stated->second).value;
-    if (rate_hz > 0) return rate_hz;
-  }
-  if (times.size() < 2 || !(times.back() > times.front()))
+  const double rate_hz = stated == head.values.end() ? 0 : ReadNumberCell(stated->second).value;
+  const double seconds = times.size() < 2 ? 0 : times.back() - times.front();
+  const double of_times_hz = seconds > 0 ? static_cast<double>(times.size() - 1) / seconds : 0;
+  if (!(rate_hz > 0) && !(of_times_hz > 0))
     throw FormatError(path, "", "neither its header (`DataRate=`) nor its times say how many rows a second it has");
-  return static_cast<double>(times.size() - 1) / (times.back() - times.front());
+  if (!(of_times_hz > 0)) return rate_hz;
+  if (!(rate_hz > 0)) return of_times_hz;
+  if (std::abs(of_times_hz / rate_hz - 1) <= 0.02) return rate_hz;
+  notes->push_back(
+      Format("its header states %g rows a second, its times are those of %.4g, which are used", rate_hz, of_times_hz));
+  return of_times_hz;
+}
+
+/// Counts that the header states, held against the rows.
+void CheckSto(const StoHead& head, const std::vector<double>& times, MarkerFile* file) {
+  const auto stated = [&](const char* key) {
+    const auto found = head.values.find(key);
+    return found == head.values.end() ? std::nan("") : ReadNumberCell(found->second).value;
+  };
+  const auto check = [&](const char* key, const char* what, size_t there) {
+    const double count = stated(key);
+    if (std::isfinite(count) && count != static_cast<double>(there))
+      file->notes.push_back(Format("its header states %g %s, %zu are there", count, what, there) +
+                            (count > static_cast<double>(there) ? "; was it cut off?" : ""));
+  };
+  check("nrows", "rows", times.size()), check("ncolumns", "columns", head.labels.size());
+  if (!std::is_sorted(times.begin(), times.end())) file->notes.push_back("its times do not rise from row to row");
 }
 
 }  // namespace
-
-std::vector<ColumnTriple> FindTriples(const std::vector<std::string>& header, const std::string& path) {
-  std::vector<ColumnTriple> found;
-  std::map<std::string, size_t> index;
-  for (size_t c = 0; c < header.size(); ++c) {
-    const ColumnName name = Split(header[c]);
-    if (name.axis < 0) continue;
-    const auto [it, is_new] = index.emplace(name.point, found.size());
-    if (is_new) found.push_back({name.point, {-1, -1, -1}, name.unit});
-    ColumnTriple& triple = found[it->second];
-    if (triple.columns[name.axis] >= 0) throw FormatError(path, "header", "column `" + header[c] + "` is there twice");
-    if (triple.unit != name.unit) throw FormatError(path, "header", "columns of `" + name.point + "` have different units");
-    triple.columns[name.axis] = static_cast<int>(c);
-  }
-  std::vector<ColumnTriple> whole;
-  for (const ColumnTriple& triple : found) {
-    if (std::count(triple.columns, triple.columns + 3, -1) == 0) whole.push_back(triple);
-  }
-  for (const ColumnTriple& triple : whole) {
-    if (triple.unit != whole.front().unit)
-      throw FormatError(path, "header", "columns have different units: `" + whole.front().unit + "` and `" + triple.unit + "`");
-  }
-  return whole;
-}
-
-std::string UnitOrAsk(const std::string& asked, const std::string& stated, const std::string& path) {
-  if (!asked.empty()) return asked;
-  if (MetresPerUnit(stated)) return stated;
-  throw FormatError(path, "header", "states no unit of its lengths; name it by option 'marker-unit' m, cm, mm or in");
-}
-
-void AddMarkerRow(int frame, int person, const std::string& joint, const Eigen::Vector3d& metres_in_world, Pose3d* pose) {
-  JointRow& row = pose->rows.emplace_back();
-  row.frame = frame, row.person = person, row.joint = joint;
-  if (!metres_in_world.allFinite()) return;
-  row.status = Status::kOk, row.x_in_world = metres_in_world;
-}
-
-void SortByFrame(Pose3d* pose) {
-  std::stable_sort(pose->rows.begin(), pose->rows.end(), [](const JointRow& a, const JointRow& b) {
-    return std::pair(a.frame, a.person) < std::pair(b.frame, b.person);
-  });
-}
-
-double RateOf(const std::vector<std::pair<int, double>>& times, std::vector<std::string>* notes) {
-  const std::pair<int, double>*first = nullptr, *last = nullptr;
-  for (const auto& entry : times) {
-    if (!std::isfinite(entry.second)) continue;
-    if (!first || entry.first < first->first) first = &entry;
-    if (!last || entry.first > last->first) last = &entry;
-  }
-  if (!first || last->first == first->first || !(last->second > first->second)) return 0;
-  const double seconds = (last->second - first->second) / (last->first - first->first);
-  double worst = 0;
-  for (const auto& [frame, time] : times) {
-    if (std::isfinite(time)) worst = std::max(worst, std::abs(time - first->second - (frame - first->first) * seconds));
-  }
-  if (worst > 0.5 * seconds)
-    notes->push_back(Format("its times are not even: up to %.3g s from those of %.4g frames a second", worst, 1 / seconds));
-  // 0.0333333 s and its like are rounded: the nearest whole rate counts where the times cannot tell it from theirs.
-  const double rate_hz = 1 / seconds, whole = std::round(rate_hz);
-  return whole > 0 && std::abs(rate_hz - whole) < 2e-5 * whole ? whole : rate_hz;
-}
 
 MarkerFile ReadCsvMarkers(const std::string& path, const std::string& unit) {
   const std::string text = ReadFile(path);
@@ -312,12 +255,13 @@ MarkerFile ReadCsvMarkers(const std::string& path, const std::string& unit) {
   }
   file.unit = UnitOrAsk(unit, columns.IsLong() ? columns.unit : triples[0].unit, path);
   const double metres = MetresPerUnit(file.unit).value_or(1);
+  if (columns.IsLong()) NoteUnread(header, columns, &file);
   if (columns.IsLong())
     ReadLongRows(&csv, columns, header.size(), metres, &file);
   else
     ReadWideRows(&csv, header, triples, metres, &file);
   if (file.pose.rows.empty()) throw FormatError(path, "", "no frames");
-  SortByFrame(&file.pose);
+  SortByFrame(path, &file.pose);
   return file;
 }
 
@@ -353,8 +297,9 @@ MarkerFile ReadStoMarkers(const std::string& path, const std::string& unit) {
                        StoNumber(path, line, cell(t.columns[2])));
     }
   }
-  const double rate_hz = StoRate(head, times, path);
+  const double rate_hz = StoRate(head, times, path, &file.notes);
   file.pose.frame_rate_hz = rate_hz;
+  CheckSto(head, times, &file);
   for (size_t f = 0; f < rows.size(); ++f) {
     if (!(std::abs(times[f] * rate_hz) < 1e9)) throw FormatError(path, "", "a time is no number, or far beyond a take");
     for (size_t m = 0; m < rows[f].size(); ++m) {
@@ -364,7 +309,7 @@ MarkerFile ReadStoMarkers(const std::string& path, const std::string& unit) {
     }
   }
   if (file.pose.rows.empty()) throw FormatError(path, "", "no rows");
-  SortByFrame(&file.pose);
+  SortByFrame(path, &file.pose);
   return file;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 
@@ -197,6 +198,8 @@ class FrameCheck {
                               " as well; was the file put together from two takes?");
     }
     if (!std::isfinite(row.time_s)) return;
+    falls_ = falls_ || (row.frame > last_frame_ && row.time_s < last_time_s_);
+    last_frame_ = row.frame, last_time_s_ = row.time_s;
     if (times_.empty() || row.frame < times_.begin()->first || row.frame > times_.rbegin()->first)
       times_[row.frame] = row.time_s;
     if (times_.size() > 2) times_.erase(std::next(times_.begin()));
@@ -224,6 +227,7 @@ class FrameCheck {
     if (static_cast<size_t>(span) + 1 > size())
       notes->push_back(
           Format("of its frames %d to %d, %zu are not there", first(), first() + span, static_cast<size_t>(span) + 1 - size()));
+    if (falls_) notes->push_back("its times do not rise with its frames");
     if (times_.size() < 2 || !(rate_hz > 0)) return;
     const double seconds = times_.rbegin()->second - times_.begin()->second;
     const double of_times_hz = (times_.rbegin()->first - times_.begin()->first) / seconds;
@@ -233,6 +237,9 @@ class FrameCheck {
   }
 
  private:
+  bool falls_ = false;
+  int last_frame_ = std::numeric_limits<int>::max();
+  double last_time_s_ = 0;
   std::map<int, int> lines_;     ///< of each frame
   std::map<int, double> times_;  ///< of the first and the last frame with a time
 };

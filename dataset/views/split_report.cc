@@ -11,6 +11,10 @@ namespace {
 
 constexpr double kJumpM = 0.15;
 constexpr double kJumpFactor = 5;
+/// Bodies have mass: a step stands out of those around it by less, measured up to twofold; of a smaller one noise may make
+/// that.
+constexpr double kLeapFactor = 3, kLeapM = 0.03;
+constexpr size_t kAround = 3;
 constexpr size_t kMostTrainPoses = 4000, kMostTestPoses = 1000;  // compared; evenly thinned beyond
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDegPerRad = 57.29577951308232;
@@ -123,13 +127,27 @@ void ReportCameras(const PanopticDataset& dataset, const Split& split, SplitRepo
 
 }  // namespace
 
+namespace {
+
+/// Whether the joints jump before frame i + 1: far, or far for the motion right before and after.
+bool Jumps(const std::vector<double>& steps, double usual, size_t i) {
+  if (steps[i] > kJumpM && steps[i] > kJumpFactor * usual) return true;
+  std::vector<double> around;
+  for (size_t k = i - std::min(i, kAround); k < std::min(steps.size(), i + kAround + 1); ++k) {
+    if (k != i && std::isfinite(steps[k])) around.push_back(steps[k]);
+  }
+  return around.size() >= kAround && steps[i] > kLeapM &&
+         steps[i] > kLeapFactor * *std::max_element(around.begin(), around.end());
+}
+
+}  // namespace
+
 std::vector<MotionBlock> FindMotionBlocks(const PanopticDataset& dataset) {
   std::vector<MotionBlock> blocks;
   const std::vector<double> steps = Steps(dataset, StepLength);
   const double usual = FiniteQuantile(steps, 0.5);
   for (size_t i = 0; i < dataset.frames.size(); ++i) {
-    const bool cut = i == 0 || dataset.frames[i] != dataset.frames[i - 1] + 1 ||
-                     (steps[i - 1] > kJumpM && steps[i - 1] > kJumpFactor * usual);
+    const bool cut = i == 0 || dataset.frames[i] != dataset.frames[i - 1] + 1 || Jumps(steps, usual, i - 1);
     if (cut) blocks.push_back({dataset.frames[i], dataset.frames[i]});
     blocks.back().last = dataset.frames[i];
   }

@@ -186,6 +186,18 @@ TEST(FilesThatContradictThemselves, AreRefusedByName) {
       refused(Format::kMrcal, "b.cameramodel", models + "'extrinsics': [0, 0, 1, 0, 0, 1], 'rt_cam_ref': [0, 0, 1, 0, 0, 2]}"),
       HasSubstr("another pose than extrinsics"));
 
+  const auto qca = [](const char* type, const char* active) {
+    return std::string("<calibration type=\"") + type + "\"><cameras><camera serial=\"1\" active=\"" + active +
+           "\"><fov_video left=\"0\" top=\"0\" right=\"1919\" bottom=\"1079\"/><transform r11=\"1\" r12=\"0\" r13=\"0\" "
+           "r21=\"0\" r22=\"-1\" r23=\"0\" r31=\"0\" r32=\"0\" r33=\"-1\" x=\"0\" y=\"0\" z=\"2000\"/><intrinsic "
+           "focalLengthU=\"64000\" focalLengthV=\"64000\" centerPointU=\"61440\" centerPointV=\"34560\" skew=\"0\" "
+           "radialDistortion1=\"0\" radialDistortion2=\"0\" tangentalDistortion1=\"0\" tangentalDistortion2=\"0\"/></camera>"
+           "</cameras></calibration>";
+  };
+  EXPECT_THAT(refused(Format::kQca, "a.qca.txt", qca("fisheye", "1")), HasSubstr("calibration.type: says that the lenses"));
+  WriteFileAtomic(folder / "b.qca.txt", qca("regular", "0"));
+  EXPECT_EQ(CodesOf(ReadQca(folder / "b.qca.txt")), "CAL-INACTIVE ");
+
   const std::string names = "%YAML:1.0\n---\nnames:\n  - \"1\"\n";
   WriteFileAtomic(folder / "intri.yml",
                   names + matrix("K_1", "rows: 3\n  cols: 3", "400, 0, 320, 0, 400, 240, 0, 0, 1") + "H_1: 480\nW_1: 640\n");

@@ -262,5 +262,32 @@ TEST_F(Markers, C3dCountsAreHeldAgainstTheSize) {
   EXPECT_THAT(wrapped.notes.at(0), HasSubstr("began anew"));
 }
 
+/// Counts, rates and times that a table states, held against its rows.
+TEST_F(Markers, TablesAreHeldAgainstWhatTheyState) {
+  const auto notes = [&](const std::string& name, const std::string& text) {
+    return ::testing::PrintToString(Read(text, {}, name).notes);
+  };
+  const auto refused = [&](const std::string& name, const std::string& text) {
+    return MessageOf<FormatError>([&] { Read(text, {}, name); });
+  };
+  const auto sto = [](const std::string& head, const char* times = "0\t1,2,3\n0.01\t1,2,3\n0.02\t1,2,3\n") {
+    return "DataType=Vec3\nUnits=m\n" + head + "endheader\ntime\tNose\n" + times;
+  };
+  EXPECT_EQ(notes("a.sto", sto("DataRate=100\nnRows=3\nnColumns=2\n")), "{}");
+  EXPECT_THAT(notes("a.sto", sto("DataRate=100\nnRows=9\n")), HasSubstr("states 9 rows, 3 are there; was it cut off?"));
+  EXPECT_THAT(notes("a.sto", sto("DataRate=100\nnColumns=7\n")), HasSubstr("states 7 columns, 2 are there"));
+  EXPECT_THAT(notes("a.sto", sto("DataRate=30\n")), HasSubstr("states 30 rows a second, its times are those of 100"));
+  EXPECT_EQ(Read(sto("DataRate=30\n"), {}, "a.sto").pose.frame_rate_hz, 100);
+  EXPECT_THAT(notes("a.sto", sto("DataRate=100\n", "0.02\t1,2,3\n0\t1,2,3\n")), HasSubstr("do not rise"));
+  EXPECT_THAT(refused("a.sto", sto("DataRate=100\n", "0\t1,2,3\n0\t4,5,6\n")), HasSubstr("there twice"));
+
+  const std::string head = "frame,joint,x_m,y_m,z_m,time_s";
+  EXPECT_EQ(notes("a.csv", head + "\n0,a,0,0,1,0\n1,a,0,0,1,0.1\n"), "{}");
+  EXPECT_THAT(refused("a.csv", head + "\n0,a,0,0,1,0\n0,a,0,0,2,0\n"), HasSubstr("frame 0: `a` of person 0 is there twice"));
+  EXPECT_THAT(notes("a.csv", head + ",unit\n0,a,0,0,1,0,mm\n1,a,0,0,1,0.1,mm\n"), HasSubstr("that are not read: unit"));
+  EXPECT_THAT(notes("a.csv", head + "\n0,a,0,0,1,0\n1,a,0,0,1,0.3\n2,a,0,0,1,0.2\n"), HasSubstr("do not rise"));
+  EXPECT_THAT(refused("b.csv", "frame,a_x_m,a_y_m,a_z_m\n0,0,0,1\n0,0,0,2\n"), HasSubstr("there twice"));
+}
+
 }  // namespace
 }  // namespace mvstudio::dataset

@@ -6,6 +6,7 @@
 
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "dataset/build/scene_joints.h"
 #include "dataset/panoptic/sequence.h"
 #include "dataset/panoptic/time.h"
 #include "tests/dataset/dataset_test_util.h"
@@ -300,6 +301,30 @@ TEST(PanopticTime, FramesByTheNearestTime) {
   EXPECT_FALSE(broken.is_line);
   EXPECT_EQ(broken.TimeMs(7), std::nullopt);
   EXPECT_EQ(FitPanopticClock({}).TimeMs(0), std::nullopt);
+}
+
+/// A dataset, or its folder of scenes, in place of a folder of points.
+TEST(SceneJoints, AreTheSceneFilesJoints) {
+  const mvstudio::testing::TempDir folder;
+  std::filesystem::create_directories(folder / "d/hdPose3d_stage1_coco19");
+  Coco19Pose pose = StandingPerson(0.5);
+  pose.valid[4] = false, pose.confidence[7] = 0.5;
+  for (const int frame : {7, 12}) {
+    WriteBody3dScene({{3, pose}}, 1000 + 40.0 * frame,
+                     folder / ("d/hdPose3d_stage1_coco19/body3DScene_0000000" + std::string(frame == 7 ? "7" : "9") + ".json"));
+  }
+  for (const char* path : {"d", "d/hdPose3d_stage1_coco19"}) {
+    const Pose3d read = ReadSceneJoints(folder / path);
+    EXPECT_NEAR(read.frame_rate_hz, 1000.0 * (9 - 7) / (40 * (12 - 7)), 1e-9) << "numbers of files by their time stamps";
+    const auto poses = ToCoco19(read);
+    ASSERT_EQ(poses.size(), 2u) << path;
+    const Coco19Pose& back = poses.at(9).at(3);
+    EXPECT_FALSE(back.valid[4]);
+    EXPECT_NEAR(back.confidence[7], 0.5, 1e-6);
+    EXPECT_LT((back.x_in_world.col(7) - pose.x_in_world.col(7)).norm(), 1e-6);
+  }
+  EXPECT_TRUE(SceneFilesAt(folder.path()).empty());
+  EXPECT_THROW(ReadSceneJoints(folder.path()), IoError);
 }
 
 }  // namespace

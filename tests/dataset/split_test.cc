@@ -210,6 +210,21 @@ TEST(MotionBlocks, CutAtJumpsAndGaps) {
   EXPECT_EQ(blocks[2].first, 60);
 }
 
+/// A calm motion after another: the joints leap by less than a fast motion moves, and by far more than before and after.
+TEST(MotionBlocks, CutWhereACalmMotionLeaps) {
+  PanopticDataset data = RingDataset(3);
+  const int last = data.frames.back();
+  const auto blocks_of = [&](const std::function<double(int)>& place) {
+    for (auto& [frame, people] : data.poses) people[0] = StandingPerson(place(frame));
+    return FindMotionBlocks(data).size();
+  };
+  EXPECT_EQ(blocks_of([&](int frame) { return 0.012 * frame + (frame > last / 2 ? 0.06 : 0); }), 2u);
+  EXPECT_EQ(blocks_of([&](int frame) { return 0.012 * frame + (frame > last / 2 ? 0.01 : 0); }), 1u) << "noise does as much";
+  // From rest to a run, and a place that one frame has wrong, are no cuts.
+  EXPECT_EQ(blocks_of([&](int frame) { return 0.002 * std::pow(std::max(0, frame - last / 2), 2); }), 1u);
+  EXPECT_EQ(blocks_of([&](int frame) { return 0.004 * frame + (frame == last / 2 ? 0.1 : 0); }), 1u);
+}
+
 TEST(DescribeSplit, MeasuresAnglesAndHowNewThePosesAre) {
   PanopticDataset data = RingDataset(8);
   for (auto& [frame, people] : data.poses) people[0] = StandingPerson(0.02 * frame);  // the same pose, elsewhere
@@ -279,6 +294,13 @@ TEST(Split, PresetsOnTheRealStudio) {
     std::printf("%s: test cameras are %.1f degrees from a training camera (median), at most %.1f\n", preset,
                 report.median_angle_deg, report.max_angle_deg);
   }
+}
+
+TEST(Split, TurnA) {
+  if (!mvstudio::testing::HasData("turn_a")) GTEST_SKIP() << "turn_a is not there";
+  const std::vector<MotionBlock> blocks = FindMotionBlocks(OpenPanopticDataset(DataFolder("turn_a")));
+  ASSERT_EQ(blocks.size(), 2u);
+  EXPECT_EQ(blocks[1].first, 100);
 }
 
 TEST(Split, PersonA) {
