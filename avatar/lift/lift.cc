@@ -130,7 +130,7 @@ Lifter MakeLifter(const LiftOptions& options, uint64_t seed) {
 
 at::Tensor Lift(const Lifter& lifter, const at::Tensor& inputs) {
   MVS_CHECK(inputs.dim() == 2 && inputs.size(1) == kLiftInputs, "inputs are " << inputs.sizes());
-  return Forward(lifter, inputs).detach();
+  return Forward(lifter, inputs);
 }
 
 LiftReport TrainLifter(const LiftSampler& sampler, const RunContext& run, Lifter* lifter) {

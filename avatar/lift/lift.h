@@ -58,6 +58,7 @@ struct Lifter {
 Lifter MakeLifter(const LiftOptions& options, uint64_t seed);
 
 /// inputs (N, kLiftInputs) float32 -> (N, 19, 3) joints relative to the middle of the hips, in units of the person's size.
+/// On the weights' device and in their type; gradients reach weights that require them.
 at::Tensor Lift(const Lifter& lifter, const at::Tensor& inputs);
 
 /// Writes training sample `index`: kLiftInputs inputs, 19 x 3 targets, 19 weights (0: joint unknown). Must depend only on

@@ -93,6 +93,9 @@ at::Tensor FreshShare(const at::Tensor& logit, bool from_template) {
   return 1 - (at::sigmoid(logit - kAtZero) - at::sigmoid(at::full_like(logit, -kAtZero)));
 }
 
+/// Half precision ends with the convolutions; double stays, where a network is checked in it.
+at::Tensor AtLeastSingle(const at::Tensor& x) { return x.scalar_type() == at::kDouble ? x : x.to(at::kFloat); }
+
 /// Most likely part and its coordinates.
 void FillParts(const at::Tensor& logits, const at::Tensor& uv, Rendering* out) {
   const at::Tensor part = (logits.slice(1, 1).argmax(1) + 1) * (out->mask_prob > 0.5);
@@ -183,7 +186,7 @@ std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& 
                            : model.options.method == Method::kHf ? RendererInput(model, maps)
                                                                  : maps;
   auto [first, second] = model.generator->forward(input);
-  first = first.to(at::kFloat), second = second.to(at::kFloat);
+  first = AtLeastSingle(first), second = AtLeastSingle(second);
   const int64_t bones = NumBoneChannels(model.options), channels = NumTemplateChannels(model.options);
   if (channels > 0) AddTemplate(model.options, maps.slice(1, bones, bones + channels), &first, &second);
   return {first, second};

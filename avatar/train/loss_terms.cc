@@ -2,6 +2,7 @@
 
 #include <ATen/ATen.h>
 #include <ATen/autocast_mode.h>
+#include <torch/version.h>
 
 #include <cmath>
 
@@ -16,13 +17,21 @@ struct Outputs {
   at::Tensor first, second;
 };
 
+#if TORCH_VERSION_MAJOR > 2 || (TORCH_VERSION_MAJOR == 2 && TORCH_VERSION_MINOR >= 4)
+bool HalfIsOn() { return at::autocast::is_autocast_enabled(at::kCUDA); }
+void TurnHalf(bool on) { at::autocast::set_autocast_enabled(at::kCUDA, on); }
+#else
+bool HalfIsOn() { return at::autocast::is_enabled(); }
+void TurnHalf(bool on) { at::autocast::set_enabled(on); }
+#endif
+
 /// Half precision on GPUs while it lives.
 class Autocast {
  public:
-  explicit Autocast(bool on) : before_(at::autocast::is_enabled()) { at::autocast::set_enabled(on); }
+  explicit Autocast(bool on) : before_(HalfIsOn()) { TurnHalf(on); }
   ~Autocast() {
     at::autocast::clear_cache();
-    at::autocast::set_enabled(before_);
+    TurnHalf(before_);
   }
   Autocast(const Autocast&) = delete;
   Autocast& operator=(const Autocast&) = delete;
