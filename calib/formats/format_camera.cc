@@ -110,7 +110,7 @@ OpenCvLens OpenCvLensOf(const geometry::Camera& camera) {
   return *lens;
 }
 
-Eigen::Quaterniond MakeRotation(const Eigen::Vector3d& vector, const Place& place) {
+Eigen::Quaterniond RotationFromVector(const Eigen::Vector3d& vector, const Place& place) {
   if (vector.norm() > 2 * kPi)
     throw FormatError(place.path, place.where,
                       "a rotation vector of " + Format("%.3g", vector.norm()) +

@@ -53,7 +53,7 @@ OpenCvLens OpenCvLensOf(const geometry::Camera& camera);
 Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& place);
 
 /// Rotation from a file's Rodrigues vector; throws FormatError for more than a full turn, as degrees would be.
-Eigen::Quaterniond MakeRotation(const Eigen::Vector3d& vector, const Place& place);
+Eigen::Quaterniond RotationFromVector(const Eigen::Vector3d& vector, const Place& place);
 
 /// Adds a camera; throws FormatError when its name is empty, not UTF-8, or already present.
 void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig);

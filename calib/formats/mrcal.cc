@@ -63,7 +63,7 @@ geometry::RigCamera ReadOne(const std::string& path, double metres_per_unit, geo
   const Eigen::VectorXd rt = pose.Vector(6);
   if (root.Has("extrinsics") && (root["extrinsics"].Vector(6) - rt).norm() > 1e-6)
     pose.Fail("is another pose than extrinsics: one of them was changed; take it out");
-  camera.cam_from_world.rotation = internal::MakeRotation(Eigen::Vector3d(rt.head<3>()), pose.place());
+  camera.cam_from_world.rotation = internal::RotationFromVector(Eigen::Vector3d(rt.head<3>()), pose.place());
   camera.cam_from_world.translation = rt.tail<3>() * metres_per_unit;
   internal::AddUnused(root,
                       {"validintrinsicsregion", "optimizationinputs", "icamintrinsics", "icamintrinsicsoptimizationinputs",

@@ -155,7 +155,7 @@ Eigen::VectorXd ReadDistortion(const Entry* entry) {
 
 Eigen::Quaterniond ReadRotation(const Entry& entry) {
   const Eigen::MatrixXd matrix = ReadMatrix(entry);
-  if (matrix.size() == 3) return MakeRotation(Eigen::Vector3d(ReadVector(entry)), entry.place);
+  if (matrix.size() == 3) return RotationFromVector(Eigen::Vector3d(ReadVector(entry)), entry.place);
   return MakeRotation(ReadMatrix3(entry), entry.place);
 }
 

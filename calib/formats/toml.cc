@@ -143,7 +143,7 @@ geometry::RigCamera ReadCamera(const CameraTable& table, const ReadOptions& opti
   if (!rotation.empty() && rotation[0].is_array()) {
     pose.rotation = internal::MakeRotation(table.Matrix("rotation"), table.At("rotation"));
   } else {
-    pose.rotation = internal::MakeRotation(Eigen::Vector3d(table.Vector("rotation", 3)), table.At("rotation"));
+    pose.rotation = internal::RotationFromVector(Eigen::Vector3d(table.Vector("rotation", 3)), table.At("rotation"));
   }
   pose.translation = table.Vector("translation", 3) * options.metres_per_unit;
   camera.cam_from_world = camera.cam_from_world * pose;

@@ -43,7 +43,7 @@ geometry::Rig ReadActorsHq(const std::string& path, const calib::ReadOptions& op
     k(0, 0) = number(8) * w, k(1, 1) = number(9) * h, k(0, 2) = number(10) * w, k(1, 2) = number(11) * h;
     camera.k = FromCornerOrigin(k);
     const geometry::Rigid3 world_from_cam{
-        calib::internal::MakeRotation(Eigen::Vector3d(number(2), number(3), number(4)), camera.place),
+        calib::internal::RotationFromVector(Eigen::Vector3d(number(2), number(3), number(4)), camera.place),
         {number(5), number(6), number(7)}};
     camera.cam_from_world = Inverse(world_from_cam);
     cameras.push_back(std::move(camera));
