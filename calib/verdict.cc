@@ -53,6 +53,16 @@ void JudgeFocal(const CameraReport& camera, Judgement* out) {
   }
 }
 
+/// Boards that are nearly parallel to the image leave the principal point to noise; where it ends outside the image, few lenses
+/// are so.
+void JudgeCentre(const geometry::Camera& camera, Judgement* out) {
+  if (geometry::InImage(camera, Eigen::Vector2d(camera.cx(), camera.cy()))) return;
+  out->Warn("CAL-CENTRE",
+            Format("camera %s: the principal point (%.0f, %.0f) lies outside its image of %d x %d", camera.name.c_str(), camera.cx(),
+                   camera.cy(), camera.width_px, camera.height_px),
+            "a cropped image or a shifted lens has such a centre; else boards do not determine it: show them tilted");
+}
+
 void JudgeGross(const CameraReport& camera, Judgement* out) {
   if (!(camera.holdout_gross_fraction > kWarnGross)) return;
   const std::string text =
@@ -218,6 +228,7 @@ Verdict Judge(const CalibrateReport& report) {
     JudgeError(report.cameras[c], internal::PixelScale(report, c), report.cameras.size() > 1, &judgement);
     JudgeGross(report.cameras[c], &judgement);
     JudgeFocal(report.cameras[c], &judgement);
+    if (c < report.rig.cameras.size() && !report.cameras[c].lens_held) JudgeCentre(report.rig.cameras[c].camera, &judgement);
     JudgeData(report.cameras[c], &judgement);
     JudgeReach(report, c, hints, &judgement);
   }

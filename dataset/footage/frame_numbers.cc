@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
+#include <regex>
 #include <set>
 #include <utility>
 
@@ -53,8 +55,55 @@ Numbers AtPlace(const std::vector<std::vector<int64_t>>& candidates, size_t plac
 
 size_t NumDistinct(const Numbers& numbers) { return std::set<std::optional<int64_t>>(numbers.begin(), numbers.end()).size(); }
 
+/// A time of day in a file's name, with its date and parts of a second where they are there.
+struct Clock {
+  std::string date, time, part;
+};
+
+std::optional<Clock> ClockOf(const std::string& file) {
+  static const std::regex kClock(
+      "(?:([0-9]{2})([0-9]{2})[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12][0-9]|3[01])[-_. T]{1,3}|(?:^|[^0-9]))"
+      "([01][0-9]|2[0-3])[-_.:h ]([0-5][0-9])[-_.:m ]([0-5][0-9])(?:[.,]([0-9]{1,9}))?(?![0-9])");
+  const std::string stem = fs::path(file).stem().string();
+  std::smatch found;
+  if (!std::regex_search(stem, found, kClock)) return std::nullopt;
+  return Clock{found[2].str() + found[3].str() + found[4].str(), found[5].str() + found[6].str() + found[7].str(),
+               found[8].str()};
+}
+
+/// The numbers of names that hold times of day; empty where one has none, or where they need not be frames: without a date, and
+/// the last numbers differ in all.
+Numbers ByClock(const std::vector<std::string>& files, bool differ) {
+  Numbers numbers;
+  std::vector<Clock> clocks;
+  bool parts = false;
+  for (const std::string& file : files) {
+    const auto clock = ClockOf(file);
+    if (!clock || (differ && clock->date.empty())) return {};
+    parts = parts || !clock->part.empty();
+    clocks.push_back(*clock);
+  }
+  for (const Clock& clock : clocks)
+    numbers.push_back(std::stoll(clock.date + clock.time + (parts ? (clock.part + "000").substr(0, 3) : "")));
+  return NumDistinct(numbers) == files.size() ? numbers : Numbers();
+}
+
 bool AllThere(const Numbers& numbers) {
   return std::all_of(numbers.begin(), numbers.end(), [](const auto& number) { return number.has_value(); });
+}
+
+/// Numbers for those that have none: positions, or after all others where some have one.
+FrameNumbers Filled(const Numbers& chosen, size_t place) {
+  FrameNumbers result;
+  result.by_other_place = place > 0;
+  int64_t next = 0;
+  for (const auto& number : chosen) next = std::max(next, number.value_or(-1) + 1);
+  const bool some = next > 0 && !AllThere(chosen);
+  for (const auto& number : chosen) {
+    if (some) result.without_number.push_back(!number);
+    result.numbers.push_back(number ? *number : next++);
+  }
+  return result;
 }
 
 }  // namespace
@@ -84,10 +133,9 @@ FrameNumbers NumberFrames(const std::string& path_or_pattern, const std::vector<
     const Numbers other = AtPlace(candidates, p);
     if (AllThere(other) && NumDistinct(other) == files.size()) chosen = other, place = p;
   }
-  FrameNumbers result;
-  result.by_other_place = place > 0;
-  for (size_t i = 0; i < files.size(); ++i) result.numbers.push_back(chosen[i].value_or(static_cast<int64_t>(i)));
-  return result;
+  const Numbers clocks = ByClock(files, AllThere(chosen) && NumDistinct(chosen) == files.size());
+  if (!clocks.empty()) chosen = clocks, place = 0;
+  return Filled(chosen, place);
 }
 
 }  // namespace mvstudio::dataset

@@ -41,6 +41,14 @@ TEST(Verdict, ABoardThatNobodyPrintsIsSaid) {
   }
 }
 
+TEST(Verdict, ACentreOutsideTheImageIsSaid) {
+  CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
+  EXPECT_EQ(Said(report, "CAL-CENTRE"), "");
+  report.rig.cameras[1].camera.params[3] = -5;
+  report.verdict = Judge(report);
+  EXPECT_NE(Said(report, "CAL-CENTRE").find("cam1"), std::string::npos);
+}
+
 TEST(Verdict, ALateCameraIsSaidWhereTheBoardsMotionDoesNotExplainIt) {
   CalibrateReport report = Calibrate(testing::ToInput(testing::MakeScene({})), testing::PlainOptions(), {});
   CameraReport& camera = report.cameras[1];

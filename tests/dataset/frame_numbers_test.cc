@@ -52,5 +52,28 @@ TEST(NumberFrames, TwoCamerasInOneFolderAreNotMadeOne) {
   EXPECT_EQ(Numbered({"1_5.png", "2_5.png", "1_6.png", "2_6.png"}, ""), (Numbers{5, 6, 5, 6}));
 }
 
+/// Seconds alone would come twice, or pair images of other minutes.
+TEST(NumberFrames, ATimeOfDayIsOneNumber) {
+  const std::vector<std::string> images = {"Image__2018-02-12__15-11-38.png", "Image__2018-02-12__15-13-40.png",
+                                           "Image__2018-02-12__15-14-38.png"};
+  EXPECT_EQ(Numbered(images, ""), (Numbers{180212151138, 180212151340, 180212151438}));
+  EXPECT_EQ(Numbered(images, "Image__*.png"), (Numbers{180212151138, 180212151340, 180212151438}));
+  EXPECT_EQ(Numbered({"WIN_20230811_10_13_10_Pro.png", "WIN_20230811_10_13_15_Pro.png"}, ""),
+            (Numbers{230811101310, 230811101315}));
+  EXPECT_EQ(Numbered({"img2025-03-21 18_09_53.864305.png", "img2025-03-21 18_10_03.1.png"}, ""),
+            (Numbers{250321180953864, 250321181003100}));
+  EXPECT_EQ(Numbered({"a 10-11-38.png", "a 10-12-38.png"}, ""), (Numbers{101138, 101238}));
+  EXPECT_EQ(Numbered({"cam_01_02_03.png", "cam_01_02_04.png"}, ""), (Numbers{3, 4})) << "camera, take and frame";
+  EXPECT_EQ(Numbered({"IMG_20180212_151138.jpg", "IMG_20180212_151240.jpg"}, ""), (Numbers{151138, 151240}));
+}
+
+TEST(NumberFrames, ImagesWithoutANumberComeAfterTheOthers) {
+  EXPECT_EQ(Numbered({"GOPR0032.jpg", "GOPR0033.jpg", "test_image.jpg"}, ""), (Numbers{32, 33, 34}));
+  EXPECT_EQ(Numbered({"IMG_3.png", "a.png", "b.png"}, ""), (Numbers{3, 4, 5}));
+  const FrameNumbers numbers = NumberFrames("in", {"in/5.png", "in/x.png"});
+  EXPECT_EQ(numbers.without_number, (std::vector<bool>{false, true}));
+  EXPECT_TRUE(NumberFrames("in", {"in/a.png", "in/x.png"}).without_number.empty());
+}
+
 }  // namespace
 }  // namespace mvstudio::dataset
