@@ -1,4 +1,5 @@
 #include <ATen/Parallel.h>
+#include <malloc.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -94,6 +95,9 @@ int Run(const Settings& s) {
 }  // namespace mvstudio::avatar
 
 int main(int argc, char** argv) try {
+  // As mvstudio's own main does.
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
   return mvstudio::avatar::Run(mvstudio::avatar::Parse(argc, argv));
 } catch (const mvstudio::UsageError& error) {
   std::fprintf(stderr, "bench_gpu: %s\n", error.what());
