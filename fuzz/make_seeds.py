@@ -26,6 +26,20 @@ def put(target, name, content):
         file.write(content if isinstance(content, bytes) else content.encode())
 
 
+def npy_of(descr, shape, data):
+    head = "{'descr': '%s', 'fortran_order': False, 'shape': %r, }" % (descr, shape)
+    head += " " * (-(len(head) + 11) % 64) + "\n"
+    return b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head.encode() + data
+
+
+def npz_of(members):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name, data in members.items():
+            archive.writestr(zipfile.ZipInfo(name + ".npy"), data)
+    return out.getvalue()
+
+
 def calibration(models):
     cameras = []
     for i, (model, extra) in enumerate(models):
@@ -216,6 +230,14 @@ def seed_pose():
         json.dumps({"schema": "mvstudio.pose3d/1", "skeleton": "body25", "points": "points.csv", "unit": "m"}))
     put("trc", "two.trc", "PathFileType\t4\t(X/Y/Z)\tin.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\n60\t60\t2\t2\tm\t60\n"
         "Frame#\tTime\tHip\t\t\tRHip\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n1\t0.0\t0.1\t0.2\t0.3\t0.4\t0.5\t0.6\n2\t0.016\t0.1\t0.2\t0.3\t\t\t\n")
+    put("markers_csv", "long.csv", "frame,person,joint,x_m,y_m,z_m,time_s,sigma_m,source\n0,0,Nose,0.1,0.2,1.7,0,0.002,measured\n1,0,Nose,0.1,0.2,1.7,0.02,,filled\n")
+    put("markers_csv", "wide.csv", "frame,time,Nose_x_mm,Nose_y_mm,Nose_z_mm\n0,0,1,2,1700\n1,0.02,1,,1700\n")
+    put("markers_sto", "vec3.sto", "DataRate=50\nDataType=Vec3\nversion=3\nnRows=2\nnColumns=2\nUnits=m\nendheader\ntime\tNose\n0\t0.1,1.7,0.2\n0.02\t0.1,1.7,0.2\n")
+    put("markers_sto", "columns.sto", "points\nversion=1\nnRows=2\nnColumns=4\ninDegrees=no\nUnits=mm\nendheader\ntime\tNose_tx\tNose_ty\tNose_tz\n0\t1\t1700\t2\n0.02\t1\t1700\t2\n")
+    put("markers_npz", "two.npz", npz_of({"joints": npy_of("<f8", (2, 1, 1, 3), struct.pack("<6d", 0, 0, 1.7, 0, 0.1, 1.7)),
+                                          "joint_names": npy_of("<U4", (1,), "Nose".encode("utf-32-le")),
+                                          "frames": npy_of("<i8", (2,), struct.pack("<2q", 0, 1)),
+                                          "rate_hz": npy_of("<f8", (), struct.pack("<d", 50))}))
     put("sync_json", "two.json", json.dumps({"schema": "mvstudio.sync/1", "reference": "a", "fps": 29.97, "cameras": [
         {"name": "a", "status": "Ok", "offset_frames": 0, "sigma_frames": 0},
         {"name": "b", "status": "Ok", "offset_frames": -3.25, "sigma_frames": 0.01, "offset_ms": -108.4},

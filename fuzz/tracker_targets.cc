@@ -1,6 +1,7 @@
 #include <cmath>
 #include <filesystem>
 #include <set>
+#include <tuple>
 
 #include "dataset/pose/markers.h"
 #include "dataset/trackers/pickled_names.h"
@@ -31,6 +32,18 @@ void RequireSound(const dataset::TrackedPoints& points) {
   Require(tracks[0].frames.size() == points.track.frames.size(), "frames were lost");
 }
 
+/// Tables and arrays of markers.
+void RunMarkers(const std::string& path) {
+  dataset::MarkerFile file;
+  if (!Accepts([&] { file = dataset::ReadMarkers(path, "m"); })) return;
+  std::set<std::tuple<int, int, std::string>> seen;
+  for (const dataset::JointRow& row : file.pose.rows) {
+    Require(row.status != Status::kOk || row.x_in_world.allFinite(), "a point that is Ok and not finite");
+    Require(seen.emplace(row.frame, row.person, row.joint).second, "a point of a person twice in a frame");
+  }
+  Require(file.pose.frame_rate_hz >= 0 && std::isfinite(file.pose.frame_rate_hz), "a frame rate that is none");
+}
+
 void RunText(std::string_view bytes) {
   const std::string path = Scratch("tracker.csv", bytes);
   dataset::TrackedPoints points;
@@ -42,6 +55,12 @@ void RunText(std::string_view bytes) {
 MVS_FUZZ_TARGET(deeplabcut_csv, bytes) { RunText(bytes); }
 
 MVS_FUZZ_TARGET(sleap_csv, bytes) { RunText(bytes); }
+
+MVS_FUZZ_TARGET(markers_csv, bytes) { RunMarkers(InMemory("in.csv", bytes)); }
+
+MVS_FUZZ_TARGET(markers_sto, bytes) { RunMarkers(InMemory("in.sto", bytes)); }
+
+MVS_FUZZ_TARGET(markers_npz, bytes) { RunMarkers(Scratch("in.npz", bytes)); }
 
 MVS_FUZZ_TARGET(caliscope_points, bytes) {
   const std::string path = InMemory("xy.csv", bytes);

@@ -106,8 +106,7 @@ std::string NeverSeen(const std::vector<Board>& boards, const Footage& footage, 
   if (mirrored) {
     return "camera " + footage.camera + ": the board " + names + " can be read only in a mirror (" + why +
            "); if its images are flipped left-right, say so with option 'mirrored' " + ShellWord(footage.camera) +
-           "; if it looks at the back of a board that is printed through or on both sides, say so with two-sided=THICKNESS "
-           "in option 'board'";
+           "; if it looks at the back of a board, printed through or on both sides, two-sided=THICKNESS in option 'board'";
   }
   return "camera " + footage.camera + ": the board " + names + " was not found in any of " + std::to_string(found.num_images) +
          " images" + (why.empty() ? "" : " (" + why + ")") + "; check " + HintFor(boards.front(), detector) +

@@ -221,7 +221,7 @@ TEST(MotionBlocks, CutWhereACalmMotionLeaps) {
   EXPECT_EQ(blocks_of([&](int frame) { return 0.012 * frame + (frame > last / 2 ? 0.06 : 0); }), 2u);
   EXPECT_EQ(blocks_of([&](int frame) { return 0.012 * frame + (frame > last / 2 ? 0.01 : 0); }), 1u) << "noise does as much";
   // From rest to a run, and a place that one frame has wrong, are no cuts.
-  EXPECT_EQ(blocks_of([&](int frame) { return 0.002 * std::pow(std::max(0, frame - last / 2), 2); }), 1u);
+  EXPECT_EQ(blocks_of([&](int frame) { return 0.0004 * std::pow(std::max(0, frame - last / 2), 2); }), 1u);
   EXPECT_EQ(blocks_of([&](int frame) { return 0.004 * frame + (frame == last / 2 ? 0.1 : 0); }), 1u);
 }
 
