@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "calib/bundle/view_clusters.h"
@@ -77,6 +78,20 @@ void LookBeyond(const std::vector<bool>& near, const SelectionOptions& options, 
   choice->reason = std::exchange(choice->beyond, "");
 }
 
+/// Lenses that explain the few boards about as well as the chosen one.
+std::vector<bool> NearByEvidence(const std::vector<LensCandidate>& candidates, int chosen) {
+  constexpr double kWorse = 1.5;  // of the sum of squares
+  const double sigma_px = SmallestSigma(candidates);
+  const auto squares = [&](const LensCandidate& candidate) {
+    const std::vector<double> clusters = ClusterSquares(candidate.fit, sigma_px);
+    return std::accumulate(clusters.begin(), clusters.end(), 0.0);
+  };
+  const double limit = kWorse * squares(candidates[static_cast<size_t>(chosen)]);
+  std::vector<bool> near;
+  for (const LensCandidate& candidate : candidates) near.push_back(squares(candidate) <= limit);
+  return near;
+}
+
 LensChoice ChooseByEvidence(const LensPool& pool, const SelectionOptions& options, const BundleOptions& bundle) {
   LensChoice choice;
   for (const LensConfig& config : Configurations(pool, options, true)) {
@@ -89,6 +104,7 @@ LensChoice ChooseByEvidence(const LensPool& pool, const SelectionOptions& option
   if (choice.index < 0) return choice;
   choice.reason = ToString(choice.candidates[static_cast<size_t>(choice.index)].config) +
                   " is what the few boards call for (Schwarz's criterion); too few to hold any out";
+  LookBeyond(NearByEvidence(choice.candidates, choice.index), options, bundle, &choice);
   return choice;
 }
 

@@ -73,6 +73,20 @@ TEST(PassingLens, TheSimplerLensThatPassesIsTakenWhereHeldOutBoardsDoNotTellThem
   EXPECT_NE(note.find("+50.0 %"), std::string::npos) << note;
 }
 
+/// Too few boards to hold any out: a rich lens follows their noise, and fails where they were not.
+TEST(ChooseLens, OfFewBoardsTheLensPassesWhereOneDoes) {
+  for (const double radius_px : {140.0, 170.0}) {
+    const LensPool pool = PoolOf(LensModel::kBrown2, InTheMiddle(ViewsOf(LensModel::kBrown2, 4, 0.2), radius_px));
+    SelectionOptions options;
+    options.need_px = 20;
+    const LensChoice choice = ChooseLens(pool, options, BundleOptions(), RunContext());
+    ASSERT_GE(choice.index, 0);
+    const BeyondBoards taken = JudgeBeyond(choice.candidates[static_cast<size_t>(choice.index)].fit, BundleOptions(), 20);
+    const LensCandidate simple = FitCandidate(pool, {LensModel::kBrown2, {}, false, false}, BundleOptions());
+    EXPECT_LE(taken.level, JudgeBeyond(simple.fit, BundleOptions(), 20).level) << choice.reason;
+  }
+}
+
 /// A curve of two parameters claims to know the image where no board was: it stands for no lens of four.
 TEST(PassingLens, AShorterCurveOfAnotherWideFamilyDoesNotStandIn) {
   const LensPool pool = PoolOf(LensModel::kKannalaBrandt4, InTheMiddle(ViewsOf(LensModel::kKannalaBrandt4, 14, 0.2), 180));
