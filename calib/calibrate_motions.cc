@@ -14,14 +14,16 @@
 namespace mvstudio::calib::internal {
 namespace {
 
-/// The camera that contradicts the others most, as the verdict counts it; empty: none.
+/// The camera that contradicts the others most, well below what the verdict counts: what it does is looked for, and counts only
+/// where it explains most of this. Empty: none.
 std::string MostContradictory(const CalibrateReport& report) {
-  double most = kContradictsRatio;
+  constexpr double kRatio = 1.2, kExcessPx = 0.05;
+  double most = kRatio;
   std::string name;
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     const CameraReport& camera = report.cameras[c];
     const double ratio = camera.rms_px / camera.alone_rms_px, excess = camera.rms_px - camera.alone_rms_px;
-    if (ratio > most && excess > kContradictsPx * PixelScale(report, c)) most = ratio, name = camera.name;
+    if (ratio > most && excess > kExcessPx * PixelScale(report, c)) most = ratio, name = camera.name;
   }
   return name;
 }

@@ -113,6 +113,34 @@ def sagging(rng):
     return Recording(scene, observe(rng, scene, camera_at=at), truths=ends, culprits=[scene.cameras[c].name])
 
 
+@kind("camera moves", MOVED + [r"time offset", r"\blate\b"])
+def kicked_and_late(rng):
+    """A camera takes its frames 0.2 to 0.5 frames late, and turns by 0.5 to 2 degrees while a board is carried about."""
+    scene = make_scene(rng, video=True, frames=49)
+    c, at = when_and_who(rng, scene)
+    turn, late = rigid.exp(math.radians(rng.uniform(0.5, 2)) * direction(rng)), rng.uniform(0.2, 0.5)
+    camera = scene.cameras[c]
+    rotation = turn @ camera.cam_from_world[0]
+    after = altered(camera, cam_from_world=(rotation, -rotation @ camera.centre()))
+    corners = observe(rng, scene, camera_at=lambda k, i: after if k == c and i >= at else scene.cameras[k],
+                      time_of=lambda k, i: i - late if k == c else float(i))
+    other = [after if k == c else x for k, x in enumerate(scene.cameras)]
+    return Recording(scene, corners, truths=[scene.cameras, other], culprits=[camera.name])
+
+
+@kind("camera moves", MOVED + [r"turned by 180", r"half a turn", r"upside"])
+def picture_turned(rng):
+    """A camera's picture stands on its head from an instant on, as when a phone turns its footage."""
+    def change(camera):
+        half = np.diag([-1.0, -1.0, 1.0])
+        p = camera.lens.params.copy()
+        p[2:4] = np.array(camera.size) - 1 - p[2:4]
+        p[6:8] *= -1  # decentring follows the picture
+        rotation, translation = camera.cam_from_world
+        return altered(camera, lens=Lens(camera.lens.model, p), cam_from_world=(half @ rotation, half @ translation))
+    return changed_from(rng, make_scene(rng), change)
+
+
 # ---- seeds -----------------------------------------------------------------------------------------------------------------------
 
 def seeded(rng, alter, more, culprit=True):
@@ -143,6 +171,13 @@ def wrongly_distorted(camera):
     """The seed's lens bends although the footage was undistorted before."""
     p = camera.lens.params.copy()
     p[4:] = [-0.3, 0.1, 0.001, -0.001, 0]
+    return altered(camera, lens=Lens("brown5", p))
+
+
+def refocused_since(camera):
+    """The lens stands in the file as it was before somebody touched its focus."""
+    p = camera.lens.params.copy()
+    p[:2] *= 0.97
     return altered(camera, lens=Lens("brown5", p))
 
 
@@ -185,3 +220,21 @@ def seed_turned(rng):
 def seed_turned_fixed(rng):
     """The same, and the poses are not to change."""
     return seeded(rng, turned, ["--fix", "poses"])
+
+
+@kind("seeds", SEED_WRONG)
+def seed_refocused_fixed(rng):
+    """A camera's focal length in the seed is 3 % too small, and the lens is not to change."""
+    return seeded(rng, refocused_since, ["--fix", "lenses:{name}"])
+
+
+@kind("seeds", SEED_WRONG + [r"\bunit", r"CAL-LENGTHS", r"CAL-SCALE", r"times"], simpler=())
+def seed_unit_fixed(rng):
+    """The poses in the seed are in another unit than the board: ten times, 25.4 times or a thousand times too large; they are held."""
+    factor = float(rng.choice([10, 25.4, 1000]))
+
+    def rescaled(camera):
+        return altered(camera, cam_from_world=(camera.cam_from_world[0], factor * camera.cam_from_world[1]))
+    rec = seeded(rng, lambda camera: camera, ["--fix", "poses"], culprit=False)
+    rec.files["seed.json"] = calibration_text([rescaled(camera) for camera in rec.scene.cameras])
+    return rec

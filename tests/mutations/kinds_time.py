@@ -22,9 +22,9 @@ def of_camera(rec, c):
     return sorted(frame for k, frame in rec.corners if k == c)
 
 
-def retimed(rng, time_of_frame, stride=1):
+def retimed(rng, time_of_frame, stride=1, **options):
     """A camera whose frame i shows time_of_frame(i)."""
-    scene = make_scene(rng, **VIDEO)
+    scene = make_scene(rng, **{**VIDEO, **options})
     scene.stride = stride
     c = someone(rng, scene)
     corners = observe(rng, scene, time_of=lambda k, i: time_of_frame(i) if k == c else float(i))
@@ -36,6 +36,13 @@ def late_frames(rng):
     """A camera's video begins 1 to 12 frames late."""
     late = int(rng.integers(1, 13))
     return retimed(rng, lambda i: float(i - late))
+
+
+@kind("frames", FRAMES)
+def late_seconds(rng):
+    """A camera's video begins 13 to 45 frames late."""
+    late = int(rng.integers(13, 46))
+    return retimed(rng, lambda i: float(i - late), count=4, frames=97)
 
 
 @kind("frames", FRAMES)
@@ -104,6 +111,33 @@ def half_rate(rng):
     slow = {(c, frame // 2): px for (k, frame), px in corners.items() if k == c and frame % 2 == 0}
     corners = {key: px for key, px in corners.items() if key[0] != c}
     return Recording(scene, {**corners, **slow}, culprits=[scene.cameras[c].name])
+
+
+@kind("frames", FRAMES + [r"time offset", r"late"])
+def late_all(rng):
+    """Every camera takes its frames at another fraction of a frame."""
+    scene = make_scene(rng, **VIDEO)
+    late = rng.uniform(-0.5, 0.5, len(scene.cameras))
+    return Recording(scene, observe(rng, scene, time_of=lambda c, i: i - late[c]))
+
+
+@kind("frames", CLOCK)
+def clocks_all(rng):
+    """Every camera's clock has a rate of its own, up to 1 % from the others."""
+    scene = make_scene(rng, **VIDEO)
+    rates = rng.uniform(-0.005, 0.005, len(scene.cameras))
+    return Recording(scene, observe(rng, scene, time_of=lambda c, i: i * (1 + rates[c])))
+
+
+@kind("frames", CLOCK + [r"frames a second", r"\bratio\b", r"as many frames"])
+def rate_ratio(rng):
+    """A camera films at two thirds, three fifths or three quarters of the others' rate, its frames numbered one by one."""
+    ratio = [3 / 2, 5 / 3, 4 / 3][int(rng.integers(3))]
+    scene = make_scene(rng, count=4, video=True, frames=97)
+    c = someone(rng, scene)
+    corners = observe(rng, scene, time_of=lambda k, i: i * ratio if k == c else float(i))
+    corners = {key: px for key, px in corners.items() if key[0] != c or key[1] * ratio <= len(scene.poses) - 1}
+    return Recording(scene, corners, culprits=[scene.cameras[c].name])
 
 
 @kind("frames", FRAMES + [r"drop"])

@@ -45,7 +45,8 @@ def write(recording, folder):
 
 def arguments(recording, folder, corners, model=None):
     more = [a.replace("{folder}", str(folder)) for a in recording.arguments]
-    return ["--corners", str(corners), "--board", recording.board_text, *recording.size_arguments(), *more,
+    boards = [] if recording.second else ["--board", recording.board_text.replace("{folder}", str(folder))]
+    return ["--corners", str(corners), *boards, *recording.size_arguments(), *more,
             *(["--model", model] if model else [])]
 
 

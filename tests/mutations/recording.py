@@ -31,6 +31,7 @@ class Recording:
     empty: list = dataclasses.field(default_factory=list)      # cameras that are listed without corners
     names: dict = None                 # camera index -> name in the file
     sizes: dict = None                 # camera index -> size that the program is told
+    second: dict = None                # corners of a second board like the first, as `corners`; csv only
 
     def __post_init__(self):
         self.board_text = self.board_text or self.scene.board.text()
@@ -83,11 +84,13 @@ def csv_text(rec):
     for c in sorted(set(rec.used()) | set(rec.empty)):
         w, h = rec.size_of(c)
         lines.append(f"# camera {w}x{h} {rec.name_of(c)}")
-    lines += [f"# board 0 {rec.board_text}", "camera,frame,board,corner,x_px,y_px"]
-    for key in rec.order or sorted(rec.corners):
-        for i, (x, y) in enumerate(rec.corners[key]):
-            if np.isfinite(x):
-                lines.append(f"{rec.name_of(key[0])},{key[1]},0,{i},{x:.4f},{y:.4f}")
+    boards = [rec.corners] + ([rec.second] if rec.second else [])
+    lines += [f"# board {b} {rec.board_text}" for b in range(len(boards)) if "{" not in rec.board_text]
+    lines.append("camera,frame,board,corner,x_px,y_px")
+    for b, corners in enumerate(boards):
+        for key in (rec.order if b == 0 and rec.order else sorted(corners)):
+            lines += [f"{rec.name_of(key[0])},{key[1]},{b},{i},{x:.4f},{y:.4f}"
+                      for i, (x, y) in enumerate(corners[key]) if np.isfinite(x)]
     return "\n".join(lines) + "\n"
 
 
@@ -162,7 +165,7 @@ def make_cameras(rng, count, layout, radius, sizes, lens, sigma, hfov):
 
 
 def make_scene(rng, count=None, frames=None, layout=None, video=False, sizes=None, lens="perspective", sigma=None, hfov=(45, 75),
-               radius=None, near_far=(0.55, 1.15), tilt_deg=40, partial=None, least=None):
+               radius=None, near_far=(0.55, 1.15), tilt_deg=40, partial=None, least=None, sides=None):
     count = count or int(rng.integers(4, 6))
     frames = frames or int(rng.integers(34, 51))
     layout = layout or str(rng.choice(["arc", "wall", "arc"]))
@@ -172,7 +175,7 @@ def make_scene(rng, count=None, frames=None, layout=None, video=False, sizes=Non
     for _ in range(20):
         cameras = make_cameras(rng, count, layout, radius, sizes, lens, sigma, hfov)
         f_over_width = min(c.lens.params[0] / c.size[0] for c in cameras)
-        board = studio.board_for(rng, radius, f_over_width)
+        board = studio.board_for(rng, radius, f_over_width, sides)
         reach = (near_far[0] * radius, near_far[1] * radius)
         try:
             if video:

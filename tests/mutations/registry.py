@@ -34,5 +34,5 @@ def kind(group, names=(), **options):
 
 
 def load():
-    import kinds_board, kinds_cameras, kinds_clean, kinds_file, kinds_lenses, kinds_time, kinds_views  # noqa: F401, E401
+    import kinds_board, kinds_cameras, kinds_clean, kinds_file, kinds_lenses, kinds_targets, kinds_time, kinds_views  # noqa: F401, E401
     return KINDS

@@ -121,9 +121,9 @@ def place_cameras(rng, layout, count, radius, aside=0.06):
 
 # ---- boards ------------------------------------------------------------------------------------------------------------------
 
-def board_for(rng, distance, f_over_width):
-    """A board that fills about a third of the image at that distance."""
-    cols, rows = BOARDS[rng.integers(len(BOARDS))]
+def board_for(rng, distance, f_over_width, sides=None):
+    """A board that fills about a third of the image at that distance, of `sides` corners where given."""
+    cols, rows = sides or BOARDS[rng.integers(len(BOARDS))]
     width = 0.3 * distance / max(f_over_width, 0.35)
     return Board(cols, rows, float(f"{width / (cols - 1):.2g}"))
 
