@@ -5,8 +5,8 @@
 #include <map>
 #include <set>
 
+#include "app/calib/film_gain.h"
 #include "app/input/calib_read.h"
-#include "calib/covariance/film_gain.h"
 #include "calib/film_next.h"
 #include "core/format.h"
 #include "core/statistics.h"
@@ -269,7 +269,7 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
 
 void AddFilmGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards, CommandResult* result) {
   ordered_json& rows = result->metrics["film_gain"] = ordered_json::array();
-  for (const calib::FilmGain& gain : PredictGain(report, boards)) {
+  for (const FilmGain& gain : PredictGain(report, boards)) {
     const std::string& name = report.cameras[static_cast<size_t>(gain.camera_idx)].name;
     rows.push_back({{"camera", name},
                     {"num_boards", gain.cam_from_board.size()},

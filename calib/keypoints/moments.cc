@@ -4,6 +4,8 @@
 #include <map>
 
 #include "calib/keypoints/fit.h"
+#include "core/error.h"
+#include "triangulate/point/point.h"
 
 namespace mvstudio::calib {
 
@@ -24,6 +26,26 @@ std::vector<NamedPoints> MomentsOf(const geometry::Rig& rig, const std::vector<t
   std::vector<NamedPoints> ordered;
   for (auto& [key, points] : moments) ordered.push_back(std::move(points));
   return ordered;
+}
+
+NamedPoints PointsOfMarks(const geometry::Rig& rig, const ScenePoints& marks) {
+  std::vector<std::vector<triangulate::Observation>> seen(marks.names.size());
+  for (const PointClick& click : marks.clicks) {
+    const std::string& name = marks.cameras[static_cast<size_t>(click.camera_idx)];
+    triangulate::Observation observation;
+    observation.camera_idx = rig.Find(name), observation.px = click.px;
+    if (observation.camera_idx < 0) throw UsageError("points are marked in camera " + name + ", which the calibration lacks");
+    seen[static_cast<size_t>(click.point_idx)].push_back(observation);
+  }
+  const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
+  triangulate::PointOptions options;
+  options.method = triangulate::PointMethod::kAllViews;
+  NamedPoints points;
+  for (size_t p = 0; p < seen.size(); ++p) {
+    const triangulate::Point point = triangulate::TriangulatePoint(prepared, seen[p], options);
+    if (point.status == Status::kOk) points[marks.names[p]] = point.x_in_world;
+  }
+  return points;
 }
 
 std::vector<KnownLength> KnownLengthsOf(const std::vector<StatedLength>& lengths, const std::vector<std::string>& joints) {

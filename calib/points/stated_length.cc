@@ -8,7 +8,6 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "core/statistics.h"
-#include "triangulate/point/point.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -166,26 +165,6 @@ std::vector<StatedLength> LengthsOf(const std::vector<StatedLength>& stated, con
                        KnownNames(names));
   }
   return lengths;
-}
-
-NamedPoints PointsOfClicks(const geometry::Rig& rig, const ScenePoints& clicked) {
-  std::vector<std::vector<triangulate::Observation>> seen(clicked.names.size());
-  for (const PointClick& click : clicked.clicks) {
-    const std::string& name = clicked.cameras[static_cast<size_t>(click.camera_idx)];
-    triangulate::Observation observation;
-    observation.camera_idx = rig.Find(name), observation.px = click.px;
-    if (observation.camera_idx < 0) throw UsageError("points are marked in camera " + name + ", which the calibration lacks");
-    seen[static_cast<size_t>(click.point_idx)].push_back(observation);
-  }
-  const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
-  triangulate::PointOptions options;
-  options.method = triangulate::PointMethod::kAllViews;
-  NamedPoints points;
-  for (size_t p = 0; p < seen.size(); ++p) {
-    const triangulate::Point point = triangulate::TriangulatePoint(prepared, seen[p], options);
-    if (point.status == Status::kOk) points[clicked.names[p]] = point.x_in_world;
-  }
-  return points;
 }
 
 LengthScale ScaleFromLengths(const std::vector<StatedLength>& lengths, const std::vector<NamedPoints>& moments) {

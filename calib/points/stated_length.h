@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "calib/points/scene_points.h"
 #include "core/status.h"
 
 /// Known lengths that give a rig its size.
@@ -36,9 +35,6 @@ std::vector<StatedLength> LengthsOf(const std::vector<StatedLength>& stated, con
 
 /// Points of one moment and one person, metres in world.
 using NamedPoints = std::map<std::string, Eigen::Vector3d>;
-
-/// Those that two cameras of the rig or more were clicked in. Throws UsageError for a camera that the rig lacks.
-NamedPoints PointsOfClicks(const geometry::Rig& rig, const ScenePoints& clicked);
 
 struct LengthScale {
   struct Row {

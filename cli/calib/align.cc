@@ -11,6 +11,7 @@
 #include "app/people/feet_floor.h"
 #include "app/people/human_shape.h"
 #include "calib/check/seen_corners.h"
+#include "calib/keypoints/moments.h"
 #include "calib/points/align_rig.h"
 #include "cli/calib/calib.h"
 #include "cli/calib/stated_lengths.h"
@@ -111,7 +112,7 @@ RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, Command
 /// The points that lengths are measured between: of a take, or marked in images of one moment.
 std::vector<calib::NamedPoints> MomentsOf(const geometry::Rig& rig, const std::vector<std::string>& paths) {
   const bool marked = std::filesystem::is_regular_file(paths[0]) && calib::HasClicks(paths[0]);
-  if (marked || paths.size() > 1) return {PointsOfClicks(rig, calib::ReadScenePlaces(paths))};
+  if (marked || paths.size() > 1) return {PointsOfMarks(rig, calib::ReadMarks(paths))};
   std::map<std::pair<int, int>, calib::NamedPoints> moments;  // frame, person
   for (const dataset::JointRow& row : dataset::ReadPoints3d(paths[0]).rows) {
     calib::NamedPoints& points = moments[{row.frame, row.person}];
@@ -227,6 +228,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
   CLI::App* sub = calib.add_subcommand(
       "align", "Move a calibrated rig to another world: a board on the floor, the floor under people's feet, or known points");
   AddOption(sub, "CALIB", arguments->calibration, "calibration to move")->required();
+  StartGroup(sub, "World and size");
   AddOption(sub, "--floor-board", arguments->floor_board,
             "frame in which the board lies on the floor: z up, x along its columns, origin at its first corner")
       ->check(CLI::NonNegativeNumber);
@@ -247,6 +249,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
             "px; expected standard deviation of a marked point, per coordinate")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  StartGroup(sub, "Reading the calibration");
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")

@@ -239,6 +239,13 @@ CommandResult Unsolved(const calib::CalibrateReport& report) {
   return result;
 }
 
+void WriteBoardPoses(const calib::CalibrateReport& report, const std::string& folder, CommandResult* result) {
+  const std::string poses = app::BoardPosesCsv(report), path = folder + "/" + app::kBoardPosesFile;
+  if (poses.empty()) return;
+  WriteFileAtomic(path, poses);
+  result->outputs.push_back({path, "board poses"});
+}
+
 std::vector<std::string> InputsOf(const Arguments& arguments) {
   return Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners, arguments.start, arguments.scene.from_scene});
 }
@@ -280,10 +287,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   const std::string path = arguments.out + "/calibration.json";
   geometry::WriteRig(report.rig, path);
   result.outputs.push_back({path, "calibration"});
-  if (const std::string poses = app::BoardPosesCsv(report); !poses.empty() && !from_points) {
-    WriteFileAtomic(arguments.out + "/" + app::kBoardPosesFile, poses);
-    result.outputs.push_back({arguments.out + "/" + app::kBoardPosesFile, "board poses"});
-  }
+  if (!from_points) WriteBoardPoses(report, arguments.out, &result);
   result.metrics["world"] = app::WorldText(report.rig);
   app::FillCalibrateMetrics(report, FoundOf(corners, solved.kept), &result.metrics);
   AddBoardViews(arguments.corners, report, solved.kept, arguments.out, context.run, &result);

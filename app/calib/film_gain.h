@@ -5,7 +5,7 @@
 #include "calib/board/board.h"
 #include "calib/calibrate.h"
 
-namespace mvstudio::calib {
+namespace mvstudio::app {
 
 /// What more boards would be worth to one camera.
 struct FilmGain {
@@ -19,6 +19,6 @@ struct FilmGain {
 /// corners of these boards added, at the report's solution. Where it is tens of px, the lens itself is that far off, and such
 /// boards gain more than is predicted. Empty for clocks with offsets, boards that move against each other and lenses alone,
 /// where the report does not hold all that counts.
-std::vector<FilmGain> PredictGain(const CalibrateReport& report, const std::vector<Board>& boards);
+std::vector<FilmGain> PredictGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards);
 
-}  // namespace mvstudio::calib
+}  // namespace mvstudio::app

@@ -1,4 +1,4 @@
-#include "calib/covariance/film_gain.h"
+#include "app/calib/film_gain.h"
 
 #include <algorithm>
 #include <array>
@@ -12,7 +12,7 @@
 #include "calib/covariance/projection_uncertainty.h"
 #include "calib/film_next.h"
 
-namespace mvstudio::calib {
+namespace mvstudio::app {
 namespace {
 
 using Eigen::Index;
@@ -24,16 +24,16 @@ struct Third {
 };
 
 /// Detections of the corners that were kept.
-std::vector<Detection> KeptCorners(const CalibrateReport& report) {
-  std::map<std::tuple<int64_t, int, int>, std::vector<const CornerResidual*>> kept;
-  for (const CornerResidual& corner : report.residuals)
+std::vector<calib::Detection> KeptCorners(const calib::CalibrateReport& report) {
+  std::map<std::tuple<int64_t, int, int>, std::vector<const calib::CornerResidual*>> kept;
+  for (const calib::CornerResidual& corner : report.residuals)
     if (!corner.rejected) kept[{corner.frame_idx, corner.camera_idx, corner.board_idx}].push_back(&corner);
-  std::vector<Detection> detections;
+  std::vector<calib::Detection> detections;
   for (const auto& [place, corners] : kept) {
-    Detection detection;
+    calib::Detection detection;
     std::tie(detection.frame_idx, detection.camera_idx, detection.board_idx) = place;
     detection.points_px.resize(2, static_cast<Index>(corners.size()));
-    for (const CornerResidual* corner : corners) {
+    for (const calib::CornerResidual* corner : corners) {
       detection.points_px.col(detection.num_corners()) = corner->px;
       detection.corner_ids.push_back(corner->corner_id);
     }
@@ -64,10 +64,11 @@ std::optional<Rigid3> BoardAt(const geometry::Projector& projector, const geomet
 }
 
 /// The parts of a camera's image beside the middle, those with the fewest corners first.
-std::vector<Third> PartsToFilm(const geometry::Camera& camera, int camera_idx, const std::vector<Detection>& detections) {
+std::vector<Third> PartsToFilm(const geometry::Camera& camera, int camera_idx,
+                               const std::vector<calib::Detection>& detections) {
   std::array<int, 9> count{};
   const auto third = [](double at, int size_px) { return std::clamp(static_cast<int>((at + 0.5) * 3 / size_px), 0, 2); };
-  for (const Detection& seen : detections) {
+  for (const calib::Detection& seen : detections) {
     for (Index i = 0; i < seen.points_px.cols() && seen.camera_idx == camera_idx; ++i)
       ++count[static_cast<size_t>(third(seen.points_px(1, i), camera.height_px) * 3 +
                                   third(seen.points_px(0, i), camera.width_px))];
@@ -80,13 +81,13 @@ std::vector<Third> PartsToFilm(const geometry::Camera& camera, int camera_idx, c
   return parts;
 }
 
-std::vector<FilmGain> Proposals(const CalibrateReport& report, const std::vector<Board>& boards,
-                                const std::vector<Detection>& detections) {
+std::vector<FilmGain> Proposals(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards,
+                                const std::vector<calib::Detection>& detections) {
   constexpr size_t kBoards = 6;
   constexpr double kTilt = 0.6;
-  const Eigen::Matrix3Xd corners = CornersInBoard(boards[0]);
+  const Eigen::Matrix3Xd corners = calib::CornersInBoard(boards[0]);
   std::vector<FilmGain> gains;
-  for (const FilmHint& hint : FilmNext(report)) {
+  for (const calib::FilmHint& hint : calib::FilmNext(report)) {
     const bool known = std::any_of(gains.begin(), gains.end(), [&](const auto& g) { return g.camera_idx == hint.camera_idx; });
     if (known || (hint.code != "FILM-COVERAGE" && hint.code != "FILM-FEW")) continue;
     const auto c = static_cast<size_t>(hint.camera_idx);
@@ -107,10 +108,11 @@ std::vector<FilmGain> Proposals(const CalibrateReport& report, const std::vector
   return gains;
 }
 
-Detection SeenAt(const geometry::Camera& camera, int camera_idx, int64_t frame, const Board& board, const Rigid3& pose) {
+calib::Detection SeenAt(const geometry::Camera& camera, int camera_idx, int64_t frame, const calib::Board& board,
+                        const Rigid3& pose) {
   const geometry::Projector projector(camera);
-  const Eigen::Matrix3Xd corners = CornersInBoard(board);
-  Detection detection;
+  const Eigen::Matrix3Xd corners = calib::CornersInBoard(board);
+  calib::Detection detection;
   detection.camera_idx = camera_idx, detection.frame_idx = frame;
   detection.points_px.resize(2, corners.cols());
   for (Index i = 0; i < corners.cols(); ++i) {
@@ -121,11 +123,11 @@ Detection SeenAt(const geometry::Camera& camera, int camera_idx, int64_t frame, 
 }
 
 /// Uncertainty at the corners of each camera's image by these detections, at the report's solution.
-std::vector<double> CornerPx(const CalibrateReport& report, const std::vector<Board>& boards,
-                             const std::vector<Detection>& detections, std::map<int64_t, Rigid3> world_from_board) {
-  RigState state;
-  BundleOptions options;
-  const std::vector<View> views = MakeViews(boards, detections, &state.frames);
+std::vector<double> CornerPx(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards,
+                             const std::vector<calib::Detection>& detections, std::map<int64_t, Rigid3> world_from_board) {
+  calib::RigState state;
+  calib::BundleOptions options;
+  const std::vector<calib::View> views = calib::MakeViews(boards, detections, &state.frames);
   for (const int64_t frame : state.frames) state.world_from_board.push_back(world_from_board[frame]);
   for (size_t c = 0; c < report.rig.cameras.size(); ++c) {
     const geometry::Camera& lens = report.rig.cameras[c].camera;
@@ -142,19 +144,20 @@ std::vector<double> CornerPx(const CalibrateReport& report, const std::vector<Bo
       std::any_of(state.board_warp_m.begin(), state.board_warp_m.end(), [](const auto& w) { return w.norm() > 0; });
   options.refine_stretch = !state.board_stretch.empty();
   std::vector<double> px;
-  for (const CameraUncertainty& c : ProjectionUncertainty(views, state, options, report.sigma_px).Summarize().cameras)
+  for (const calib::CameraUncertainty& c :
+       calib::ProjectionUncertainty(views, state, options, report.sigma_px).Summarize().cameras)
     px.push_back(c.corner_px);
   return px;
 }
 
 }  // namespace
 
-std::vector<FilmGain> PredictGain(const CalibrateReport& report, const std::vector<Board>& boards) {
+std::vector<FilmGain> PredictGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards) {
   const size_t count = report.rig.cameras.size();
   const bool late = std::any_of(report.cameras.begin(), report.cameras.end(),
-                                [](const CameraReport& c) { return c.time_offset_frames != 0 || c.time_rate != 0; });
+                                [](const calib::CameraReport& c) { return c.time_offset_frames != 0 || c.time_rate != 0; });
   if (late || report.free_boards || report.components.empty() || report.uncertainty.cameras.size() != count) return {};
-  std::vector<Detection> detections = KeptCorners(report);
+  std::vector<calib::Detection> detections = KeptCorners(report);
   std::vector<FilmGain> gains = Proposals(report, boards, detections);
   if (gains.empty()) return gains;
   std::map<int64_t, Rigid3> poses;
@@ -178,4 +181,4 @@ std::vector<FilmGain> PredictGain(const CalibrateReport& report, const std::vect
   return known;
 }
 
-}  // namespace mvstudio::calib
+}  // namespace mvstudio::app
