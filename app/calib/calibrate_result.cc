@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "app/calib/film_gain.h"
 #include "app/input/calib_read.h"
 #include "calib/film_next.h"
 #include "core/format.h"
@@ -264,6 +265,21 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
   AddMaps(report, metrics);
   if (report.cameras.size() > 1) m["covisibility"] = Covisibility(report);
   m["residuals"] = ResidualSamples(report);
+}
+
+void AddFilmGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards, CommandResult* result) {
+  ordered_json& rows = result->metrics["film_gain"] = ordered_json::array();
+  for (const FilmGain& gain : PredictGain(report, boards)) {
+    const std::string& name = report.cameras[static_cast<size_t>(gain.camera_idx)].name;
+    rows.push_back({{"camera", name},
+                    {"num_boards", gain.cam_from_board.size()},
+                    {"corner_before_px", FiniteOrNull(gain.before_px)},
+                    {"corner_after_px", FiniteOrNull(gain.after_px)}});
+    result->text += Format(
+        "%s: %zu more boards, tilted, where its images lack corners would lower the uncertainty in their "
+        "corners from %.2f to %.2f px\n",
+        name.c_str(), gain.cam_from_board.size(), gain.before_px, gain.after_px);
+  }
 }
 
 ordered_json VerdictJson(const calib::Verdict& verdict) {

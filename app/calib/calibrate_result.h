@@ -13,6 +13,10 @@ namespace mvstudio::app {
 void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
                           nlohmann::ordered_json* metrics);
 
+/// What six more boards would be worth to cameras that lack corners (PredictGain): "film_gain" in the metrics, and a
+/// line of text for each.
+void AddFilmGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards, CommandResult* result);
+
 /// Summary for the terminal.
 std::string CalibrateSummary(const calib::CalibrateReport& report);
 

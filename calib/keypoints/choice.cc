@@ -133,18 +133,28 @@ std::string WhyRefused(const Candidate& base, const Candidate& candidate, double
       .refusal;
 }
 
-/// `candidates` from least to most change; the first is never refused.
+/// Whether a change lowers the held-out error by more than chance. Beside the best of its group alone, a change whose error
+/// varies much would pass although it is worse than none.
+bool Pays(const HeldOutCandidate& none, const HeldOutCandidate& change, const HeldOutRule& rule) {
+  return ChooseHeldOut({none, change}, rule).index == 1;
+}
+
+/// `candidates` from least to most change; the first is never refused. Four groups of lens terms are asked one after the other,
+/// and one that is freed by chance takes the rig's size with it: they need more.
 KeypointPlan Decide(const std::string& group, const std::vector<Candidate>& candidates, double cauchy_px,
                     const KeypointChoiceOptions& options, std::vector<KeypointDecision>* decisions) {
+  constexpr double kOfLenses = 1.5;
+  HeldOutRule rule;
+  rule.standard_errors = (candidates.back().plan.MovesLenses() ? kOfLenses : 1) * options.sigmas, rule.relative = options.gain,
+  rule.min_units = 1;
   std::vector<HeldOutCandidate> held_out, allowed;
   std::vector<size_t> place;
   for (size_t i = 0; i < candidates.size(); ++i) {
     const Candidate& each = candidates[i];
     held_out.push_back({each.name, each.block_cost, LengthOf(each.mean, cauchy_px)});
-    if (each.refusal.empty()) allowed.push_back(held_out.back()), place.push_back(i);
+    if (i == 0 || (each.refusal.empty() && Pays(held_out[0], held_out[i], rule)))
+      allowed.push_back(held_out.back()), place.push_back(i);
   }
-  HeldOutRule rule;
-  rule.standard_errors = options.sigmas, rule.relative = options.gain, rule.min_units = 1;
   const HeldOutChoice choice = ChooseHeldOut(held_out, rule);
   const size_t chosen = place[static_cast<size_t>(ChooseHeldOut(allowed, rule).index)];
   for (size_t i = 0; i < candidates.size(); ++i) {

@@ -97,6 +97,7 @@ double SigmaAlong(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& moti
 std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geometry::Rig& refined,
                                           const std::vector<KeypointJoint>& all_joints, double cauchy_px,
                                           const RunContext& run) {
+  if (given.cameras.size() < 3) return {};
   constexpr size_t kMaxObservations = 6000;  // a hundred for each of the few parameters
   const int num_threads = ResolveThreads(run.num_threads);
   const std::vector<KeypointJoint> joints = ThinnedTo(all_joints, kMaxObservations);

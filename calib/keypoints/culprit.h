@@ -25,6 +25,8 @@ struct KeypointCulprit {
 /// and the best change of a pose, in this order, each if it lowers the cost of `given`. Held-out frames decide whether a
 /// change is worthwhile (ChooseKeypointPlan), and all joints determine its size (DescribeCulprit).
 ///
+/// Of two cameras none: either could be the wrong one, and with one held the size of the other's motion is not determined.
+///
 /// Images resized by 2.5 to 20 % are not accepted. Of more than 8 cameras, only the 8 whose joints fit worst are tried.
 /// Frames are thinned evenly to about 6000 observations. `cauchy_px`: see KeypointCost.
 std::vector<KeypointCulprit> FindCulprits(const geometry::Rig& given, const geometry::Rig& refined,

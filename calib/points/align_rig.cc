@@ -111,6 +111,11 @@ RigAlignment AlignToClicks(const geometry::Rig& rig, const ScenePoints& points, 
 
 bool HasPlacePairs(const std::string& path) { return CsvTable(path).Find({"x_old"}) >= 0; }
 
+bool HasClicks(const std::string& path) {
+  const CsvTable table(path);
+  return table.Find({"camera"}) >= 0 && table.Find({"point", "name"}) >= 0;
+}
+
 PlacePairs ReadPlacePairs(const std::string& path) {
   const CsvTable table(path);
   PlacePairs pairs;

@@ -46,6 +46,8 @@ struct PlacePairs {
 
 /// True when the table at `path` has columns x_old, y_old, z_old.
 bool HasPlacePairs(const std::string& path);
+/// True when it has the columns of marks in images: camera, point.
+bool HasClicks(const std::string& path);
 /// Reads `point,x,y,z,x_old,y_old,z_old`, metres. Throws IoError, FormatError.
 PlacePairs ReadPlacePairs(const std::string& path);
 

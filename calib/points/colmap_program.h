@@ -13,8 +13,8 @@ namespace mvstudio::calib {
 /// One image of one camera.
 struct SceneImage {
   std::string camera, path;
-  geometry::Camera lens;    ///< what is known of it: all parameters, or a guess
-  bool lens_known = false;  ///< the lens is fixed
+  geometry::Camera lens;                                          ///< what is known of it: all parameters, or a guess
+  bool lens_known = false;                                        ///< the lens is fixed
   std::optional<Eigen::MatrixXd> lens_covariance = std::nullopt;  ///< (P, P) of a known lens; empty: unknown
 };
 

@@ -46,8 +46,8 @@ struct PointBundleOptions {
   std::optional<KnownDistance> distance;
   bool reject_outliers = true;
   double reject_sigmas = 4.5;  ///< an observation farther than this many standard deviations per coordinate is rejected
-  double min_sigma = 0;  ///< lower bound on the residuals' sigma; 1 if weights are true inverse variances
-  double robust_px = 0;  ///< scale of a Cauchy loss in the first adjustment; 0: from the residuals of the start
+  double min_sigma = 0;        ///< lower bound on the residuals' sigma; 1 if weights are true inverse variances
+  double robust_px = 0;        ///< scale of a Cauchy loss in the first adjustment; 0: from the residuals of the start
   double cost_tolerance = 1e-10;
   int max_iterations = 200;
   int num_threads = 1;

@@ -261,7 +261,8 @@ void PointProblem::AddDistance(SchurSystem* system) const {
     const Eigen::Matrix3d world_r_cam = cam_from_world.rotation.toRotationMatrix().transpose();
     const Eigen::Vector3d along = (c == known.a ? 1 : -1) * between / length;
     // R <- Exp(w) R turns the centre to -R^T Exp(-w) t: derivative -R^T [t]x for w, -R^T for t.
-    j.segment<3>(column) = (-along.transpose() * world_r_cam * geometry::CrossMatrix(cam_from_world.translation)).transpose() / sigma;
+    j.segment<3>(column) =
+        (-along.transpose() * world_r_cam * geometry::CrossMatrix(cam_from_world.translation)).transpose() / sigma;
     j.segment<3>(column + 3) = -(world_r_cam.transpose() * along) / sigma;
   }
   system->h.selfadjointView<Eigen::Lower>().rankUpdate(j);

@@ -40,12 +40,12 @@ struct PointResection {
   Eigen::MatrixXd unknowns_covariance;           ///< (X, X) for exact lenses and poses
   Eigen::MatrixXd unknowns_by_given;             ///< (X, N) derivatives
   std::vector<Eigen::MatrixXd> lens_directions;  ///< per camera (P, K): params = given + directions * unknowns
-  std::string lens_reason;        ///< why the lens was refined or not; empty unless asked for
-  Eigen::Matrix2Xd residuals_px;  ///< (2, clicks) projected minus clicked; infinite where it does not project
-  std::vector<bool> rejected;     ///< per click: a gross error
-  double rms_px = 0;              ///< 2-D point RMS over the kept clicks
-  double sigma_px = 0;            ///< per coordinate: estimated, but for few clicks not below the expected one
-  double leave_one_out_px = 0;    ///< 2-D RMS of each kept click when it is left out; NaN for fewer than 5
+  std::string lens_reason;                       ///< why the lens was refined or not; empty unless asked for
+  Eigen::Matrix2Xd residuals_px;                 ///< (2, clicks) projected minus clicked; infinite where it does not project
+  std::vector<bool> rejected;                    ///< per click: a gross error
+  double rms_px = 0;                             ///< 2-D point RMS over the kept clicks
+  double sigma_px = 0;                           ///< per coordinate: estimated, but for few clicks not below the expected one
+  double leave_one_out_px = 0;                   ///< 2-D RMS of each kept click when it is left out; NaN for fewer than 5
   int num_used = 0;
 };
 

@@ -32,13 +32,13 @@ class Collector {
     path_ = table.path();
   }
 
-  ScenePoints Finish(bool needs_clicks) {
+  ScenePoints Finish(bool needs_clicks, bool needs_places = true) {
     if (needs_clicks && out_.clicks.empty())
       throw FormatError(path_, "", "no camera sees a point: the columns camera,point,x_px,y_px are needed");
     out_.x_in_world.resize(3, static_cast<Eigen::Index>(places_.size()));
     for (size_t i = 0; i < places_.size(); ++i) out_.x_in_world.col(static_cast<Eigen::Index>(i)) = places_[i];
     for (const PointClick& click : out_.clicks) {
-      if (places_[static_cast<size_t>(click.point_idx)].allFinite()) continue;
+      if (!needs_places || places_[static_cast<size_t>(click.point_idx)].allFinite()) continue;
       throw FormatError(path_, "",
                         "the point '" + internal::Printable(out_.names[static_cast<size_t>(click.point_idx)]) +
                             "' is clicked but has no place (point,x,y,z)");
@@ -126,6 +126,8 @@ ScenePoints ReadScenePoints(const std::vector<std::string>& paths) {
 }
 
 ScenePoints ReadScenePlaces(const std::vector<std::string>& paths) { return Collect(paths).Finish(false); }
+
+ScenePoints ReadMarks(const std::vector<std::string>& paths) { return Collect(paths).Finish(true, false); }
 
 SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig& intrinsics, bool rigid,
                                  const PointResectionOptions& options) {

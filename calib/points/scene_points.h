@@ -24,6 +24,9 @@ ScenePoints ReadScenePoints(const std::vector<std::string>& paths);
 /// Same of tables that need not hold clicks.
 ScenePoints ReadScenePlaces(const std::vector<std::string>& paths);
 
+/// Same of tables that hold clicks; their points need no place.
+ScenePoints ReadMarks(const std::vector<std::string>& paths);
+
 struct SceneResectionReport {
   geometry::Rig
       rig;  ///< the cameras that could be placed, with covariances (PlacedCovariance); world is the frame of the points

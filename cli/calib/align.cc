@@ -1,5 +1,8 @@
 #include <algorithm>
+#include <filesystem>
+#include <map>
 #include <optional>
+#include <set>
 
 #include "app/calib/calibration_use.h"
 #include "app/input/calib_read.h"
@@ -8,8 +11,10 @@
 #include "app/people/feet_floor.h"
 #include "app/people/human_shape.h"
 #include "calib/check/seen_corners.h"
+#include "calib/keypoints/moments.h"
 #include "calib/points/align_rig.h"
 #include "cli/calib/calib.h"
+#include "cli/calib/stated_lengths.h"
 #include "cli/program/arguments.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -30,7 +35,7 @@ using nlohmann::ordered_json;
 struct Arguments {
   std::string calibration, floor_joints, out;
   int64_t floor_board = -1;
-  std::vector<std::string> points;
+  std::vector<std::string> points, lengths;
   bool scale = false;
   app::CalibReadOptions read;
   app::SessionArguments session;
@@ -42,6 +47,10 @@ void CheckArguments(const Arguments& a) {
   const int ways = (a.floor_board >= 0) + !a.floor_joints.empty() + !a.points.empty();
   if (ways != 1) throw UsageError("give one of --floor-board, --floor-joints and --points: what the new world is");
   if (a.scale && a.points.empty()) throw UsageError("--scale belongs to --points: neither a board nor feet change the scale");
+  if (!a.lengths.empty() && a.points.empty())
+    throw UsageError("--length needs --points: what was triangulated with this calibration, or marks camera,point,x_px,y_px");
+  if (!a.lengths.empty() && a.scale)
+    throw UsageError("--scale takes the size from the places of points, --length from their distances: give one of them");
   const bool footage = !a.session.session.empty() || !a.corners.cameras.empty() || !a.corners.corners.empty();
   if (a.floor_board >= 0 && !footage)
     throw UsageError("--floor-board needs the board's corners: --session, --camera with --board, or --corners");
@@ -100,6 +109,39 @@ RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, Command
   return out;
 }
 
+/// The points that lengths are measured between: of a take, or marked in images of one moment.
+std::vector<calib::NamedPoints> MomentsOf(const geometry::Rig& rig, const std::vector<std::string>& paths) {
+  const bool marked = std::filesystem::is_regular_file(paths[0]) && calib::HasClicks(paths[0]);
+  if (marked || paths.size() > 1) return {PointsOfMarks(rig, calib::ReadMarks(paths))};
+  std::map<std::pair<int, int>, calib::NamedPoints> moments;  // frame, person
+  for (const dataset::JointRow& row : dataset::ReadPoints3d(paths[0]).rows) {
+    calib::NamedPoints& points = moments[{row.frame, row.person}];
+    if (row.status == Status::kOk) points[row.joint] = row.x_in_world;
+  }
+  std::vector<calib::NamedPoints> ordered;
+  for (auto& [key, points] : moments) ordered.push_back(std::move(points));
+  return ordered;
+}
+
+RigAlignment ByLengths(const geometry::Rig& rig, const Arguments& arguments, CommandResult* result) {
+  result->inputs.insert(result->inputs.end(), arguments.points.begin(), arguments.points.end());
+  const std::vector<calib::StatedLength> stated = calib::ParseStatedLengths(arguments.lengths);
+  const std::vector<calib::NamedPoints> moments = MomentsOf(rig, arguments.points);
+  std::set<std::string> names;
+  for (const calib::NamedPoints& points : moments)
+    for (const auto& [name, x] : points) names.insert(name);
+  const calib::LengthScale scale = ScaleFromLengths(LengthsOf(stated, {names.begin(), names.end()}), moments);
+  RigAlignment out;
+  out.status = scale.status, out.message = scale.message;
+  out.num_points = static_cast<int>(names.size());
+  if (out.status != Status::kOk) return out;
+  DescribeLengths(scale, result);
+  out.num_used = static_cast<int>(scale.rows.size()), out.scale = scale.scale;
+  out.rig = geometry::InWorld(rig, {}, scale.scale);
+  out.rig.gauge = GaugeWithLengths(rig.gauge);
+  return out;
+}
+
 RigAlignment ByPoints(const geometry::Rig& rig, const Arguments& arguments, CommandResult* result) {
   result->inputs.insert(result->inputs.end(), arguments.points.begin(), arguments.points.end());
   if (arguments.points.size() == 1 && calib::HasPlacePairs(arguments.points[0]))
@@ -125,6 +167,7 @@ void Describe(const RigAlignment& found, CommandResult* result) {
   if (found.status != Status::kOk) return;
   AddMotion(found, &m);
   m["gauge"] = found.rig.gauge;
+  if (m.contains("lengths")) return;
   const std::string rms = std::isfinite(found.rms_px) ? Format("%.3f px", found.rms_px) : app::LengthText(found.rms_m);
   result->text += Format("%d of %d points, rms %s", found.num_used, found.num_points, rms.c_str());
   if (found.scale != 1) result->text += Format(", scale %.6f", found.scale);
@@ -158,6 +201,7 @@ CommandResult Align(const Arguments& arguments, CommandContext& context) {
   result.inputs.push_back(arguments.calibration);
   const RigAlignment found = arguments.floor_board >= 0        ? ByBoard(given.rig, arguments, context, &result)
                              : !arguments.floor_joints.empty() ? ByFeet(given.rig, arguments.floor_joints, &result)
+                             : !arguments.lengths.empty()      ? ByLengths(given.rig, arguments, &result)
                                                                : ByPoints(given.rig, arguments, &result);
   Describe(found, &result);
   if (found.status != Status::kOk) {
@@ -184,6 +228,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
   CLI::App* sub = calib.add_subcommand(
       "align", "Move a calibrated rig to another world: a board on the floor, the floor under people's feet, or known points");
   AddOption(sub, "CALIB", arguments->calibration, "calibration to move")->required();
+  StartGroup(sub, "World and size");
   AddOption(sub, "--floor-board", arguments->floor_board,
             "frame in which the board lies on the floor: z up, x along its columns, origin at its first corner")
       ->check(CLI::NonNegativeNumber);
@@ -193,6 +238,9 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
             "CSV point,x,y,z,x_old,y_old,z_old (metres): points in both worlds; or as --scene-points of calibrate: point,x,y,z "
             "and camera,point,x_px,y_px, in one file or two")
       ->take_all();
+  AddOption(sub, "--length", arguments->lengths,
+            std::string(kLengthHelp) + "; --points is then the take, a folder or table of triangulate")
+      ->take_all();
   AddFlag(sub, "--scale", arguments->scale, "--points: also change the rig's scale");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file to write")->required();
   AddSessionArguments(sub, arguments->session, "board and footage", "a board");
@@ -201,6 +249,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
             "px; expected standard deviation of a marked point, per coordinate")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  StartGroup(sub, "Reading the calibration");
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")

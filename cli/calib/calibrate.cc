@@ -6,6 +6,7 @@
 #include <memory>
 
 #include "app/calib/board_places.h"
+#include "app/calib/board_poses.h"
 #include "app/calib/board_views.h"
 #include "app/calib/calibrate_result.h"
 #include "app/calib/calibration_use.h"
@@ -238,6 +239,13 @@ CommandResult Unsolved(const calib::CalibrateReport& report) {
   return result;
 }
 
+void WriteBoardPoses(const calib::CalibrateReport& report, const std::string& folder, CommandResult* result) {
+  const std::string poses = app::BoardPosesCsv(report), path = folder + "/" + app::kBoardPosesFile;
+  if (poses.empty()) return;
+  WriteFileAtomic(path, poses);
+  result->outputs.push_back({path, "board poses"});
+}
+
 std::vector<std::string> InputsOf(const Arguments& arguments) {
   return Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners, arguments.start, arguments.scene.from_scene});
 }
@@ -245,7 +253,7 @@ std::vector<std::string> InputsOf(const Arguments& arguments) {
 CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   if (arguments.out.empty() && !arguments.session.session.empty()) arguments.out = arguments.session.session + "/calib";
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
-  std::vector<std::string> names = {"calibration.json", app::kBoardViewsFolder};
+  std::vector<std::string> names = {"calibration.json", app::kBoardPosesFile, app::kBoardViewsFolder};
   if (!arguments.scene.from_scene.empty()) names.push_back("colmap");
   const OutputFolder place(arguments.out, InputsOf(arguments), names);
   const bool from_points = FindsLenses(arguments);
@@ -279,6 +287,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   const std::string path = arguments.out + "/calibration.json";
   geometry::WriteRig(report.rig, path);
   result.outputs.push_back({path, "calibration"});
+  if (!from_points) WriteBoardPoses(report, arguments.out, &result);
   result.metrics["world"] = app::WorldText(report.rig);
   app::FillCalibrateMetrics(report, FoundOf(corners, solved.kept), &result.metrics);
   AddBoardViews(arguments.corners, report, solved.kept, arguments.out, context.run, &result);
@@ -286,6 +295,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (report.rig.cameras.size() > 1) result.text += app::PairingText(arguments.corners.timeline.get());
   result.text += app::CalibrateSummary(report);
+  if (!from_points) AddFilmGain(report, corners.input.boards, &result);
   if (corners.input.boards.size() > 1)
     result.metrics["boards"] = app::BoardPlacesJson(corners.input.boards, report.rig_from_board);
   result.text += app::BoardPlacesText(corners.input.boards, report.rig_from_board);

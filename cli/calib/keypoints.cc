@@ -11,7 +11,9 @@
 #include "app/people/known_lengths.h"
 #include "app/people/likely_cause.h"
 #include "calib/calibrate.h"
+#include "calib/keypoints/moments.h"
 #include "calib/keypoints/place.h"
+#include "cli/calib/stated_lengths.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -264,12 +266,34 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
     result->warnings.push_back({"CAL-HALF-UNSOLVED", note, "the held-out figures are those of the other half alone"});
 }
 
+/// What --length states, between the take's joints.
+std::vector<calib::StatedLength> StatedOf(const KeypointArguments& arguments, const app::PoseInput& input) {
+  if (arguments.lengths.empty()) return {};
+  return calib::LengthsOf(calib::ParseStatedLengths(arguments.lengths), input.skeleton.joints);
+}
+
+/// The rig as large as --length says. False: what it names was not measured.
+bool ScaleByLengths(const std::vector<calib::StatedLength>& lengths, const std::vector<std::string>& joints,
+                    const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted, geometry::Rig* rig,
+                    CommandResult* result) {
+  const auto moments = MomentsOf(adjusted, posed.frames, joints, arguments.options);
+  const calib::LengthScale scale = ScaleFromLengths(lengths, moments);
+  DescribeLengths(scale, result);
+  if (scale.status != Status::kOk) return false;
+  *rig = geometry::InWorld(*rig, {}, scale.scale);
+  rig->gauge = GaugeWithLengths(rig->gauge);
+  return true;
+}
+
 /// Lenses without poses: the cameras with 2D points become a rig by the person alone. False: they cannot.
 bool PlaceCameras(const KeypointArguments& arguments, app::PoseInput* input, Posed* posed, CommandResult* result) {
   const double height_m = arguments.person_height_m > 0 ? arguments.person_height_m : 1.7;
-  const bool by_height = input->skeleton.human && input->skeleton.lengths.empty();
-  const calib::PlacedRig placed = PlaceFromKeypoints(posed->rig, posed->frames, app::KnownLengthsOf(input->skeleton, height_m),
-                                                     arguments.options.min_score);
+  const std::vector<calib::StatedLength> stated = StatedOf(arguments, *input);
+  const bool by_height = stated.empty() && input->skeleton.human && input->skeleton.lengths.empty();
+  const calib::PlacedRig placed = PlaceFromKeypoints(
+      posed->rig, posed->frames,
+      stated.empty() ? app::KnownLengthsOf(input->skeleton, height_m) : calib::KnownLengthsOf(stated, input->skeleton.joints),
+      arguments.options.min_score);
   if (placed.status != Status::kOk) {
     result->exit = kExitIllPosed;
     result->errors.push_back({"CAL-UNPLACED", placed.message,
@@ -317,6 +341,7 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
   AddOption(sub, "--test-frames", arguments.test_frames, "--from-keypoints: START:STEP; frames that measure the result");
+  AddOption(sub, "--length", arguments.lengths, std::string("--from-keypoints: ") + kLengthHelp)->take_all();
   AddOption(sub, "--person-height", arguments.person_height_m,
             "metres; --from-keypoints with lenses that have no poses: the cameras are placed by the person, whose height gives "
             "the rig's size; 1.7 is assumed; own skeletons state lengths instead")
@@ -341,6 +366,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const bool lenses_only = input.rig.gauge == calib::kLensesOnly;
   if (!lenses_only && arguments.person_height_m > 0)
     throw UsageError("--person-height is for lenses without poses; " + calib_path + " has poses, which keep its size");
+  const std::vector<calib::StatedLength> lengths = StatedOf(arguments, input);
   if (lenses_only && !PlaceCameras(arguments, &input, &posed, &result)) return result;
   const calib::KeypointRefineReport report =
       RefineFromKeypoints(posed.rig, posed.frames, input.limbs, train, test, arguments.options, context.run);
@@ -357,12 +383,14 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   FillMetrics(report, &result.metrics);
   AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), arguments.options.max_persons, &result);
   CheckLoss(arguments, posed, report, app::BodyOf(input.skeleton), context.run, &result);
+  geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);
+  if (!lengths.empty() && !ScaleByLengths(lengths, input.skeleton.joints, arguments, posed, report.rig, &written, &result))
+    return result;
   result.folder = out;
   const std::string path = out + "/calibration.json";
-  const geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);
   geometry::WriteRig(written, path);
   result.outputs.push_back({path, "calibration"});
-  result.text = Summary(report);
+  result.text = Summary(report) + result.text;
   if (lenses_only)
     result.text += "all frames placed the cameras first: the figures above are held out from the adjustment alone\n";
   app::WarnOfCovariance(written, &result);

@@ -18,6 +18,7 @@ struct KeypointArguments {
   std::string points2d;                   ///< table of points of all cameras, instead of pose2d
   double person_height_m = 0;             ///< 0: not said; for lenses without poses
   std::vector<app::NamedPath> pose2d;
+  std::vector<std::string> lengths;  ///< see calib/points/stated_length.h
   app::PoseChanges changes;
   std::string sync;  ///< sync.json; may be empty
 

@@ -135,8 +135,8 @@ TEST(FilmedBoards, OfTheSolutionAndOfTheReportAgree) {
   report.frames = state.frames, report.world_from_board = state.world_from_board;
   for (const View& view : views) {
     for (Eigen::Index i = 0; i < view.size(); ++i)
-      report.residuals.push_back(
-          {view.camera_idx, state.frames[view.frame], view.corner_ids[i], view.px.col(i), Eigen::Vector2d(0, 0), view.weights[i] <= 0});
+      report.residuals.push_back({view.camera_idx, state.frames[view.frame], view.corner_ids[i], view.px.col(i),
+                                  Eigen::Vector2d(0, 0), view.weights[i] <= 0});
   }
   const auto of_report = FilmedBoards(report);
   ASSERT_EQ(of_state.size(), of_report.size());
@@ -155,7 +155,8 @@ CalibrateReport GoodReport() {
   report.rig_holdout_rms_px = std::numeric_limits<double>::quiet_NaN();
   for (const char* name : {"a", "b"}) {
     CameraReport camera;
-    camera.name = name, camera.num_views = camera.num_places = 40, camera.focal_px = 1000, camera.focal_sigma_px = 1, camera.rms_px = 0.2;
+    camera.name = name, camera.num_views = camera.num_places = 40, camera.focal_px = 1000, camera.focal_sigma_px = 1,
+    camera.rms_px = 0.2;
     camera.holdout_rms_px = 0.22, camera.coverage = 0.8;
     camera.num_corners = 2500, camera.alone_rms_px = 0.19;
     report.cameras.push_back(camera);

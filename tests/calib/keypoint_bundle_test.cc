@@ -1,10 +1,10 @@
-#include "calib/keypoints/bundle.h"
-
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
 
+#include "calib/keypoints/bundle.h"
 #include "calib/keypoints/choice.h"
+#include "calib/keypoints/split.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
 
@@ -44,6 +44,22 @@ TEST(KeypointBundle, FocalLengthsToo) {
   plan.free_poses = plan.free_focal = true;
   const KeypointSolution solution = SolveKeypoints(start, joints, FreedomOf(start, plan), 0, 1);
   for (size_t c = 0; c < 4; ++c) EXPECT_NEAR(solution.rig.cameras[c].camera.fx() / truth.cameras[c].camera.fx(), 1, 1e-4) << c;
+}
+
+/// The cost would rather fit all views but one exactly; with few views the scale of the noise must not shrink by that, round
+/// by round, until a few points alone decide.
+TEST(KeypointBundle, TheScaleOfFewViewsIsThatOfTheNoise) {
+  PeopleOptions options;
+  options.num_frames = 60, options.num_joints = 6, options.noise_px = 1;
+  for (const int cameras : {2, 3, 5}) {
+    const geometry::Rig truth = PeopleRig(cameras);
+    const auto joints = JointsOf(truth, FilmPeople(truth, options));
+    const KeypointSolution solution = SolveKeypoints(testing::Disturbed(truth, 0.01, 0.03, 7), joints, {}, 0, 1);
+    ASSERT_EQ(solution.status, Status::kOk) << solution.message;
+    EXPECT_GT(solution.cauchy_px, 0.5 * 0.68) << cameras;  // a normal variable's median length is sqrt(3) * 0.68
+    EXPECT_LT(solution.cauchy_px, 1.5 * 0.68) << cameras;
+    EXPECT_EQ(WhyUnsteady(solution.rig, CovarianceOfKeypoints(solution, joints, {}, 1)), "") << cameras;
+  }
 }
 
 TEST(KeypointBundle, TooFewJointsAreSaidSo) {

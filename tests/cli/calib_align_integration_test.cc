@@ -64,6 +64,49 @@ TEST_F(MovedRigs, PointsOfBothWorldsMoveAndScaleIt) {
   EXPECT_LT((Written().cameras[1].CenterInWorld() - wanted).norm(), 1e-9);
 }
 
+/// A take that was triangulated with a rig of half the size, and marks in images: known lengths give the size.
+TEST_F(MovedRigs, KnownLengthsGiveTheSize) {
+  geometry::WriteRig(geometry::InWorld(rig_, {}, 0.5), folder_ / "half.json");
+  dataset::Pose3d pose;
+  pose.skeleton = "coco17";
+  for (int frame = 0; frame < 10; ++frame) {
+    for (const auto& [joint, x] : {std::pair{"LShoulder", 0.1}, {"RShoulder", -0.1}}) {
+      dataset::JointRow row;
+      row.frame = frame, row.joint = joint, row.status = Status::kOk, row.x_in_world = Eigen::Vector3d(x, 0.1 * frame, 1);
+      pose.rows.push_back(row);
+    }
+  }
+  dataset::WritePose3d(pose, folder_ / "pose3d");
+  const auto align = [&](std::vector<std::string> words) {
+    words.insert(words.begin(),
+                 {"calib", "align", folder_ / "half.json", "--out", folder_ / "new.json", "--overwrite", "--json"});
+    return RunCli(words);
+  };
+  const CliRun run = align({"--points", folder_ / "pose3d", "--length", "LShoulder:RShoulder:400mm"});
+  ASSERT_EQ(run.exit, 0) << Error(run);
+  EXPECT_NEAR(run.Json()["metrics"]["scale"].get<double>(), 2, 1e-9);
+  EXPECT_LT(geometry::CompareRigs(Written(), rig_).max_translation_m, 1e-9);
+  EXPECT_EQ(Written().gauge, "camera cam0, size by stated lengths");
+  std::ofstream marks(folder_ / "marks.csv");
+  marks << "camera,point,x_px,y_px\n";
+  const Eigen::Vector3d middle = scene_.truth.world_from_board[0].translation;
+  for (const geometry::RigCamera& camera : rig_.cameras) {
+    for (const auto& [name, x] : {std::pair{"a", 0.0}, {"b", 0.06}}) {
+      const auto seen =
+          geometry::Project(camera.camera, camera.cam_from_world * Eigen::Vector3d(middle + Eigen::Vector3d(x, 0, 0)));
+      ASSERT_EQ(seen.status, Status::kOk);
+      marks << camera.camera.name << "," << name << "," << seen.px.x() << "," << seen.px.y() << "\n";
+    }
+  }
+  marks.close();
+  const CliRun marked = align({"--points", folder_ / "marks.csv", "--length", "a:b:60mm"});
+  ASSERT_EQ(marked.exit, 0) << Error(marked);
+  EXPECT_NEAR(marked.Json()["metrics"]["scale"].get<double>(), 2, 0.02);
+  EXPECT_EQ(align({"--points", folder_ / "marks.csv", "--length", "a:c:60mm"}).exit, 2);
+  EXPECT_EQ(align({"--points", folder_ / "pose3d", "--length", "LShoulder:RShoulder:0mm"}).exit, 2);
+  EXPECT_EQ(align({"--length", "LShoulder:RShoulder:1m"}).exit, 2);
+}
+
 TEST_F(MovedRigs, PeopleWhoStandStillGiveNoFloor) {
   dataset::Pose3d pose;
   pose.skeleton = "coco17", pose.world = "right-handed, axes of camera cam0: x right, y down, z forward";

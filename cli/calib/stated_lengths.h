@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/result.h"
+#include "calib/points/stated_length.h"
+
+namespace CLI {
+class App;
+}
+
+/// `--length` of the commands that give a rig its size.
+namespace mvstudio::cli {
+
+using app::CommandResult;
+
+inline constexpr char kLengthHelp[] =
+    "POINT:POINT:LENGTH, e.g. LShoulder:RShoulder:380mm, or Height:1.75m; :2mm at its end is its standard deviation; gives the "
+    "rig its size; repeatable";
+
+/// Metrics `scale`, `scale_sigma`, `lengths`, lines of text, and warnings for lengths that disagree and for units that are
+/// unlikely. A status that is not kOk becomes an error, and exit 5.
+void DescribeLengths(const calib::LengthScale& scale, CommandResult* result);
+
+/// The gauge of a rig whose size stated lengths give.
+std::string GaugeWithLengths(const std::string& gauge);
+
+}  // namespace mvstudio::cli
