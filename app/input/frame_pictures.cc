@@ -69,7 +69,7 @@ int64_t LastCheapFrame(const std::string& footage_path) {
 std::map<int64_t, Image> ReadFrames(const std::string& footage_path, std::set<int64_t> numbers) {
   std::map<int64_t, Image> images;
   try {
-    const auto source = dataset::OpenFrames(footage_path, {false, false, true});
+    const auto source = dataset::OpenFrames(footage_path, {false, true, true, true});
     while (!numbers.empty()) {
       const auto frame = source->Advance();
       if (!frame) break;

@@ -207,7 +207,7 @@ void SayNotFilmed(const std::vector<std::string>& cameras, CommandResult* result
 
 /// Without a floor, the world is a camera's, and nothing is up.
 void AskForFloor(const std::string& gauge, bool in_session, const std::string& path, CommandResult* result) {
-  if (gauge.rfind("camera ", 0) != 0) return;
+  if (gauge.rfind("camera ", 0) != 0 || result->metrics["cameras"].size() < 2) return;  // one camera: its lens is what counts
   const std::string what = "the world has the axes of " + gauge + " (x right, y down, z forward): z is not up";
   const std::string hint =
       "give --world board:FRAME with a frame where the board lies on the floor, or move the rig later: mvstudio "

@@ -30,6 +30,11 @@ bool HasImageExtension(const std::string& path) {
   return false;
 }
 
+ImageHeader Unturned(ImageHeader header) {
+  header.turn = PictureTurn();
+  return header;
+}
+
 FootageNote TurnNote(const PictureTurn& turn) {
   return {"SES-ROTATED", "the file asks for " + ToText(turn) + "; it is applied",
           "the calibration must be of footage turned the same way"};
@@ -110,11 +115,11 @@ class ImageFolderSource : public FrameSource {
  public:
   ImageFolderSource(std::string path, FootageFiles files, const FrameOptions& options)
       : path_(std::move(path)), files_(std::move(files.paths)), numbers_(std::move(files.images.numbers)), options_(options) {
-    if (files.images.by_other_place)
+    if (files.images.by_other_place && !options.quiet)
       Log(LogLevel::kWarning,
           path_ + ": the last number in the names is the same in all or several; an earlier one is the frame");
     as_stored_ = options.sensor_if_turned_unlike && TurnedUnlike();
-    if (as_stored_)
+    if (as_stored_ && !options.quiet)
       Log(LogLevel::kWarning, path_ + ": EXIF turns these images unlike; they are used as the sensor stored them");
   }
 
@@ -145,7 +150,7 @@ class ImageFolderSource : public FrameSource {
   Image Read(size_t file) {
     if (!options_.stretch) return ReadImage(files_[file], false, as_stored_);
     StretchedImage image = ReadImageStretched(files_[file], as_stored_);
-    if (image.levels > 0 && !told_levels_) {
+    if (image.levels > 0 && !told_levels_ && !options_.quiet) {
       Log(LogLevel::kWarning, path_ + ": its images fill about " + std::to_string(image.levels) + " of " +
                                   std::to_string(image.of_levels) + " levels; each is stretched over its own range");
       told_levels_ = true;
@@ -182,7 +187,7 @@ class ImageFolderSource : public FrameSource {
 
   /// One camera's images have one frame of pixels.
   void CheckHeader(const ImageHeader& header) {
-    if (!turn_) LogNotes(path_, NotesOn(header, options_.stretch));
+    if (!turn_ && !options_.quiet) LogNotes(path_, NotesOn(as_stored_ ? Unturned(header) : header, options_.stretch));
     const PictureTurn first = turn_.value_or(header.turn);
     if (!as_stored_ && !(header.turn == first)) {
       throw FormatError(files_[next_], "EXIF",
@@ -219,7 +224,7 @@ class VideoSource : public FrameSource {
       : path_(path), files_(std::move(files)), options_{options.keep_undamaged, 0} {
     Open(0);
     const VideoInfo& first = reader_->info();
-    LogNotes(path_, NotesOn(first));
+    if (!options.quiet) LogNotes(path_, NotesOn(first));
     num_frames_ = first.num_frames;
     for (size_t i = 1; i < files_.size(); ++i) {
       const VideoInfo info = VideoReader(files_[i]).info();

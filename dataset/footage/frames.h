@@ -51,6 +51,7 @@ struct FrameOptions {
   /// Images of more than 8 bits that fill a small part of their range are stretched over it, each by itself, see
   /// StretchedTo8Bits: for what looks for edges, not for what measures brightness.
   bool stretch = false;
+  bool quiet = false;  ///< nothing goes to the log: the footage was read before
 };
 
 /// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video. What the first picture says
