@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "app/nets/avatar_train_data.h"
+#include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "dataset/views/split.h"
 #include "tests/support/message_of.h"
@@ -45,6 +46,25 @@ TEST(AvatarTrainData, WhatIsNotHeldOutIsTrainedOn) {
   EXPECT_THAT(split.validation_cameras, IsEmpty());
   arguments.train_cameras = "left";
   EXPECT_THAT(SplitOf(Data(), 0, arguments).train_cameras, ElementsAre("00_01"));
+}
+
+TEST(AvatarTrainData, FramesThatWereNotAskedForAreOnNoSide) {
+  SplitArguments arguments;
+  arguments.holdout_cameras = "00_02", arguments.holdout_frames = "3-4", arguments.frames = "1-3";
+  const avatar::DatasetSplit split = SplitOf(Data(), 0, arguments);
+  EXPECT_THAT(split.train_frames, ElementsAre(1));
+  EXPECT_THAT(split.holdout_frames, ElementsAre(3));
+  CommandResult result;
+  arguments.frames = "1-30", arguments.holdout_frames = "3-9";
+  TellSplitFrames(Data(), arguments, &result);
+  ASSERT_EQ(result.warnings.size(), 2u);
+  EXPECT_THAT(result.warnings[0].text,
+              HasSubstr("option 'frames': somewhere has no frames 5 to 30; it has 5 frames from 0 to 4"));
+  EXPECT_THAT(result.warnings[1].text, HasSubstr("option 'holdout-frames': somewhere has no frames 5 to 9"));
+  arguments.frames = "90-99";
+  EXPECT_THAT(MessageOf<NothingLeftError>([&] { SplitOf(Data(), 0, arguments); }), HasSubstr("no frames 90 to 99"));
+  arguments.frames = "3-4";  // all of them held out
+  EXPECT_THAT(MessageOf<NothingLeftError>([&] { SplitOf(Data(), 0, arguments); }), HasSubstr("is trained on"));
 }
 
 TEST(AvatarTrainData, TheValidationCameraIsTakenOutOfTraining) {

@@ -1,7 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+
 #include "app/nets/mask_input.h"
+#include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/message_of.h"
@@ -51,6 +54,42 @@ TEST(MaskTruth, WithoutTruthOrOfOtherSizesThereIsNoScore) {
   dataset::WriteImage(Image(5, 4, 1), folder / "truth/1.png");
   EXPECT_THAT(MessageOf<FormatError>([&] { CompareWithTruth(folder / "truth", folder / "masks", "a"); }),
               HasSubstr("1.png: is 5x4, the footage 4x4"));
+}
+
+/// Twelve frames of a block that walks over a wall.
+TEST(MaskFrames, ThoseThatWereAskedForGetMasks) {
+  const TempDir folder;
+  for (int frame = 0; frame < 12; ++frame) {
+    Image rgb(96, 64, 3);
+    for (int y = 0; y < 64; ++y) {
+      for (int x = 0; x < 96; ++x) {
+        const bool block = x >= 6 * frame && x < 6 * frame + 18 && y >= 12 && y < 52;
+        for (int k = 0; k < 3; ++k) rgb.Pixel(x, y)[k] = static_cast<uint8_t>(block ? 220 - 60 * k : 60 + (x * 5 + y * 3) % 40);
+      }
+    }
+    dataset::WriteImage(rgb, folder / ("a/" + std::to_string(frame) + ".png"));
+  }
+  TakeInput take;
+  take.footage.push_back({"a", folder / "a", ""});
+  MaskArguments arguments;
+  const auto job_of = [&](const std::string& frames, CommandResult* result) {
+    arguments.changes.frames = frames;
+    return ReadMaskJob(arguments, take, result, {});
+  };
+  CommandResult result;
+  const MaskJob job = job_of("8-30", &result);
+  ASSERT_EQ(result.warnings.size(), 1u);
+  EXPECT_THAT(result.warnings[0].text, HasSubstr("the footage has no frames 12 to 30; it has 12 frames from 0 to 11"));
+  EXPECT_EQ(job.cameras[0].samples.numbers.size(), 12u) << "the background is learned from all";
+  const MaskTrial trial = TryBackend(job, {"background", nullptr}, false, {});
+  ASSERT_EQ(trial.failed_camera, "");
+  const MaskRunResult masks = RunMasks(job, {"background", nullptr}, trial.models, folder / "masks", {});
+  EXPECT_EQ(masks.cameras[0].take.pictures, 4);
+  EXPECT_FALSE(std::filesystem::exists(MaskPath(folder / "masks", "a", 7)));
+  EXPECT_TRUE(std::filesystem::exists(MaskPath(folder / "masks", "a", 8)));
+  EXPECT_THAT(MessageOf<NothingLeftError>([&] { job_of("50-60", &result); }), HasSubstr("no frames 50 to 60; it has 12"));
+  arguments.changes.rate = {{"", "25"}};
+  EXPECT_THAT(MessageOf<UsageError>([&] { job_of("", &result); }), HasSubstr("option 'rate'"));
 }
 
 }  // namespace

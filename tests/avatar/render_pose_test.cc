@@ -9,6 +9,7 @@
 #include "avatar/io/render/backdrop.h"
 #include "avatar/io/render/bvh_pose.h"
 #include "avatar/maps/bone_lists.h"
+#include "core/choice/frame_choice.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
