@@ -35,6 +35,13 @@ double MeanSurfaceError(const Studio& studio, const BodyFit& fit) {
   return sum / count;
 }
 
+/// What a stage said that it would do, and did.
+struct Work : public ProgressSink {
+  void Begin(const std::string& /*stage*/, int64_t all) override { total = all, done = 0; }
+  void Advance(int64_t work, const std::string& /*note*/) override { done += work; }
+  int64_t total = 0, done = -1;
+};
+
 TEST(FitBody, FindsTheSurfaceOfAnotherPerson) {
   const Studio studio(20);
   const BodyFit fit = FitBody(studio.rest, studio.steps, {}, {});
@@ -80,14 +87,18 @@ TEST(FitBody, BrightnessNeedsASecondCamera) {
     for (FitStep& step : studio.steps) {
       for (FitView& view : step.views) view.grey = std::make_shared<Image>(view.outline->mask());
     }
-    const BodyFit fit = FitBody(studio.rest, studio.steps, {}, {});
+    Work work;
+    const BodyFit fit = FitBody(studio.rest, studio.steps, {}, {&work});
     EXPECT_EQ(fit.stages.back().name == "poses by brightness", cameras == 2) << cameras;
+    EXPECT_EQ(work.done, work.total) << cameras;
   }
 }
 
 TEST(FitBody, FewStepsAreNotJudgedAndNoneIsAStatus) {
   const Studio three(3);
-  const BodyFit fit = FitBody(three.rest, three.steps, {}, {});
+  Work work;
+  const BodyFit fit = FitBody(three.rest, three.steps, {}, {&work});
+  EXPECT_EQ(work.done, work.total) << "all of it though the bones alone are kept";
   EXPECT_EQ(fit.status, Status::kOk);
   EXPECT_TRUE(std::isnan(fit.iou));
   EXPECT_TRUE(fit.person.body.vertices.allFinite());
