@@ -59,7 +59,7 @@ void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const Rig
         verdict);
     return;
   }
-  if (c.num_views < kFewViews) {
+  if (c.num_views < kFewViews && !alone) {
     Add("warn",
         {"CAL-FEWVIEWS", Format("camera %s: only %d boards are shared with another camera", name, c.num_views),
          Format("%d or more are better", kFewViews)},
@@ -98,6 +98,16 @@ void JudgeFound(const RigCheck& check, Verdict* verdict) {
     Add("warn",
         {"CAL-FRAMES", check.found.shift_text + "; they were added",
          "number the frames by their time stamps, or give them as option 'timestamps'"},
+        verdict);
+  for (const LateCamera& camera : check.late)
+    Add("warn",
+        {"CAL-LATE",
+         Format("camera %s takes its images %.2f frames %s than the others, which the calibration does not state; with that, "
+                "no camera has moved",
+                camera.camera.c_str(), std::abs(camera.frames), camera.frames > 0 ? "later" : "earlier"),
+         "synchronise the cameras, or calibrate this recording anew: offsets are lost where a calibration is written in a "
+         "format "
+         "without them, and change when cameras are started anew"},
         verdict);
   if (check.offsets_stated && !check.offsets_used)
     Add("warn",

@@ -81,6 +81,7 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   for (const calib::TurnedCamera& camera : check.found.turned)
     m["turned"].push_back({{"name", camera.camera}, {"num_turned", camera.num_turned}, {"num_views", camera.num_views}});
   if (!check.found.frame_shift.empty()) m["frame_shift"] = check.found.frame_shift;
+  for (const calib::LateCamera& camera : check.late) m["late"].push_back({{"name", camera.camera}, {"frames", camera.frames}});
   if (check.offsets_stated) {
     const char* const reason = check.offsets_used ? "the corners agree as well with them as without, or better"
                                                   : "the corners agree better without them";
@@ -88,7 +89,9 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   }
   m["scale_error_percent"] = FiniteOrNull(100 * (check.scale - 1));
   const auto& lengths = check.board_metrics;
-  const auto figure = [&](double mm) { return FiniteOrNull(check.status == Status::kOk ? mm : std::nan("")); };
+  const auto figure = [&](double mm) {
+    return FiniteOrNull(check.status == Status::kOk ? mm : std::nan(""));
+  };
   m["board_edge_mm"] = {
       {"rms", figure(lengths.edge_rms_mm)}, {"median", figure(lengths.edge_median_mm)}, {"bias", figure(lengths.edge_bias_mm)}};
   m["pair_distance_rms_mm"] = figure(lengths.pair_rms_mm);
