@@ -272,6 +272,7 @@ std::vector<int64_t> RunPipeline(const CalibrateOptions& options, const RunConte
     report->numbering = FindNumberingFaults(work.views, work.cam_from_board, geometry::CameraNames(work.state.cameras));
     if (!frames_agree) return work.shift;
     TakeKnownPoses(input, options, &work);
+    if (!internal::CheckUnitOfHeldPoses(work, report)) return {};
   }
   SolveRig(input, options, world, run, &work, report);
   stage.Advance(1, "adjustment");

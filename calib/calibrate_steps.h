@@ -73,6 +73,10 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
 /// their corners in the input, which later steps read.
 void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report);
 
+/// Whether held poses are in the unit of the boards, as far as these say: false, with a status in the report, where cameras are
+/// three times as far apart or more, or a third or less, all pairs alike.
+bool CheckUnitOfHeldPoses(const Work& work, CalibrateReport* report);
+
 /// Lenses alone: one frame a view.
 void SeparateViews(Work* work);
 
