@@ -37,7 +37,6 @@ using internal::Stop;
 using internal::Work;
 using internal::World;
 
-
 void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
   const std::vector<bool> fixed = internal::HeldCameras(options.fix, HeldPart::What::kPoses, input.cameras);
   for (size_t c = 0; c < fixed.size(); ++c) {
@@ -267,7 +266,8 @@ std::vector<int64_t> RunPipeline(const CalibrateOptions& options, const RunConte
   if (options.intrinsics_only) {
     internal::SeparateViews(&work);
   } else {
-    const bool frames_agree = internal::CheckFrames(options, TurnsOf(input.boards), &work, report);  // in whatever way they are numbered
+    const bool frames_agree =
+        internal::CheckFrames(options, TurnsOf(input.boards), &work, report);  // in whatever way they are numbered
     internal::TurnNumbering(seen, &work, report);
     report->numbering = FindNumberingFaults(work.views, work.cam_from_board, geometry::CameraNames(work.state.cameras));
     if (!frames_agree) return work.shift;

@@ -59,7 +59,7 @@ void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const Rig
         verdict);
     return;
   }
-  if (c.num_views < kFewViews && !alone) {
+  if (c.num_views < kFewViews) {
     Add("warn",
         {"CAL-FEWVIEWS", Format("camera %s: only %d boards are shared with another camera", name, c.num_views),
          Format("%d or more are better", kFewViews)},

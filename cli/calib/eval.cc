@@ -89,9 +89,7 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   }
   m["scale_error_percent"] = FiniteOrNull(100 * (check.scale - 1));
   const auto& lengths = check.board_metrics;
-  const auto figure = [&](double mm) {
-    return FiniteOrNull(check.status == Status::kOk ? mm : std::nan(""));
-  };
+  const auto figure = [&](double mm) { return FiniteOrNull(check.status == Status::kOk ? mm : std::nan("")); };
   m["board_edge_mm"] = {
       {"rms", figure(lengths.edge_rms_mm)}, {"median", figure(lengths.edge_median_mm)}, {"bias", figure(lengths.edge_bias_mm)}};
   m["pair_distance_rms_mm"] = figure(lengths.pair_rms_mm);
