@@ -24,13 +24,13 @@ constexpr double kBetterThanOthers = 2;
 using Poses = BoardPoses;
 
 /// The board in both cameras.
-struct SharedBoard {
+struct BoardInBoth {
   Rigid3 in_a, in_b;
 };
 
-/// SharedBoards when b's frame f belongs to a's frame f + shift, thinned out to `max_frames`.
-std::vector<SharedBoard> SharedBoards(const Poses& a, const Poses& b, int64_t shift, int max_frames) {
-  std::vector<SharedBoard> all;
+/// SeenInBoth when b's frame f belongs to a's frame f + shift, thinned out to `max_frames`.
+std::vector<BoardInBoth> SeenInBoth(const Poses& a, const Poses& b, int64_t shift, int max_frames) {
+  std::vector<BoardInBoth> all;
   for (const auto& [key, b_from_board] : b) {
     const auto found = a.find({key.first + shift, key.second});
     if (found == a.end()) continue;
@@ -38,7 +38,7 @@ std::vector<SharedBoard> SharedBoards(const Poses& a, const Poses& b, int64_t sh
   }
   const auto limit = static_cast<size_t>(max_frames);
   if (all.size() <= limit) return all;
-  std::vector<SharedBoard> thin;
+  std::vector<BoardInBoth> thin;
   for (size_t i = 0; i < limit; ++i) thin.push_back(all[i * all.size() / limit]);
   return thin;
 }
@@ -51,14 +51,14 @@ struct ShiftSpread {
 
 /// Quantiles over the frames of the distance between the board and its transferred place over its distance, for the relative
 /// pose that has the least median.
-ShiftSpread Spread(int64_t shift, const std::vector<SharedBoard>& poses, const BoardTurns& turns) {
+ShiftSpread Spread(int64_t shift, const std::vector<BoardInBoth>& poses, const BoardTurns& turns) {
   constexpr double kMost = 0.9;
   constexpr size_t kCandidates = 25;
   ShiftSpread best{shift, static_cast<int>(poses.size()), INFINITY, INFINITY};
   std::vector<double> distances(poses.size());
   const size_t count = std::min(kCandidates, poses.size()), num_turns = static_cast<size_t>(turns.num);
   for (size_t c = 0; c < count * num_turns; ++c) {
-    const SharedBoard& central = poses[c / num_turns * poses.size() / count];
+    const BoardInBoth& central = poses[c / num_turns * poses.size() / count];
     const Rigid3 a_from_b = turns.RelativePose(central.in_a, central.in_b, static_cast<int>(c % num_turns));
     for (size_t i = 0; i < poses.size(); ++i) {
       const Eigen::Vector3d& x_in_a = poses[i].in_a.translation;
@@ -74,7 +74,7 @@ std::vector<ShiftSpread> ScanShifts(const Poses& a, const Poses& b, const FrameO
   std::vector<ShiftSpread> scan;
   int most = 0;
   for (int64_t shift = -options.max_shift; shift <= options.max_shift; ++shift) {
-    const std::vector<SharedBoard> poses = SharedBoards(a, b, shift, options.max_frames);
+    const std::vector<BoardInBoth> poses = SeenInBoth(a, b, shift, options.max_frames);
     const auto n = static_cast<int>(poses.size());
     if (n < options.min_shared) continue;
     most = std::max(most, n);
