@@ -37,8 +37,6 @@ using internal::Stop;
 using internal::Work;
 using internal::World;
 
-constexpr double kMaxFocalSigma = 0.25;  // of the focal length; beyond it the focal length counts as undetermined
-
 void TakeKnownPoses(const CalibrateInput& input, const CalibrateOptions& options, Work* work) {
   const std::vector<bool> fixed = internal::HeldCameras(options.fix, HeldPart::What::kPoses, input.cameras);
   for (size_t c = 0; c < fixed.size(); ++c) {
@@ -155,13 +153,10 @@ void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options,
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     CameraReport& camera = report->cameras[c];
     camera.focal_sigma_px = std::sqrt((covariance.params[c](0, 0) + covariance.params[c](1, 1)) / 2);
-    if (camera.focal_sigma_px > kMaxFocalSigma * camera.focal_px) {
-      culprits->push_back(static_cast<int>(c)), report->culprits = *culprits;
-      const std::string& alone = work.alone_failed[c];
-      const std::string text =
-          "camera " + camera.name + ": the boards do not determine its focal length: show the board tilted";
-      Stop(Status::kDegenerate, alone.empty() ? text : alone, report);
-    }
+    const std::string open = internal::WhyFocalLengthIsOpen(work, camera, c);
+    if (open.empty()) continue;
+    culprits->push_back(static_cast<int>(c)), report->culprits = *culprits;
+    Stop(Status::kDegenerate, open, report);
   }
 }
 
@@ -271,10 +266,13 @@ std::vector<int64_t> RunPipeline(const CalibrateOptions& options, const RunConte
   if (options.intrinsics_only) {
     internal::SeparateViews(&work);
   } else {
+    const bool frames_agree =
+        internal::CheckFrames(options, TurnsOf(input.boards), &work, report);  // in whatever way they are numbered
     internal::TurnNumbering(seen, &work, report);
     report->numbering = FindNumberingFaults(work.views, work.cam_from_board, geometry::CameraNames(work.state.cameras));
-    if (!internal::CheckFrames(options, &work, report)) return work.shift;
+    if (!frames_agree) return work.shift;
     TakeKnownPoses(input, options, &work);
+    if (!internal::CheckUnitOfHeldPoses(work, report)) return {};
   }
   SolveRig(input, options, world, run, &work, report);
   stage.Advance(1, "adjustment");

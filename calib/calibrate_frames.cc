@@ -4,16 +4,17 @@
 
 namespace mvstudio::calib::internal {
 
-bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report) {
+bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work* work, CalibrateReport* report) {
   if (work->monos.size() < 2) return true;
-  work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, geometry::CameraNames(work->state.cameras));
+  const std::vector<std::string> names = geometry::CameraNames(work->state.cameras);
+  work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, names, {turns});
   const FrameOffsets& offsets = work->offsets;
   if (offsets.kind == FrameOffsets::Kind::kInconsistent) {
     report->frames_doubt = offsets.text;
     if (options.time_offset != LatenessChoice::kNone && options.seek_frame_rates)
-      report->frame_rates = FindFrameRates(work->views, work->cam_from_board, work->frames, offsets);
+      report->frame_rates = FindFrameRates(work->views, work->cam_from_board, work->frames, offsets, turns);
     if (!report->frame_rates.empty()) {
-      Stop(Status::kDegenerate, ToString(report->frame_rates, geometry::CameraNames(work->state.cameras)), report);
+      Stop(Status::kDegenerate, ToString(report->frame_rates, names), report);
       return false;
     }
   }

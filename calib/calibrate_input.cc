@@ -13,6 +13,8 @@
 #include "calib/rig/free_boards.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/statistics.h"
 #include "geometry/rig/rig_covariance.h"
 
 /// What Calibrate is given, before anything is solved: checked, cameras split and in a fixed order, views made.
@@ -63,6 +65,40 @@ void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report) {
     detections.push_back(found == seen.end() ? 0 : found->second);
   }
   TurnDetections(detections, input);
+}
+
+bool CheckUnitOfHeldPoses(const Work& work, CalibrateReport* report) {
+  constexpr double kOther = 3, kAlike = 1.3, kApart = 0.02;  // of the board's distance
+  std::map<int, std::vector<size_t>> of_frame;
+  for (size_t v = 0; v < work.views.size(); ++v) of_frame[work.views[v].frame].push_back(v);
+  std::map<std::pair<int, int>, std::vector<double>> factors;  // by pair of cameras
+  for (const auto& [frame, views] : of_frame) {
+    for (size_t i = 0; i < views.size(); ++i) {
+      for (size_t k = i + 1; k < views.size(); ++k) {
+        const View &a = work.views[views[i]], &b = work.views[views[k]];
+        const auto &of_a = work.known_poses[static_cast<size_t>(a.camera_idx)],
+                   &of_b = work.known_poses[static_cast<size_t>(b.camera_idx)];
+        const auto held = [&](int c) { return work.bundle.fix_camera[static_cast<size_t>(c)]; };
+        if (a.board != b.board || a.camera_idx == b.camera_idx || !held(a.camera_idx) || !held(b.camera_idx)) continue;
+        const double seen_m =
+            (work.cam_from_board[views[i]] * geometry::Inverse(work.cam_from_board[views[k]])).translation.norm();
+        const double given_m = (*of_a * geometry::Inverse(*of_b)).translation.norm();
+        if (seen_m > kApart * work.cam_from_board[views[i]].translation.norm())
+          factors[{a.camera_idx, b.camera_idx}].push_back(given_m / seen_m);
+      }
+    }
+  }
+  std::vector<double> of_pairs;
+  for (auto& [pair, all] : factors) of_pairs.push_back(UpperMedian(std::move(all)));
+  if (of_pairs.empty()) return true;
+  const auto [least, most] = std::minmax_element(of_pairs.begin(), of_pairs.end());
+  if (*most > kAlike * *least || (*least<kOther&& * most> 1 / kOther)) return true;
+  Stop(Status::kDegenerate,
+       Format("the held poses are in another unit than the board: the cameras are %.4g times as far apart as the boards say; "
+              "give the calibration's unit, or the board's size",
+              UpperMedian(of_pairs)),
+       report);
+  return false;
 }
 
 void SeparateViews(Work* work) {

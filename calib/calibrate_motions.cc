@@ -122,14 +122,14 @@ void DropWhatDoesNotExplain(const CalibrateInput& input, const CalibrateOptions&
 
 }  // namespace
 
-void LookForMotions(const CalibrateInput& given, const CalibrateOptions& options, const RunContext& run,
+void LookForMotions(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
                     CalibrateReport* solved) {
-  if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || given.cameras.size() < 2) return;
-  const CalibrateInput input = CornersAtFrames(given, *solved);
-  solved->motions = FindMotions(solved->rig, input);
+  if (!options.motions || solved->status != Status::kOk || options.intrinsics_only || input.cameras.size() < 2) return;
+  const CalibrateInput at_frames = CornersAtFrames(input, *solved);
+  solved->motions = FindMotions(solved->rig, at_frames);
   const std::string name = solved->motions.empty() ? MostContradictory(*solved) : "";
   if (!name.empty()) {
-    if (const auto rig = WithLensAlone(input, *solved, options, run, name)) solved->motions = FindMotions(*rig, input);
+    if (const auto rig = WithLensAlone(input, *solved, options, run, name)) solved->motions = FindMotions(*rig, at_frames);
   }
   if (solved->motions.size() == 1) NameCameraThatMoved(input, *solved, options, run, &solved->motions[0]);
   for (CameraMotion& motion : solved->motions) {

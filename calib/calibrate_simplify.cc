@@ -3,6 +3,7 @@
 
 #include "calib/calibrate_steps.h"
 #include "calib/lens/simpler_lens.h"
+#include "core/format.h"
 
 /// What the calibration does when the boards do not determine a lens.
 namespace mvstudio::calib::internal {
@@ -32,8 +33,8 @@ std::vector<View> OwnViews(const Work& work, int camera) {
 }
 
 /// The cameras as one pool under the lens of `step`; each by itself first.
-LensPool FitStep(const CalibrateInput& input, const CalibrateOptions& options, const LensStep& step, const std::vector<int>& cameras,
-                 Work* work) {
+LensPool FitStep(const CalibrateInput& input, const CalibrateOptions& options, const LensStep& step,
+                 const std::vector<int>& cameras, Work* work) {
   std::vector<MonoSolution> monos = work->monos;
   LensPool failed;
   for (int c : cameras) {
@@ -43,8 +44,7 @@ LensPool FitStep(const CalibrateInput& input, const CalibrateOptions& options, c
   }
   for (int c : cameras) work->monos[c] = monos[c];
   BundleOptions bundle = options.bundle;
-  for (int c : cameras)
-    bundle.lens_prior.push_back(PriorOf(step, monos[c].state.cameras[0], SigmaOf(monos[c])));
+  for (int c : cameras) bundle.lens_prior.push_back(PriorOf(step, monos[c].state.cameras[0], SigmaOf(monos[c])));
   LensConfig config{step.model, step.spline, cameras.size() > 1, work->bundle.refine_warp, work->bundle.refine_stretch};
   LensPool pool = MakePool(monos, cameras, static_cast<int>(input.boards.size()));
   pool.state.board_warp_m = work->state.board_warp_m;
@@ -68,9 +68,10 @@ void TakePool(const LensPool& pool, const LensStep& step, const std::vector<int>
   }
 }
 
-void Note(const LensStep& before, const LensStep& after, const std::string& why, const geometry::Camera& camera, CameraReport* report) {
-  report->given_up += (report->given_up.empty() ? "" : "; ") + ToString(before, camera) + " given up for " + ToString(after, camera) +
-                      ": " + why;
+void Note(const LensStep& before, const LensStep& after, const std::string& why, const geometry::Camera& camera,
+          CameraReport* report) {
+  report->given_up += (report->given_up.empty() ? "" : "; ") + ToString(before, camera) + " given up for " +
+                      ToString(after, camera) + ": " + why;
   report->assumes = after.assume_centre || after.assume_focal;
 }
 
@@ -81,17 +82,40 @@ double SigmaOf(const MonoSolution& mono) {
   return known ? mono.bundle.sigma_px : kUsualSigmaPx;
 }
 
-MonoSolution SolveUnder(const CameraInput& camera, const LensStep& step, const std::vector<View>& views, const BundleOptions& options) {
+MonoSolution SolveUnder(const CameraInput& camera, const LensStep& step, const std::vector<View>& views,
+                        const BundleOptions& options) {
   BundleOptions bundle = options;
   bundle.num_threads = 1;
-  geometry::Camera lens = geometry::MakePinhole(camera.name, camera.width_px, camera.height_px,
-                                                std::max(camera.width_px, camera.height_px));
+  geometry::Camera lens =
+      geometry::MakePinhole(camera.name, camera.width_px, camera.height_px, std::max(camera.width_px, camera.height_px));
   lens = WithModel(lens, step.model, step.spline);
   const LensPrior prior = PriorOf(step, lens, kUsualSigmaPx);
   if (prior.weight.size() > 0) bundle.lens_prior = {prior};
   if (!step.assume_focal) return CalibrateMono(lens, views, bundle, true);
   lens.params.head<4>() = prior.mean.head<4>();
   return RefineMono(lens, views, bundle);
+}
+
+std::string WhyFocalLengthIsOpen(const Work& work, const CameraReport& camera, size_t camera_idx) {
+  constexpr double kMaxSigma = 0.25, kBeyondAssumed = 4;  // of the focal length; standard deviations of the assumed one
+  constexpr double kNoPerspective = 10;                   // focal length over the image's longer side
+  const geometry::Camera& lens = work.state.cameras[camera_idx];
+  const LensStep step = camera_idx < work.lens_step.size() ? work.lens_step[camera_idx] : LensStep();
+  bool open = camera.focal_sigma_px > kMaxSigma * camera.focal_px;
+  if (step.assume_focal) {
+    const LensPrior prior = PriorOf(step, lens, kUsualSigmaPx);
+    const Eigen::Array2d beyond = (lens.params.head<2>() - prior.mean.head<2>()).array();
+    open = open || (beyond * prior.weight.head<2>().array().sqrt() / kUsualSigmaPx).maxCoeff() > kBeyondAssumed;
+  }
+  if (!open) return "";
+  if (!work.alone_failed[camera_idx].empty()) return work.alone_failed[camera_idx];
+  const std::string name = "camera " + camera.name;
+  if (camera.focal_px > kNoPerspective * std::max(lens.width_px, lens.height_px))
+    return name + Format(
+                      ": its boards show no perspective, as from very far away (a focal length of thousands of px or more, "
+                      "here about %.0f): bring boards nearer and tilt them, or hold a known lens",
+                      camera.focal_px);
+  return name + ": the boards do not determine its focal length: show the board tilted";
 }
 
 bool MaySimplify(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, int camera) {

@@ -46,7 +46,7 @@ struct Work {
 void Stop(Status status, const std::string& message, CalibrateReport* report);
 
 /// Frames of different cameras that do not belong together are refused, or shifted unless `time_offset` is none.
-bool CheckFrames(const CalibrateOptions& options, Work* work, CalibrateReport* report);
+bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work* work, CalibrateReport* report);
 /// A doubt about two cameras by themselves stands unless the rig explains their boards about as well as each does alone.
 void ReconsiderFrames(const Work& work, CalibrateReport* report);
 
@@ -73,6 +73,10 @@ void MakeWork(const CalibrateInput& input, const CalibrateOptions& options, Work
 /// their corners in the input, which later steps read.
 void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report);
 
+/// Whether held poses are in the unit of the boards, as far as these say: false, with a status in the report, where cameras are
+/// three times as far apart or more, or a third or less, all pairs alike.
+bool CheckUnitOfHeldPoses(const Work& work, CalibrateReport* report);
+
 /// Lenses alone: one frame a view.
 void SeparateViews(Work* work);
 
@@ -93,6 +97,10 @@ MonoSolution SolveUnder(const CameraInput& camera, const LensStep& step, const s
 
 /// Standard deviation of a corner of weight 1 in a camera's separate solution; a typical value where it has none.
 double SigmaOf(const MonoSolution& mono);
+
+/// Why the boards do not determine a camera's focal length; empty where they do. Undetermined is one known to less than a
+/// quarter, and one that had to be assumed and that the boards draw far beyond what was assumed.
+std::string WhyFocalLengthIsOpen(const Work& work, const CameraReport& camera, size_t camera_idx);
 
 /// Whether the camera's lens model may be changed.
 bool MaySimplify(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, int camera);

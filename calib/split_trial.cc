@@ -20,13 +20,23 @@ geometry::Rig StartOf(const geometry::Rig& rig, const std::string& camera, const
   return start;
 }
 
+/// Offsets, and rates, are estimated anew where the solution has them: those of a rig that a motion bent are bent with it.
+LatenessChoice LatenessIn(const CalibrateReport& solved) {
+  LatenessChoice lateness = LatenessChoice::kNone;
+  for (const CameraReport& camera : solved.cameras) {
+    if (camera.time_rate != 0) return LatenessChoice::kClocks;
+    if (camera.time_offset_frames != 0) lateness = LatenessChoice::kOn;
+  }
+  return lateness;
+}
+
 }  // namespace
 
 CalibrateReport AdjustSplit(const CalibrateInput& input, const CalibrateReport& solved, CalibrateOptions options,
                             const CameraSplit& split, const RunContext& run) {
   options.motions = false;
   options.share_intrinsics = {LensSharing::Kind::kNone, {}};
-  options.time_offset = LatenessChoice::kNone;
+  options.time_offset = LatenessIn(solved);
   options.holdout = {};
   options.holdout_folds = 0;
   options.warp = solved.board_warp_m.empty() || solved.board_warp_m[0].isZero() ? AutoOnOff::kOff : AutoOnOff::kOn;

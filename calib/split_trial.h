@@ -8,7 +8,8 @@
 /// A rig adjusted again with one camera as two.
 namespace mvstudio::calib {
 
-/// Starts from `solved`, lens models as there. The last camera of the report is the later part, NAME@FRAME.
+/// Starts from `solved`, lens models as there, time offsets where it has them: `input` with the corners as they were seen. The
+/// last camera of the report is the later part, NAME@FRAME.
 CalibrateReport AdjustSplit(const CalibrateInput& input, const CalibrateReport& solved, CalibrateOptions options,
                             const CameraSplit& split, const RunContext& run);
 

@@ -4,6 +4,7 @@
 
 #include "app/input/board_footage.h"
 #include "app/input/board_pairing.h"
+#include "calib/check/same_corners.h"
 #include "core/error.h"
 #include "core/join.h"
 #include "core/some_of.h"
@@ -139,6 +140,11 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
   return corners;
 }
 
+/// Two cameras with one file would stand in one place, which nothing else contradicts.
+void RequireOwnFootage(const calib::CalibrateInput& input) {
+  if (const auto same = calib::FindSameCorners(input)) throw UsageError(ToString(*same));
+}
+
 }  // namespace
 
 void FillTimeline(CornerArguments* arguments, CommandResult* result) {
@@ -150,7 +156,11 @@ void FillTimeline(CornerArguments* arguments, CommandResult* result) {
 
 CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
   SayMirrored(arguments.mirrored, result);
-  if (arguments.corners.empty()) return Detect(arguments, run, result);
+  if (arguments.corners.empty()) {
+    CornerInput detected = Detect(arguments, run, result);
+    RequireOwnFootage(detected.input);
+    return detected;
+  }
   if (!arguments.cameras.empty())
     throw UsageError("give either option 'camera' (footage) or option 'corners' (a file), not both");
   if (arguments.boards.size() > 1) throw UsageError("option 'corners' takes one option 'board' at most");
@@ -163,6 +173,7 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
   corners.input.boards = file.boards;
   corners.input.cameras = file.cameras;
   corners.input.detections = file.detections;
+  RequireOwnFootage(corners.input);
   FlipCorners(arguments.mirrored, &corners.input);
   return corners;
 }

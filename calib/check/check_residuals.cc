@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -38,7 +39,41 @@ std::vector<size_t> OrdinaryViews(const CheckWork& work, size_t camera, CameraCh
   return ordinary;
 }
 
+/// Robust cost per corner of all views, boards where all cameras with these poses put them.
+double CostWith(const std::vector<Rigid3>& cam_from_world, CheckWork* work) {
+  work->problem.views_of_board = work->all_views_of_board;
+  PoseState state = work->state;
+  state.cam_from_world = cam_from_world;
+  double cost = 0, corners = 0;
+  for (size_t b = 0; b < work->all_views_of_board.size(); ++b) {
+    const int board = static_cast<int>(b);
+    SolveBoards(work->problem, {board}, &state);
+    cost += BoardsCost(work->problem, state, {board});
+    for (const int v : work->all_views_of_board[b])
+      corners += static_cast<double>((work->problem.views[static_cast<size_t>(v)].weights.array() > 0).count());
+  }
+  return cost / std::max(1.0, corners);
+}
+
+std::vector<Rigid3> PosesOf(const geometry::Rig& rig) {
+  std::vector<Rigid3> poses;
+  for (const geometry::RigCamera& camera : rig.cameras) poses.push_back(camera.cam_from_world);
+  return poses;
+}
+
 }  // namespace
+
+void KeepIfBetter(const geometry::Rig& rig, CheckWork* work, RigCheck* result) {
+  std::vector<Rigid3> poses = PosesOf(rig);
+  result->cost = CostWith(poses, work);
+  if (result->moved.empty()) return;
+  for (size_t c = 0; c < poses.size(); ++c) {
+    if (work->moved[c]) poses[c] = work->checks[c].cam_from_world;
+  }
+  if (CostWith(poses, work) < result->cost) return;
+  result->moved.clear();
+  work->moved.assign(work->moved.size(), false);
+}
 
 bool ShowsInResiduals(double gain, double left, double sigmas) {
   constexpr double kParams = 6, kOfExpected = 0.5, kVisible = 0.02;

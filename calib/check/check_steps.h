@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <functional>
 #include <vector>
 
 #include "calib/check/pose_problem.h"
@@ -62,6 +63,16 @@ BoardMetrics MeasureLengths(const std::vector<Board>& boards, const CheckWork& w
 /// of the similarity that maps the board to its triangulated corners. Of the pairs, sorted by |scale - 1|, the one at a
 /// third is taken, because a moved camera spoils at most two thirds of them. 1 when it cannot be measured.
 double MeasureScale(const std::vector<Board>& boards, const CheckWork& work);
+
+/// New poses that leave more of the corners unexplained than the old ones are not taken. Fills the cost of the calibration as
+/// it is.
+void KeepIfBetter(const geometry::Rig& rig, CheckWork* work, RigCheck* result);
+
+/// Parts of a frame, per camera of the input, by which the cameras took their images later than they are numbered: what moves
+/// their corners along their motion to where the boards that `place` (corners seen at such times) puts agree. The median camera
+/// is on time. Empty where no camera is late by 0.02 to 1 frames.
+std::vector<geometry::TimeOffset> FindLateness(const CalibrateInput& seen,
+                                               const std::function<CheckWork(const std::vector<geometry::TimeOffset>&)>& place);
 
 /// Sets check->verdict from the other fields.
 void JudgeCheck(const RigCheckOptions& options, RigCheck* check);

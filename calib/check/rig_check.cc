@@ -185,6 +185,13 @@ void PlaceBoards(CheckWork* work) {
   }
 }
 
+void PlaceBoardsAnew(CheckWork* work) {
+  work->state.world_from_board.resize(work->problem.views_of_board.size());
+  for (size_t b = 0; b < work->problem.views_of_board.size(); ++b)
+    work->state.world_from_board[b] = StartOfBoard(*work, static_cast<int>(b));
+  PlaceBoards(work);
+}
+
 /// The one camera whose freedom explains most joins those that have moved; false when none did or it cannot be told which.
 bool FindNextMoved(CheckWork* work, RigCheck* result) {
   std::map<int, Trial> trials;
@@ -249,14 +256,9 @@ void TakeScale(const std::vector<Board>& boards, CheckWork* work, RigCheck* resu
 
 /// `stated` receives the covariances of the new poses.
 void Solve(const RunContext& run, CheckWork* work, RigCheck* result, geometry::StatedCovariance* stated) {
-  const int num_boards = static_cast<int>(work->problem.views_of_board.size());
-  work->state.world_from_board.resize(static_cast<size_t>(num_boards));
   const int64_t present = std::count(work->present.begin(), work->present.end(), true);
   ProgressStage stage(run, "checking cameras", present);
-  for (int board = 0; board < num_boards; ++board) {
-    work->state.world_from_board[static_cast<size_t>(board)] = StartOfBoard(*work, board);
-  }
-  PlaceBoards(work);
+  PlaceBoardsAnew(work);
   for (int64_t i = 0; i < present && FindNextMoved(work, result); ++i) stage.Advance(1);
   RequireConsensus(work, result);
   PlaceBoards(work);
@@ -270,28 +272,6 @@ void Solve(const RunContext& run, CheckWork* work, RigCheck* result, geometry::S
       internal::CarryIntoRepair(*work, trial.state, SharedBoards(*work, camera), camera, trial.solution.covariance, stated);
   }
   HearVoters(-1, work);
-}
-
-/// Robust cost per corner of all views, boards where all cameras with these poses put them.
-double CostWith(const std::vector<Rigid3>& cam_from_world, CheckWork* work) {
-  work->problem.views_of_board = work->all_views_of_board;
-  PoseState state = work->state;
-  state.cam_from_world = cam_from_world;
-  double cost = 0, corners = 0;
-  for (size_t b = 0; b < work->all_views_of_board.size(); ++b) {
-    const int board = static_cast<int>(b);
-    internal::SolveBoards(work->problem, {board}, &state);
-    cost += internal::BoardsCost(work->problem, state, {board});
-    for (const int v : work->all_views_of_board[b])
-      corners += static_cast<double>((work->problem.views[static_cast<size_t>(v)].weights.array() > 0).count());
-  }
-  return cost / std::max(1.0, corners);
-}
-
-std::vector<Rigid3> PosesOf(const geometry::Rig& rig) {
-  std::vector<Rigid3> poses;
-  for (const geometry::RigCamera& camera : rig.cameras) poses.push_back(camera.cam_from_world);
-  return poses;
 }
 
 CheckWork WorkFor(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options) {
@@ -310,17 +290,13 @@ CheckWork WorkFor(const geometry::Rig& rig, const CalibrateInput& input, const R
   return work;
 }
 
-/// New poses that leave more of the corners unexplained than the old ones are not taken.
-void KeepIfBetter(const geometry::Rig& rig, CheckWork* work, RigCheck* result) {
-  std::vector<Rigid3> poses = PosesOf(rig);
-  result->cost = CostWith(poses, work);
-  if (result->moved.empty()) return;
-  for (size_t c = 0; c < poses.size(); ++c) {
-    if (work->moved[c]) poses[c] = work->checks[c].cam_from_world;
-  }
-  if (CostWith(poses, work) < result->cost) return;
-  result->moved.clear();
-  work->moved.assign(work->moved.size(), false);
+/// Boards where the cameras as calibrated put the corners that were seen at these times.
+CheckWork PlacedAt(const geometry::Rig& rig, const CalibrateInput& seen, const std::vector<geometry::TimeOffset>& late,
+                   const RigCheckOptions& options) {
+  CheckWork work = WorkFor(rig, AtFrameTimes(seen, late), options);
+  work.all_views_of_board = work.problem.views_of_board;
+  PlaceBoardsAnew(&work);
+  return work;
 }
 
 /// The check of corners that need no more correction.
@@ -341,7 +317,7 @@ RigCheck CheckSeen(const geometry::Rig& rig, const CalibrateInput& input, const 
     result.board_metrics = internal::MeasureLengths(input.boards, work);
     TakeScale(input.boards, &work, &result);
     Solve(run, &work, &result, &stated);
-    KeepIfBetter(rig, &work, &result);
+    internal::KeepIfBetter(rig, &work, &result);
     PlaceBoards(&work);
   }
   internal::FillResiduals(work, &result);
@@ -352,6 +328,23 @@ RigCheck CheckSeen(const geometry::Rig& rig, const CalibrateInput& input, const 
   return result;
 }
 
+/// Where a camera seems to have moved: the check at times that the calibration does not state, if these explain it.
+std::optional<RigCheck> CheckWhenLate(const geometry::Rig& rig, const CalibrateInput& seen, const RigCheck& check,
+                                      const RigCheckOptions& options, const RunContext& run) {
+  constexpr double kLessCost = 0.7;
+  if (check.status != Status::kOk || (check.moved.empty() && check.undecided.empty())) return std::nullopt;
+  const auto place = [&](const std::vector<geometry::TimeOffset>& at) { return PlacedAt(rig, seen, at, options); };
+  const std::vector<geometry::TimeOffset> late = internal::FindLateness(seen, place);
+  if (late.empty()) return std::nullopt;
+  RigCheck then = CheckSeen(rig, AtFrameTimes(seen, late), options, run);
+  if (!then.moved.empty() || !then.undecided.empty() || !(then.cost < kLessCost * check.cost)) return std::nullopt;
+  for (size_t c = 0; c < late.size(); ++c) {
+    if (late[c].frames != 0) then.late.push_back({seen.cameras[c].name, late[c].frames});
+  }
+  then.offsets_stated = check.offsets_stated, then.found = check.found;
+  return then;
+}
+
 }  // namespace
 
 RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options,
@@ -360,6 +353,7 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
   if (HasParts(rig, input)) ways.push_back(CameraParts::kLast);
   constexpr double kClearlyLess = 0.999;  // boards at rest agree with any time
   std::optional<RigCheck> best;
+  CalibrateInput best_seen;
   for (const CameraParts parts : ways) {
     CornerFindings findings;
     const CalibrateInput seen = SeenCorners(rig, input, parts, &findings);
@@ -372,9 +366,11 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
       RigCheck check = CheckSeen(rig, stated ? AtFrameTimes(seen, late) : seen, options, run);
       check.offsets_stated = !late.empty(), check.offsets_used = stated;
       check.found = findings;
-      if (!best || check.cost < kClearlyLess * best->cost) best = std::move(check);
+      if (best && !(check.cost < kClearlyLess * best->cost)) continue;
+      best = std::move(check), best_seen = seen;
     }
   }
+  if (auto when_late = CheckWhenLate(rig, best_seen, *best, options, run)) best = std::move(when_late);
   internal::JudgeCheck(options, &*best);
   return std::move(*best);
 }

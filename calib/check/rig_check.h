@@ -62,6 +62,12 @@ struct CameraCheck {
   bool moved = false;
 };
 
+/// A camera whose images agree with the others' at other times than the calibration states.
+struct LateCamera {
+  std::string camera;
+  double frames = 0;  ///< its capture time minus that of the frame
+};
+
 struct RigCheck {
   Status status = Status::kOk;  ///< kTooFewViews when no two cameras see a board at one time step, and more than one is there
   std::string message;
@@ -75,6 +81,7 @@ struct RigCheck {
   CornerFindings found;                ///< what was corrected in the corners
   bool offsets_stated = false;         ///< the calibration states time offsets of these cameras …
   bool offsets_used = false;           ///< … and the corners agree better with them than without
+  std::vector<LateCamera> late;        ///< found where the corners disagree, and nothing has moved with these offsets
   double cost = 0;                     ///< robust, per corner, of the calibration as it is
   /// The rig with the new poses of the moved cameras. Their covariances include the contribution of the cameras that they
   /// were placed by, as far as the rig states it; without stated covariances there are none.
@@ -92,6 +99,10 @@ struct RigCheck {
 /// The noise comes from fits to single views. Standard deviations are widened by the disagreement between frames, but do
 /// not include the calibration's own uncertainty. A motion counts only where the residuals of the calibration as it is show it,
 /// and new poses are taken only if they leave less of all corners unexplained than the old ones.
+///
+/// Where a camera seems to have moved, parts of a frame by which cameras are late are tried instead: a file of another format
+/// does not state them, and cameras that are started anew have others. They count where no motion is left with them, and a
+/// third less of the cost.
 ///
 /// The corners are corrected first by what is found about them (SeenCorners), and by the time offsets that the calibration
 /// states where they agree better with them than without. Throws UsageError as SeenCorners does, and when cameras of the input

@@ -99,6 +99,16 @@ void JudgeFound(const RigCheck& check, Verdict* verdict) {
         {"CAL-FRAMES", check.found.shift_text + "; they were added",
          "number the frames by their time stamps, or give them as option 'timestamps'"},
         verdict);
+  for (const LateCamera& camera : check.late)
+    Add("warn",
+        {"CAL-LATE",
+         Format("camera %s takes its images %.2f frames %s than the others, which the calibration does not state; with that, "
+                "no camera has moved",
+                camera.camera.c_str(), std::abs(camera.frames), camera.frames > 0 ? "later" : "earlier"),
+         "synchronise the cameras, or calibrate this recording anew: offsets are lost where a calibration is written in a "
+         "format "
+         "without them, and change when cameras are started anew"},
+        verdict);
   if (check.offsets_stated && !check.offsets_used)
     Add("warn",
         {"CAL-LATE", "the time offsets that the calibration states are not applied: the corners agree better without them",

@@ -255,7 +255,8 @@ CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input
   if (given.cameras.size() < 2) return seen;
   std::vector<std::string> names;
   for (const CameraInput& camera : given.cameras) names.push_back(camera.name);
-  const FrameOffsets offsets = FindFrameOffsets(posed.views, posed.cam_from_board, posed.frames, names);
+  const FrameOffsets offsets =
+      FindFrameOffsets(posed.views, posed.cam_from_board, posed.frames, names, {TurnsOf(given.boards)});
   if (offsets.kind != FrameOffsets::Kind::kShifted) return seen;
   findings->frame_shift = offsets.shift, findings->shift_text = offsets.text;
   seen = given;

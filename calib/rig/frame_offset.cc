@@ -23,22 +23,22 @@ constexpr double kBetterThanOthers = 2;
 
 using Poses = BoardPoses;
 
-struct RelativePose {
-  Rigid3 a_from_b;
-  Eigen::Vector3d x_in_a, x_in_b;  ///< the board's origin
+/// The board in both cameras.
+struct BoardInBoth {
+  Rigid3 in_a, in_b;
 };
 
-/// Relative poses when b's frame f belongs to a's frame f + shift, thinned out to `max_frames`.
-std::vector<RelativePose> RelativePoses(const Poses& a, const Poses& b, int64_t shift, int max_frames) {
-  std::vector<RelativePose> all;
+/// SeenInBoth when b's frame f belongs to a's frame f + shift, thinned out to `max_frames`.
+std::vector<BoardInBoth> SeenInBoth(const Poses& a, const Poses& b, int64_t shift, int max_frames) {
+  std::vector<BoardInBoth> all;
   for (const auto& [key, b_from_board] : b) {
     const auto found = a.find({key.first + shift, key.second});
     if (found == a.end()) continue;
-    all.push_back({found->second * geometry::Inverse(b_from_board), found->second.translation, b_from_board.translation});
+    all.push_back({found->second, b_from_board});
   }
   const auto limit = static_cast<size_t>(max_frames);
   if (all.size() <= limit) return all;
-  std::vector<RelativePose> thin;
+  std::vector<BoardInBoth> thin;
   for (size_t i = 0; i < limit; ++i) thin.push_back(all[i * all.size() / limit]);
   return thin;
 }
@@ -51,15 +51,18 @@ struct ShiftSpread {
 
 /// Quantiles over the frames of the distance between the board and its transferred place over its distance, for the relative
 /// pose that has the least median.
-ShiftSpread Spread(int64_t shift, const std::vector<RelativePose>& poses) {
+ShiftSpread Spread(int64_t shift, const std::vector<BoardInBoth>& poses, const BoardTurns& turns) {
   constexpr double kMost = 0.9;
   constexpr size_t kCandidates = 25;
   ShiftSpread best{shift, static_cast<int>(poses.size()), INFINITY, INFINITY};
   std::vector<double> distances(poses.size());
-  for (size_t c = 0; c < std::min(kCandidates, poses.size()); ++c) {
-    const RelativePose& candidate = poses[c * poses.size() / std::min(kCandidates, poses.size())];
+  const size_t count = std::min(kCandidates, poses.size()), num_turns = static_cast<size_t>(turns.num);
+  for (size_t c = 0; c < count * num_turns; ++c) {
+    const BoardInBoth& central = poses[c / num_turns * poses.size() / count];
+    const Rigid3 a_from_b = turns.RelativePose(central.in_a, central.in_b, static_cast<int>(c % num_turns));
     for (size_t i = 0; i < poses.size(); ++i) {
-      distances[i] = (candidate.a_from_b * poses[i].x_in_b - poses[i].x_in_a).norm() / poses[i].x_in_a.norm();
+      const Eigen::Vector3d& x_in_a = poses[i].in_a.translation;
+      distances[i] = (a_from_b * poses[i].in_b.translation - x_in_a).norm() / x_in_a.norm();
     }
     const double median = UpperMedian(distances.begin(), distances.end());
     if (median < best.spread) best.spread = median, best.most = UpperQuantile(distances, kMost);
@@ -71,11 +74,11 @@ std::vector<ShiftSpread> ScanShifts(const Poses& a, const Poses& b, const FrameO
   std::vector<ShiftSpread> scan;
   int most = 0;
   for (int64_t shift = -options.max_shift; shift <= options.max_shift; ++shift) {
-    const std::vector<RelativePose> poses = RelativePoses(a, b, shift, options.max_frames);
+    const std::vector<BoardInBoth> poses = SeenInBoth(a, b, shift, options.max_frames);
     const auto n = static_cast<int>(poses.size());
     if (n < options.min_shared) continue;
     most = std::max(most, n);
-    scan.push_back(Spread(shift, poses));
+    scan.push_back(Spread(shift, poses, options.turns));
   }
   const auto few = [&](const ShiftSpread& s) { return s.num_shared < most / 3; };
   scan.erase(std::remove_if(scan.begin(), scan.end(), few), scan.end());
@@ -332,7 +335,7 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
     const bool used = views[v].weights.size() > 0 && views[v].weights.maxCoeff() > 0;
     if (!used || !cam_from_board[v].translation.allFinite() || !(cam_from_board[v].translation.norm() > 0)) continue;
     poses[static_cast<size_t>(views[v].camera_idx)].insert(
-        {{frames[static_cast<size_t>(views[v].frame)], views[v].board}, cam_from_board[v]});
+        {{frames[static_cast<size_t>(views[v].frame)], views[v].board}, cam_from_board[v] * options.turns.board_from_middle});
   }
   FrameOffsets out;
   out.shift.assign(camera_names.size(), 0);
@@ -343,7 +346,8 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
   out.shift = SolveShifts(curves, camera_names.size(), options.max_shift);
   for (const Curve& curve : curves) {
     FramePair pair = Judge(curve, out.shift);
-    pair.steps = FindFrameSteps(poses[static_cast<size_t>(pair.a)], poses[static_cast<size_t>(pair.b)], pair.shift);
+    pair.steps =
+        FindFrameSteps(poses[static_cast<size_t>(pair.a)], poses[static_cast<size_t>(pair.b)], pair.shift, options.turns);
     if (!pair.steps.empty()) pair.kind = FramePair::Kind::kInconsistent;
     out.pairs.push_back(pair);
   }

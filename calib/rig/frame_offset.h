@@ -10,6 +10,7 @@
 namespace mvstudio::calib {
 
 struct FrameOffsetOptions {
+  BoardTurns turns;      ///< views may be numbered from any end of the board, each by itself
   int max_shift = 60;    ///< frames; larger offsets between two cameras are not searched
   int min_shared = 8;    ///< minimum number of shared frames to judge a pair of cameras
   int max_frames = 120;  ///< maximum number of shared frames compared per pair
@@ -53,7 +54,8 @@ struct FrameOffsets {
 /// the spreads of the affected pairs at least 1.35 times smaller. A pair agrees when nine of ten of its frames stay within
 /// half of the spread of unrelated frames.
 ///
-/// `cam_from_board[v]` belongs to views[v] and comes from that view alone; `frames` are the frame numbers of View::frame.
+/// With `turns` the numbering of the corners does not matter. `cam_from_board[v]` belongs to views[v] and comes from that view
+/// alone; `frames` are the frame numbers of View::frame.
 FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<geometry::Rigid3>& cam_from_board,
                               const std::vector<int64_t>& frames, const std::vector<std::string>& camera_names,
                               const FrameOffsetOptions& options = {});

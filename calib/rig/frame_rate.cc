@@ -39,15 +39,16 @@ std::vector<Sighting> SharedSightings(const BoardPoses& a, const BoardPoses& b, 
 
 /// What nine of ten sightings keep: the distance of the board in a from where b and the most central relative pose put it, over
 /// its distance. Infinite for few.
-double RateDisagreement(const std::vector<Sighting>& shared) {
+double RateDisagreement(const std::vector<Sighting>& shared, const BoardTurns& turns) {
   constexpr double kMost = 0.9;
   constexpr size_t kCandidates = 12;
   double least = std::numeric_limits<double>::infinity();
   if (shared.size() < kLeastShared) return least;
   std::vector<double> distances(shared.size());
-  for (size_t c = 0; c < kCandidates; ++c) {
-    const Sighting& central = shared[c * shared.size() / kCandidates];
-    const Rigid3 a_from_b = central.in_a * geometry::Inverse(central.in_b);
+  const size_t num_turns = static_cast<size_t>(turns.num);
+  for (size_t c = 0; c < kCandidates * num_turns; ++c) {
+    const Sighting& central = shared[c / num_turns * shared.size() / kCandidates];
+    const Rigid3 a_from_b = turns.RelativePose(central.in_a, central.in_b, static_cast<int>(c % num_turns));
     for (size_t i = 0; i < shared.size(); ++i) {
       const Eigen::Vector3d& at = shared[i].in_a.translation;
       distances[i] = (a_from_b * shared[i].in_b.translation - at).norm() / at.norm();
@@ -69,12 +70,12 @@ bool PairsEnough(size_t num_shared, size_t num_a, size_t num_b, const FrameRate&
   return static_cast<double>(num_shared) * rate.denominator >= kPart * of_b;
 }
 
-Best BestOffset(const BoardPoses& a, const BoardPoses& b, FrameRate rate, std::vector<double>* all) {
+Best BestOffset(const BoardPoses& a, const BoardPoses& b, FrameRate rate, const BoardTurns& turns, std::vector<double>* all) {
   Best best;
   const int64_t most = kMostOffset * rate.denominator;
   for (rate.offset = -most; rate.offset <= most; ++rate.offset) {
     size_t num_shared = 0;
-    const double disagreement = RateDisagreement(SharedSightings(a, b, rate, &num_shared));
+    const double disagreement = RateDisagreement(SharedSightings(a, b, rate, &num_shared), turns);
     if (std::isfinite(disagreement)) all->push_back(disagreement);
     const bool counts = rate.same() || PairsEnough(num_shared, a.size(), b.size(), rate);
     if (counts && disagreement < best.disagreement) best = {rate, disagreement};
@@ -89,15 +90,15 @@ std::optional<int64_t> FrameRate::At(int64_t frame) const {
   return scaled % denominator == 0 ? std::optional(scaled / denominator) : std::nullopt;
 }
 
-std::optional<FrameRate> FindFrameRate(const BoardPoses& a, const BoardPoses& b) {
+std::optional<FrameRate> FindFrameRate(const BoardPoses& a, const BoardPoses& b, const BoardTurns& turns) {
   constexpr double kClearly = 0.5, kStill = 0.02;
   constexpr int kRatios[][2] = {{2, 1}, {1, 2}, {4, 1}, {1, 4},  {6, 5},  {5, 6}, {5, 4}, {4, 5}, {5, 3},
                                 {3, 5}, {3, 1}, {1, 3}, {12, 5}, {5, 12}, {5, 2}, {2, 5}, {3, 2}, {2, 3}};
   std::vector<double> all;
-  const Best equal = BestOffset(a, b, {}, &all);
+  const Best equal = BestOffset(a, b, {}, turns, &all);
   Best best;
   for (const auto& [numerator, denominator] : kRatios) {
-    const Best of_ratio = BestOffset(a, b, {numerator, denominator, 0}, &all);
+    const Best of_ratio = BestOffset(a, b, {numerator, denominator, 0}, turns, &all);
     if (of_ratio.disagreement < best.disagreement) best = of_ratio;
   }
   const double unrelated = UpperMedian(std::move(all));
@@ -134,18 +135,19 @@ int OddCamera(const std::vector<RatedPair>& pairs, int num_cameras) {
 }  // namespace
 
 std::vector<FrameRate> FindFrameRates(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board,
-                                      const std::vector<int64_t>& frames, const FrameOffsets& offsets) {
+                                      const std::vector<int64_t>& frames, const FrameOffsets& offsets,
+                                      const BoardTurns& turns) {
   const int num_cameras = static_cast<int>(offsets.shift.size());
   std::vector<BoardPoses> poses(offsets.shift.size());
   for (size_t v = 0; v < views.size(); ++v) {
     if ((views[v].weights.array() > 0).any() && cam_from_board[v].translation.norm() > 0)
       poses[static_cast<size_t>(views[v].camera_idx)][{frames[static_cast<size_t>(views[v].frame)], views[v].board}] =
-          cam_from_board[v];
+          cam_from_board[v] * turns.board_from_middle;
   }
   std::vector<RatedPair> pairs;
   for (const FramePair& pair : offsets.pairs) {
     if (pair.kind != FramePair::Kind::kInconsistent) continue;
-    const auto rate = FindFrameRate(poses[static_cast<size_t>(pair.a)], poses[static_cast<size_t>(pair.b)]);
+    const auto rate = FindFrameRate(poses[static_cast<size_t>(pair.a)], poses[static_cast<size_t>(pair.b)], turns);
     if (rate) pairs.push_back({pair.a, pair.b, *rate});
   }
   std::vector<FrameRate> rates;

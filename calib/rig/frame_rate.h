@@ -27,12 +27,13 @@ struct FrameRate {
 /// of two cameras agree; by the spread of their relative pose (FindFrameOffsets). Empty unless four of ten frames that it could
 /// pair are paired, and nine of ten of these agree to half of what they do at equal rates with any offset, and to half of what
 /// unrelated frames do.
-std::optional<FrameRate> FindFrameRate(const BoardPoses& a, const BoardPoses& b);
+std::optional<FrameRate> FindFrameRate(const BoardPoses& a, const BoardPoses& b, const BoardTurns& turns = {});
 
 /// Per camera, how its frames count in those of the others, from the pairs that `offsets` found inconsistent; empty when no
 /// ratio makes one of them agree. Of two cameras the slower one is renumbered. Arguments as for FindFrameOffsets.
 std::vector<FrameRate> FindFrameRates(const std::vector<View>& views, const std::vector<geometry::Rigid3>& cam_from_board,
-                                      const std::vector<int64_t>& frames, const FrameOffsets& offsets);
+                                      const std::vector<int64_t>& frames, const FrameOffsets& offsets,
+                                      const BoardTurns& turns = {});
 
 /// "frames of cam1 count 2 frames of the others each (its frame f is their frame 2 f + 3)", for the renumbered cameras.
 std::string ToString(const std::vector<FrameRate>& rates, const std::vector<std::string>& camera_names);

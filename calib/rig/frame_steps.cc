@@ -5,7 +5,9 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/rig/numbering.h"
 #include "core/statistics.h"
+#include "core/units.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -60,7 +62,7 @@ Distances DistancesUnder(const Rigid3& a_from_b, const std::vector<Instant>& ins
   return distances;
 }
 
-std::vector<Rigid3> Candidates(const std::vector<Instant>& instants) {
+std::vector<Rigid3> Candidates(const std::vector<Instant>& instants, const BoardTurns& turns) {
   std::vector<Rigid3> candidates;
   for (int s = 0; s < kShifts; ++s) {
     std::vector<const Instant*> with;
@@ -70,7 +72,8 @@ std::vector<Rigid3> Candidates(const std::vector<Instant>& instants) {
     const size_t n = std::min(kCandidatesPerShift, with.size());
     for (size_t k = 0; k < n; ++k) {
       const Instant& instant = *with[k * with.size() / n];
-      candidates.push_back(*instant.a_from_board[s] * geometry::Inverse(*instant.b_from_board));
+      for (int turn = 0; turn < turns.num; ++turn)
+        candidates.push_back(turns.RelativePose(*instant.a_from_board[s], *instant.b_from_board, turn));
     }
   }
   return candidates;
@@ -131,12 +134,26 @@ std::vector<FrameStep> StepsOf(const Path& path, const std::vector<Instant>& ins
 
 }  // namespace
 
-std::vector<FrameStep> FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift) {
+Rigid3 BoardTurns::RelativePose(const Rigid3& in_a, const Rigid3& in_b, int k) const {
+  if (k == 0) return in_a * geometry::Inverse(in_b);
+  Rigid3 turn;
+  turn.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0, 2 * kPi * k / num));
+  return in_a * turn * geometry::Inverse(in_b);
+}
+
+BoardTurns TurnsOf(const std::vector<Board>& boards) {
+  BoardTurns turns;
+  turns.num = NumNumberings(boards);
+  if (turns.num > 1) turns.board_from_middle.translation = CornersInBoard(boards[0]).rowwise().mean();
+  return turns;
+}
+
+std::vector<FrameStep> FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift, const BoardTurns& turns) {
   const std::vector<Instant> instants = InstantsOf(a, b, base_shift);
   if (instants.size() < kMinFrames) return {};
   std::vector<Distances> all;
   double sigma = kNone;
-  for (const Rigid3& candidate : Candidates(instants)) {
+  for (const Rigid3& candidate : Candidates(instants, turns)) {
     all.push_back(DistancesUnder(candidate, instants));
     sigma = std::min(sigma, LeastMedian(all.back()));
   }

@@ -5,12 +5,26 @@
 #include <utility>
 #include <vector>
 
+#include "calib/board/board.h"
 #include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::calib {
 
 /// Board poses of a camera, cam_from_board, by (frame, board).
 using BoardPoses = std::map<std::pair<int64_t, int>, geometry::Rigid3>;
+
+/// The ways in which a board's corners may be numbered. Where there are several, its place is that of its middle, about which a
+/// turned numbering turns its pose.
+struct BoardTurns {
+  int num = 1;                         ///< 1, 2 or 4 turns after which the board looks the same
+  geometry::Rigid3 board_from_middle;  ///< identity for 1
+
+  /// a_from_b by one sighting in both cameras (cam_from_middle), if b numbers the board by turn k otherwise than a.
+  geometry::Rigid3 RelativePose(const geometry::Rigid3& in_a, const geometry::Rigid3& in_b, int k) const;
+};
+
+/// The turns in which a detector may number these boards.
+BoardTurns TurnsOf(const std::vector<Board>& boards);
 
 /// From this frame of camera b on, frame f of b was taken with frame f + shift of camera a.
 struct FrameStep {
@@ -22,6 +36,7 @@ struct FrameStep {
 /// of the two cameras that single frames give. Each change of the shift costs 8 nats. Returns the steps of the sequence
 /// that explains the board positions best, the first of them at b's first frame. Empty unless it gains 15 nats over one
 /// constant shift.
-std::vector<FrameStep> FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift);
+std::vector<FrameStep> FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift,
+                                      const BoardTurns& turns = {});
 
 }  // namespace mvstudio::calib

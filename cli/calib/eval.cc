@@ -81,6 +81,7 @@ void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   for (const calib::TurnedCamera& camera : check.found.turned)
     m["turned"].push_back({{"name", camera.camera}, {"num_turned", camera.num_turned}, {"num_views", camera.num_views}});
   if (!check.found.frame_shift.empty()) m["frame_shift"] = check.found.frame_shift;
+  for (const calib::LateCamera& camera : check.late) m["late"].push_back({{"name", camera.camera}, {"frames", camera.frames}});
   if (check.offsets_stated) {
     const char* const reason = check.offsets_used ? "the corners agree as well with them as without, or better"
                                                   : "the corners agree better without them";

@@ -9,6 +9,7 @@
 
 #include "calib/calibrate.h"
 #include "calib/check/rig_check.h"
+#include "calib/check/same_corners.h"
 #include "tests/calib/filmed.h"
 
 /// What is found about corners counts for every later step: a calibration agrees with its own corners.
@@ -106,6 +107,13 @@ std::vector<Case> Cases() {
       {"one camera upside down", {0, 0}, [](Detection* d) { d->camera_idx == 1 ? Turn(d) : void(); }},
       {"any view turned", {0, 0, 0}, [](Detection* d) { (d->camera_idx * 7 + d->frame_idx * 5) % 11 < 5 ? Turn(d) : void(); }},
       {"frames and a part", {0, 0, 0.3}, [](Detection* d) { d->frame_idx -= d->camera_idx == 2 ? 5 : 0; }},
+      {"any view turned, one camera shifted",
+       {0, 0, 0.3},
+       [](Detection* d) {
+         const bool turned = (d->camera_idx * 7 + d->frame_idx * 5) % 11 < 5;
+         turned ? Turn(d) : void();
+         d->frame_idx -= d->camera_idx == 2 ? 5 : 0;
+       }},
       {"turned and late", {0, 0.3, 0}, [](Detection* d) { d->frame_idx % 3 == 0 && d->camera_idx > 0 ? Turn(d) : void(); }}};
 }
 
@@ -164,6 +172,22 @@ TEST(SeenCorners, PartsOfASplitCameraAreToldApart) {
   ExpectNothingMoved(CheckRig(report.rig, later, {}, {}), "a later recording, numbered anew");
 }
 
+TEST(SameCorners, OneFileForTwoCamerasIsNamed) {
+  CalibrateInput input = testing::ToInput(Film({0, 0, 0}, 8, 0.2));
+  EXPECT_FALSE(FindSameCorners(input));
+  for (Detection& d : input.detections) {
+    if (d.camera_idx != 2) continue;
+    const auto same = std::find_if(input.detections.begin(), input.detections.end(),
+                                   [&](const Detection& o) { return o.camera_idx == 0 && o.frame_idx == d.frame_idx; });
+    if (same != input.detections.end()) d.points_px = same->points_px, d.corner_ids = same->corner_ids;
+    d.frame_idx += 3;  // under other numbers, too
+  }
+  const auto found = FindSameCorners(input);
+  ASSERT_TRUE(found);
+  EXPECT_EQ(found->a + " " + found->b, "cam0 cam2");
+  EXPECT_NE(ToString(*found).find("give each its own"), std::string::npos);
+}
+
 /// One board says nothing about numbering by itself; with the poses of the rig it does.
 TEST(SeenCorners, OneTurnedViewIsKnownByTheRig) {
   const testing::Scene scene = Film({0, 0}, 8, 0.2);
@@ -189,6 +213,24 @@ TEST(SeenCorners, OffsetsThatTheCornersContradictAreNotApplied) {
   const RigCheck used = CheckRig(rig, testing::ToInput(late), {}, {});
   ExpectNothingMoved(used, "as stated");
   EXPECT_TRUE(used.offsets_used);
+}
+
+/// A format without time offsets, or cameras that were started anew: late, and not moved.
+TEST(SeenCorners, LatenessThatTheCalibrationDoesNotStateIsNoMotion) {
+  const std::vector<std::vector<double>> cases = {{0, 0.35}, {0, 0.3, 0}, {0, 0.3, -0.2, 0}};
+  for (const std::vector<double>& late : cases) {
+    const testing::Scene scene = Film(late, 40, 0.2);
+    const RigCheck check = CheckRig(testing::TruthRig(scene), testing::ToInput(scene), {}, {});
+    const std::string what = std::to_string(late.size()) + " cameras";
+    ExpectNothingMoved(check, what);
+    ASSERT_FALSE(check.late.empty()) << what << ": " << Words(check);
+    for (const LateCamera& camera : check.late) {
+      const double truth = late[static_cast<size_t>(camera.camera.back() - '0')];
+      EXPECT_NEAR(camera.frames, truth, 0.03) << what << " " << camera.camera;
+      EXPECT_NE(truth, 0) << what << " " << camera.camera;
+    }
+    EXPECT_NE(Words(check).find("which the calibration does not state"), std::string::npos) << Words(check);
+  }
 }
 
 /// A camera that did move is found beside what is put right.
