@@ -155,6 +155,7 @@ TEST(ReadColmap, RigsInBinary) {
     rig.cameras.push_back(camera);
   }
   WriteColmapModel(rig, {"cam0/1.png", "cam1/1.png"}, {}, folder.path());
+  fs::remove(folder / "frames.bin");
   std::string bytes;
   const auto add = [&bytes](auto value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
   add(uint64_t{1}), add(uint32_t{1}), add(uint32_t{2}), add(int32_t{0}), add(uint32_t{1});
@@ -182,7 +183,12 @@ TEST(ReadColmap, RigsAndFramesAreWrittenAndHeldAgainstImages) {
     camera.cam_from_world.translation = {-0.2 * c, 0, 1};
     rig.cameras.push_back(camera);
   }
-  WriteColmapModel(rig, {"cam0.png", "cam1.png", "cam2.png"}, {}, folder.path());
+  WriteColmapModel(rig, {"cam0.png", "cam1.png", "cam2.png"}, {}, folder / "images");
+  EXPECT_THAT(ReadFile(folder / "images/rigs.txt"), HasSubstr("\n1 1 CAMERA 1\n2 1 CAMERA 2\n3 1 CAMERA 3\n"));
+  EXPECT_THAT(ReadFile(folder / "images/frames.txt"), HasSubstr(" 1 CAMERA 3 3\n"));
+  EXPECT_EQ(CodesOf(ReadColmap(folder / "images")), "CAL-UNIT ");
+  for (const auto format : {CalibrationFormat::kColmap, CalibrationFormat::kColmapText})
+    WriteCalibration(rig, format, folder.path());
   EXPECT_THAT(ReadFile(folder / "rigs.txt"), HasSubstr("\n1 3 CAMERA 1 CAMERA 2 1 "));
   EXPECT_THAT(ReadFile(folder / "frames.txt"), HasSubstr("3 CAMERA 1 1 CAMERA 2 2 CAMERA 3 3\n"));
   const auto read = [&](const char* file) {

@@ -118,6 +118,7 @@ ColmapFiles ModelOf(const geometry::Rig& rig, const std::vector<std::string>& im
     if (!model.cameras[id].model) throw UsageError("COLMAP has no lens like that of camera " + Printable(camera.camera.name));
     model.images.push_back({id, camera.cam_from_world.rotation, camera.cam_from_world.translation, id, images[i], {}});
     if (i == 0) model.rigs.push_back({1, {}}), model.frames.push_back({1, 1, camera.cam_from_world, {}, {}});
+    model.frames[0].images.push_back(id);
     model.rigs[0].cameras.push_back({id, camera.cam_from_world * Inverse(rig.cameras[0].cam_from_world)});
   }
   return model;
@@ -170,6 +171,12 @@ std::vector<std::string> WriteColmapModel(const geometry::Rig& rig, const std::v
   MVS_CHECK(images.size() == rig.cameras.size(), images.size() << " images of " << rig.cameras.size() << " cameras");
   const Eigen::Vector2d shift = Eigen::Vector2d::Constant(kCornerOriginShiftPx);
   internal::ColmapFiles model = internal::ModelOf(rig, images);
+  // As COLMAP's own database of such images has them, with which its programs compare: a rig a camera, a frame an image.
+  model.rigs.clear(), model.frames.clear();
+  for (const internal::ColmapImage& image : model.images) {
+    model.rigs.push_back({image.camera_id, {{image.camera_id, geometry::Rigid3()}}});
+    model.frames.push_back({image.id, image.camera_id, {image.rotation, image.translation}, {image.id}, {}});
+  }
   for (const ColmapModelPoint& point : points) {
     const uint64_t id = model.points.size() + 1;
     internal::ColmapPoint out{point.x_in_world, point.rgb, point.error_px, {}};

@@ -1,6 +1,7 @@
 // Private: for colmap_files.cc.
 #pragma once
 
+#include <algorithm>
 #include <cstring>
 
 #include "calib/formats/colmap/colmap_files.h"
@@ -94,13 +95,16 @@ ColmapFrame ReadFrame(Source* in) {
   return frame;
 }
 
-/// `model`: its images are those of the frame.
+/// `model` has the images of the frame.
 template <class Sink>
 void WriteFrame(const ColmapFrame& frame, const ColmapFiles& model, Sink* out) {
   out->Id(frame.id), out->Id(frame.rig_id);
   WritePose(frame.rig_from_world, out);
-  out->Id(static_cast<uint32_t>(model.images.size()));
-  for (const ColmapImage& image : model.images) out->Camera(), out->Id(image.camera_id), out->DataId(image.id);
+  out->Id(static_cast<uint32_t>(frame.images.size()));
+  for (const ColmapImage& image : model.images) {
+    if (std::find(frame.images.begin(), frame.images.end(), image.id) == frame.images.end()) continue;
+    out->Camera(), out->Id(image.camera_id), out->DataId(image.id);
+  }
 }
 
 }  // namespace mvstudio::calib::internal
