@@ -57,7 +57,7 @@ constexpr Example kExamples[] = {
     {"avatar mesh", "body --out meshes"},
     {"avatar fit", "dataset --out body"},
     {"avatar texture", "avatar --out recoloured"},
-    {"avatar edit", "body --parts torso=#204080 --out blue"},
+    {"avatar edit", "body --picture painted.png --out painted"},
     {"avatar pretrain", "--poses dataset --out pretrained"},
     {"avatar pretrain-renderer", "anna_avatar ben_avatar --out renderer"},
     {"avatar train", "dataset --holdout-cameras cam2 --holdout-frames 90-119 --out avatar"},
