@@ -155,6 +155,11 @@ void FillTimeline(CornerArguments* arguments, CommandResult* result) {
 }
 
 CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
+  if (!arguments.timestamps.empty() && !arguments.timeline) {
+    CornerArguments timed = arguments;
+    FillTimeline(&timed, result);
+    return ReadCornerInput(timed, run, result);
+  }
   SayMirrored(arguments.mirrored, result);
   if (arguments.corners.empty()) {
     CornerInput detected = Detect(arguments, run, result);
