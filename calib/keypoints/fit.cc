@@ -192,17 +192,16 @@ std::vector<KeypointFit> RefitKeypoints(const geometry::Rig& rig, const std::vec
 }
 
 double CauchyScale(const std::vector<KeypointFit>& fits) {
-  constexpr double kMedianNormal2d = 1.17741, kMedianNormal = 0.67449, kMedianNormal3d = 1.53817;  // of lengths
+  constexpr double kMedianNormal2d = 1.17741, kMedianNormal = 0.67449;  // of lengths
   std::vector<double> lengths;
   for (const KeypointFit& fit : fits) {
     if (!fit.ok) continue;
     const double n = static_cast<double>(fit.residuals_px.size());
     double squares = 0;
     for (const Eigen::Vector2d& residual : fit.residuals_px) squares += residual.squaredNorm();
-    for (const Eigen::Vector2d& residual : fit.residuals_px) {
-      const double of_joint = std::sqrt(squares) * kMedianNormal2d / (n < 3 ? kMedianNormal : kMedianNormal3d);
-      lengths.push_back(n <= 3 ? of_joint : std::sqrt(2 * n / (2 * n - 3)) * residual.norm());
-    }
+    const double of_pair = std::sqrt(squares) * kMedianNormal2d / kMedianNormal;
+    for (const Eigen::Vector2d& residual : fit.residuals_px)
+      lengths.push_back(n < 3 ? of_pair : std::sqrt(2 * n / (2 * n - 3)) * residual.norm());
   }
   return LinearQuantile(std::move(lengths), 0.5) / std::sqrt(3.0);
 }

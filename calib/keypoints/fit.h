@@ -32,9 +32,9 @@ std::vector<KeypointFit> RefitKeypoints(const geometry::Rig& rig, const std::vec
                                         int num_threads);
 
 /// Scale c of the noise: sqrt(3) c is the median length of a bivariate Cauchy variable. Residuals of n views are
-/// multiplied by sqrt(2 n / (2 n - 3)), because the point was fitted to them. Of two or three views, all residuals of the joint
-/// together give one length, which has 2 n - 3 degrees of freedom: the cost likes to fit all views but one exactly, and a
-/// median over single views would shrink with every round. NaN without residuals.
+/// multiplied by sqrt(2 n / (2 n - 3)), because the point was fitted to them. Of two views, both residuals together
+/// give one length, which has one degree of freedom: the cost likes to fit one view exactly, and a median over single views
+/// would shrink with every round. NaN without residuals.
 double CauchyScale(const std::vector<KeypointFit>& fits);
 
 /// Error of a rig on joints: statistics of the lengths of all residuals of all joints.

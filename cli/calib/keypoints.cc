@@ -224,12 +224,15 @@ void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const cal
   std::string hint = "check that calibration and poses belong to the same cameras";
   const auto why = WhyNoFit(arguments, posed, body, run);
   if (why) hint = app::AddLikelyCause(*why, "CAL-CAUSE", hint, result);
-  const bool explained = why && !why->message.empty() && why->trials[0].residual_px < after.residual_px;
+  // Exchanged cameras can be adjusted until they fit: the given world is then lost.
+  const bool over = std::any_of(report.cameras.begin(), report.cameras.end(),
+                                [](const auto& camera) { return camera.rotation_rad > 0.5 * kPi; });
+  const bool explained = why && !why->message.empty() && (over || why->trials[0].residual_px < after.residual_px);
   if (after.carried >= app::kLostShare && !explained) return;
   result->exit = kExitQualityGate;
   result->errors.push_back({"CAL-NOFIT",
-                            Format("%.1f %% of the detections fit the calibration that was written, mean residual %.2f px",
-                                   100 * after.carried, after.residual_px),
+                            Format("%.1f %% of the detections fit the calibration that was written, mean residual %.2f px%s",
+                                   100 * after.carried, after.residual_px, over ? ", and it turns cameras over" : ""),
                             hint});
 }
 
@@ -266,9 +269,7 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
     result->warnings.push_back({"CAL-HALF-UNSOLVED", note, "the held-out figures are those of the other half alone"});
 }
 
-/// What --length states, between the take's joints.
 std::vector<calib::StatedLength> StatedOf(const KeypointArguments& arguments, const app::PoseInput& input) {
-  if (arguments.lengths.empty()) return {};
   return calib::LengthsOf(calib::ParseStatedLengths(arguments.lengths), input.skeleton.joints);
 }
 

@@ -46,12 +46,12 @@ TEST(KeypointBundle, FocalLengthsToo) {
   for (size_t c = 0; c < 4; ++c) EXPECT_NEAR(solution.rig.cameras[c].camera.fx() / truth.cameras[c].camera.fx(), 1, 1e-4) << c;
 }
 
-/// The cost would rather fit all views but one exactly; with few views the scale of the noise must not shrink by that, round
-/// by round, until a few points alone decide.
-TEST(KeypointBundle, TheScaleOfFewViewsIsThatOfTheNoise) {
+/// The cost would rather fit one of two views exactly. The scale of the noise must not shrink by that, round by round, until a
+/// few points alone decide.
+TEST(KeypointBundle, TheScaleOfTwoViewsIsThatOfTheNoise) {
   PeopleOptions options;
   options.num_frames = 60, options.num_joints = 6, options.noise_px = 1;
-  for (const int cameras : {2, 3, 5}) {
+  for (const int cameras : {2, 5}) {
     const geometry::Rig truth = PeopleRig(cameras);
     const auto joints = JointsOf(truth, FilmPeople(truth, options));
     const KeypointSolution solution = SolveKeypoints(testing::Disturbed(truth, 0.01, 0.03, 7), joints, {}, 0, 1);
