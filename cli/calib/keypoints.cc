@@ -269,10 +269,6 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
     result->warnings.push_back({"CAL-HALF-UNSOLVED", note, "the held-out figures are those of the other half alone"});
 }
 
-std::vector<calib::StatedLength> StatedOf(const KeypointArguments& arguments, const app::PoseInput& input) {
-  return calib::LengthsOf(calib::ParseStatedLengths(arguments.lengths), input.skeleton.joints);
-}
-
 /// The rig as large as --length says. False: what it names was not measured.
 bool ScaleByLengths(const std::vector<calib::StatedLength>& lengths, const std::vector<std::string>& joints,
                     const KeypointArguments& arguments, const Posed& posed, const geometry::Rig& adjusted, geometry::Rig* rig,
@@ -287,9 +283,9 @@ bool ScaleByLengths(const std::vector<calib::StatedLength>& lengths, const std::
 }
 
 /// Lenses without poses: the cameras with 2D points become a rig by the person alone. False: they cannot.
-bool PlaceCameras(const KeypointArguments& arguments, app::PoseInput* input, Posed* posed, CommandResult* result) {
+bool PlaceCameras(const KeypointArguments& arguments, const std::vector<calib::StatedLength>& stated, app::PoseInput* input,
+                  Posed* posed, CommandResult* result) {
   const double height_m = arguments.person_height_m > 0 ? arguments.person_height_m : 1.7;
-  const std::vector<calib::StatedLength> stated = StatedOf(arguments, *input);
   const bool by_height = stated.empty() && input->skeleton.human && input->skeleton.lengths.empty();
   const calib::PlacedRig placed = PlaceFromKeypoints(
       posed->rig, posed->frames,
@@ -367,8 +363,8 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   const bool lenses_only = input.rig.gauge == calib::kLensesOnly;
   if (!lenses_only && arguments.person_height_m > 0)
     throw UsageError("--person-height is for lenses without poses; " + calib_path + " has poses, which keep its size");
-  const std::vector<calib::StatedLength> lengths = StatedOf(arguments, input);
-  if (lenses_only && !PlaceCameras(arguments, &input, &posed, &result)) return result;
+  const auto lengths = calib::LengthsOf(calib::ParseStatedLengths(arguments.lengths), input.skeleton.joints);
+  if (lenses_only && !PlaceCameras(arguments, lengths, &input, &posed, &result)) return result;
   const calib::KeypointRefineReport report =
       RefineFromKeypoints(posed.rig, posed.frames, input.limbs, train, test, arguments.options, context.run);
   result.metrics["status"] = std::string(ToString(report.status));
