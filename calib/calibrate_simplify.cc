@@ -111,10 +111,11 @@ std::string WhyFocalLengthIsOpen(const Work& work, const CameraReport& camera, s
   if (!work.alone_failed[camera_idx].empty()) return work.alone_failed[camera_idx];
   const std::string name = "camera " + camera.name;
   if (camera.focal_px > kNoPerspective * std::max(lens.width_px, lens.height_px))
-    return name + Format(
-                      ": its boards show no perspective, as from very far away (a focal length of thousands of px or more, "
-                      "here about %.0f): bring boards nearer and tilt them, or hold a known lens",
-                      camera.focal_px);
+    return name +
+           Format(
+               ": the boards do not determine its focal length: they show no perspective, as boards parallel to the image "
+               "or very far away (it would be about %.0f px): show the board tilted and nearer, or hold a known lens",
+               camera.focal_px);
   return name + ": the boards do not determine its focal length: show the board tilted";
 }
 

@@ -79,10 +79,11 @@ std::vector<geometry::TimeOffset> FindLateness(
   }
   std::vector<double> frames;
   for (const geometry::TimeOffset& offset : late) frames.push_back(offset.frames);
-  const double on_time = *std::min_element(frames.begin(), frames.end(), [&](double a, double b) {
-    const double middle = UpperMedian(frames);
-    return std::abs(a - middle) < std::abs(b - middle);
-  });
+  const double on_time =
+      frames.size() == 2 ? frames[0] : *std::min_element(frames.begin(), frames.end(), [&](double a, double b) {
+        const double middle = UpperMedian(frames);
+        return std::abs(a - middle) < std::abs(b - middle);
+      });
   bool any = false;
   for (geometry::TimeOffset& offset : late) {
     offset.frames -= on_time;
