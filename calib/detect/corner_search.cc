@@ -9,6 +9,7 @@
 #include "calib/board/apriltag.h"
 #include "calib/board/charuco_layout.h"
 #include "calib/board/homography.h"
+#include "calib/detect/marker_agreement.h"
 #include "core/check.h"
 
 namespace mvstudio::calib {
@@ -109,13 +110,6 @@ bool Orient(const Board& board, const Image& grey, Grid* grid) {
   return !fitting.empty();
 }
 
-/// Corners of one marker or tag, with where they lie on the board in squares from corner (0, 0).
-struct Marker {
-  Square square;     // charuco
-  int first_id = 0;  // tags: id of corner 0
-  Eigen::Matrix<double, 2, 4> px, on_board;
-};
-
 /// Adds the ArUco markers found at `scale` times the resolution to those found before.
 void AddAruco(const Board& board, const cv::Mat& grey, double scale, FoundMarkers* markers) {
   auto parameters = cv::aruco::DetectorParameters::create();
@@ -211,61 +205,6 @@ std::vector<Marker> PlaceTags(const Board& board, const FoundMarkers& found) {
     markers.push_back({{}, 4 * n, px, corners.middleCols<4>(4 * n).topRows<2>()});
   }
   return markers;
-}
-
-std::vector<Marker> Chosen(const std::vector<Marker>& markers, const std::vector<bool>& chosen) {
-  std::vector<Marker> kept;
-  for (size_t i = 0; i < markers.size(); ++i) {
-    if (chosen[i]) kept.push_back(markers[i]);
-  }
-  return kept;
-}
-
-/// Markers of which 3 corners lie on the smooth image of a plane that fits the markers of `of`.
-std::vector<bool> OnPlaneOf(const std::vector<Marker>& of, const std::vector<Marker>& markers, double max_distance_px) {
-  Eigen::Matrix2Xd from(2, 4 * of.size()), to(2, 4 * of.size());
-  for (size_t i = 0; i < of.size(); ++i) from.middleCols<4>(4 * i) = of[i].on_board, to.middleCols<4>(4 * i) = of[i].px;
-  const auto plane = PlaneToImage::Fit(from, to);
-  std::vector<bool> on_plane(markers.size(), false);
-  for (size_t i = 0; plane && i < markers.size(); ++i) {
-    int votes = 0;
-    for (int k = 0; k < 4; ++k) {
-      votes += ((*plane)(markers[i].on_board.col(k)) - markers[i].px.col(k)).norm() <= max_distance_px;
-    }
-    on_plane[i] = votes >= 3;
-  }
-  return on_plane;
-}
-
-/// Drops markers that are not where the others predict them (a wrong id, or a marker that is not on this board). A
-/// homography finds a core of markers that agree; stronger lens distortion is followed from there.
-std::vector<Marker> AgreeingMarkers(const std::vector<Marker>& markers) {
-  constexpr int kGrowRounds = 5;
-  if (markers.empty()) return markers;
-  std::vector<cv::Point2f> from, to;
-  double side = 0;
-  for (const Marker& m : markers) {
-    for (int k = 0; k < 4; ++k) from.emplace_back(m.on_board(0, k), m.on_board(1, k)), to.emplace_back(m.px(0, k), m.px(1, k));
-    side += (m.px.col(0) - m.px.col(2)).norm() / markers.size();
-  }
-  const double limit = std::max(2.0, 0.35 * side);
-  cv::setRNGSeed(1);
-  cv::Mat mask;
-  if (cv::findHomography(from, to, cv::RANSAC, limit, mask, 500).empty()) return {};
-  std::vector<bool> agreeing(markers.size());
-  for (size_t i = 0; i < markers.size(); ++i) {
-    int votes = 0;
-    for (int k = 0; k < 4; ++k) votes += mask.at<uint8_t>(static_cast<int>(4 * i + k)) != 0;
-    agreeing[i] = votes >= 3;
-  }
-  const auto count = [](const std::vector<bool>& flags) { return std::count(flags.begin(), flags.end(), true); };
-  for (int round = 0;
-       round < kGrowRounds && count(agreeing) >= 3 && count(agreeing) < static_cast<std::ptrdiff_t>(markers.size()); ++round) {
-    const std::vector<bool> more = OnPlaneOf(Chosen(markers, agreeing), markers, limit);
-    if (count(more) <= count(agreeing)) break;
-    agreeing = more;
-  }
-  return Chosen(markers, agreeing);
 }
 
 /// Homography of the marker corners around board position `at`, the near ones with more weight.

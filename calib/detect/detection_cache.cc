@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// To be raised whenever detection gives other results than before.
-constexpr char kDetectorVersion[] = "mvstudio detections 5";
+constexpr char kDetectorVersion[] = "mvstudio detections 6";
 constexpr size_t kDigestSize = 64;
 constexpr uint64_t kMaxCount = 1u << 26;
 

@@ -2,18 +2,19 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <optional>
 
-#include "calib/board/homography.h"
+#include "calib/detect/board_surface.h"
 #include "core/format.h"
-#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
 
-constexpr double kMaxPlaneErrorSquares = 0.35;  // median distance from the homography; strong lenses distort a board by less
+constexpr double kMaxPlaneErrorSquares =
+    0.35;  // median distance from a homography in a piece; strong lenses distort it by less
 constexpr double kMaxSmoothSigmaPx = 1.0;
 constexpr int kGrowRounds = 8;  // from tags that were found to their neighbours
-constexpr double kRejectSigmas = 8, kRejectFloorPx = 1.5;
 
 void Locate(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses, const RefineOptions& options,
             Located* out) {
@@ -50,8 +51,8 @@ std::vector<bool> LooseOutside(const Located& located, int axis, bool high) {
   std::vector<Eigen::Index> line, others;
   for (Eigen::Index i = 0; i < n; ++i) (std::abs(on_board(axis, i) - end) < 0.01 ? line : others).push_back(i);
   std::vector<bool> loose(static_cast<size_t>(n), false);
-  if (line.size() > kFewInLine || others.size() < kEnoughOthers) return loose;
-  const auto plane = PlaneToImage::Fit(on_board(Eigen::all, others), px(Eigen::all, others));
+  if (line.empty() || line.size() > kFewInLine || others.size() < kEnoughOthers) return loose;
+  const auto plane = PlaneAround(located, on_board(Eigen::all, line).rowwise().mean(), others);
   if (!plane) return loose;
   for (const Eigen::Index i : line) {
     const double off = ((*plane)(on_board.col(i)) - px.col(i)).norm();
@@ -73,16 +74,22 @@ void DropLoose(Located* located) {
 }
 
 /// Guesses of the corners not located yet, where the located ones say they should be.
-std::vector<CornerGuess> GuessMissing(const Image& grey, const Located& located, const PlaneToImage& plane) {
+std::vector<CornerGuess> GuessMissing(const Image& grey, const Located& located) {
   std::vector<CornerGuess> guesses;
+  std::vector<Eigen::Index> all(located.ids.size());
+  std::iota(all.begin(), all.end(), 0);
+  std::optional<PlaneToImage> plane;
   for (int id = 0; id < located.on_board.cols(); ++id) {
     if (located.Has(id)) continue;
     const Eigen::Vector2d at = located.on_board.col(id);
     double nearest = 1e9;
     for (int other : located.ids) nearest = std::min(nearest, (located.on_board.col(other) - at).norm());
-    const Eigen::Vector2d px = plane(at);
-    if (nearest > 1.5 || !px.allFinite() || px.x() < 0 || px.y() < 0 || px.x() > grey.width || px.y() > grey.height) continue;
-    const auto step = [&](double x, double y) { return plane(at + Eigen::Vector2d(x, y)); };
+    if (nearest > 1.5) continue;
+    if (!plane || all.size() > kPieceCorners) plane = PlaneAround(located, at, all);
+    if (!plane) continue;
+    const Eigen::Vector2d px = (*plane)(at);
+    if (!px.allFinite() || px.x() < 0 || px.y() < 0 || px.x() > grey.width || px.y() > grey.height) continue;
+    const auto step = [&](double x, double y) { return (*plane)(at + Eigen::Vector2d(x, y)); };
     guesses.push_back({id, px, step(0.5, 0) - step(-0.5, 0), step(0, 0.5) - step(0, -0.5)});
   }
   return guesses;
@@ -104,18 +111,15 @@ BoardDetection NotDetected(Status status, const std::string& reason) {
 BoardDetection CheckLocated(const Board& board, const Located& located, const DetectOptions& options) {
   BoardDetection result;
   result.num_found = static_cast<int>(located.ids.size());
-  const auto plane = PlaneToImage::Fit(located.OnBoard(), located.Px());
-  if (!plane) return NotDetected(Status::kDegenerate, "the corners found lie on one line");
-  result.sigma_px = plane->sigma_px();
-  const double square_px = UpperMedian(located.square_px, 0);
-  if (plane->homography_median_px() > kMaxPlaneErrorSquares * square_px || plane->sigma_px() > kMaxSmoothSigmaPx) {
-    return NotDetected(Status::kDegenerate,
-                       Format("the corners found do not lie on a plane (%.1f px off)", plane->homography_median_px()));
+  const BoardSurface surface = FitSurface(located);
+  if (surface.on_one_line) return NotDetected(Status::kDegenerate, "the corners found lie on one line");
+  result.sigma_px = surface.sigma_px;
+  if (surface.off_squares > kMaxPlaneErrorSquares || surface.sigma_px > kMaxSmoothSigmaPx) {
+    return NotDetected(Status::kDegenerate, Format("the corners found do not lie on a plane (%.1f px off)", surface.off_px));
   }
-  const double limit = std::max(kRejectFloorPx, kRejectSigmas * plane->sigma_px());
   std::vector<int> kept;
   for (int i = 0; i < result.num_found; ++i) {
-    if (plane->residuals_px()[i] <= limit) kept.push_back(i);
+    if (surface.held[static_cast<size_t>(i)]) kept.push_back(i);
   }
   if (static_cast<int>(kept.size()) < NeededCorners(board, options))
     return NotDetected(Status::kOutlier, "too few corners agree with a plane");
@@ -138,8 +142,7 @@ BoardDetection LocateBoard(const Board& board, const Image& grey, const std::vec
     DropLoose(&located);
     if (located.ids.size() < 6 || located.ids.size() == before) break;
     before = located.ids.size();
-    const auto plane = PlaneToImage::Fit(located.OnBoard(), located.Px());
-    if (plane) Locate(board, grey, GuessMissing(grey, located, *plane), refine, &located);
+    Locate(board, grey, GuessMissing(grey, located), refine, &located);
   }
   DropLoose(&located);
   const int needed = NeededCorners(board, options);
