@@ -475,7 +475,7 @@ def seed_runs():
                 struct.pack(f"<Q{corners}i", corners, *range(corners)) + struct.pack("<Q", 2 * corners) + points +
                 struct.pack(f"<Q{corners}d", corners, *[0.1] * corners))
 
-    put("detection_cache", "one.bin", text(b"mvstudio detections 5") + struct.pack("<iiQ", 640, 480, 1) + struct.pack("<qQ", 7, 2) +
+    put("detection_cache", "one.bin", text(b"mvstudio detections 6") + struct.pack("<iiQ", 640, 480, 1) + struct.pack("<qQ", 7, 2) +
         detection(0, 3) + detection(1, 0))
 
 
