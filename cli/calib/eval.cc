@@ -220,10 +220,13 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   AddOption(sub, "CALIB", arguments->calibration, "calibration to check; that of --session unless given");
   AddCornerArguments(sub, arguments->corners);
   AddSessionArguments(sub, arguments->session, "calibration, board and footage", "a board");
+  StartGroup(sub, "Output");
   AddOutput(sub, "--repair", arguments->repair, OutputKind::kFile,
             "write the calibration with the new poses of the cameras that have moved");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder that keeps the check, for mvstudio report");
+  StartGroup(sub, "Limits");
   AddOptions(sub, arguments->check);
+  StartGroup(sub, "Reading the calibration");
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")

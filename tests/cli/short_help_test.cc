@@ -48,6 +48,16 @@ std::vector<std::string> AllCommands(const std::string& above = "") {
   return commands;
 }
 
+/// The whole help of each of them; each is started once.
+const std::map<std::string, std::string>& AllHelp() {
+  static const auto* const kHelp = [] {
+    auto* help = new std::map<std::string, std::string>;
+    for (const std::string& command : AllCommands()) (*help)[command] = RunCli(Words(command + " --help-all")).out;
+    return help;
+  }();
+  return *kHelp;
+}
+
 TEST(ShortHelp, FitsAScreenAndSaysWhereTheRestIs) {
   for (const std::vector<std::string>& command : std::vector<std::vector<std::string>>{{"calibrate"},
                                                                                        {"calib", "refine"},
@@ -82,8 +92,8 @@ TEST(ShortHelp, FitsAScreenAndSaysWhereTheRestIs) {
 
 TEST(ShortHelp, EveryOptionOfALongCommandHasASubject) {
   size_t num_long = 0;
-  for (const std::string& command : AllCommands()) {
-    const Subjects subjects = SubjectsOf(RunCli(Words(command + " --help-all")).out);
+  for (const auto& [command, help] : AllHelp()) {
+    const Subjects subjects = SubjectsOf(help);
     size_t count = 0;
     for (const auto& [subject, options] : subjects) count += subject == "Positionals" ? 0 : options.size();
     if (count <= 30) continue;
@@ -101,13 +111,9 @@ std::string LastLine(std::string text) {
 }
 
 TEST(ShortHelp, EndsWithAnExample) {
-  size_t count = 0;
-  for (const std::string& command : AllCommands()) {
-    const std::string last = LastLine(RunCli(Words(command + " --help")).out);
-    EXPECT_EQ(last.rfind("Example: mvstudio" + command, 0), 0u) << command << ": " << last;
-    ++count;
-  }
-  EXPECT_GE(count, 30u);
+  for (const auto& [command, help] : AllHelp())
+    EXPECT_EQ(LastLine(help).rfind("Example: mvstudio" + command, 0), 0u) << command << ": " << LastLine(help);
+  EXPECT_GE(AllHelp().size(), 30u);
   EXPECT_EQ(LastLine(RunCli({"markers", "--help"}).out).rfind("Example: mvstudio markers pose3d", 0), 0u);
 }
 
