@@ -62,7 +62,7 @@ TEST(NumberFrames, ATimeOfDayIsOneNumber) {
             (Numbers{230811101310, 230811101315}));
   EXPECT_EQ(Numbered({"img2025-03-21 18_09_53.864305.png", "img2025-03-21 18_10_03.1.png"}, ""),
             (Numbers{250321180953864, 250321181003100}));
-  EXPECT_EQ(Numbered({"a 10-11-38.png", "a 10-12-38.png"}, ""), (Numbers{101138, 101238}));
+  EXPECT_EQ(Numbered({"a 10-11-38.png", "a 10-12-38.png", "a 11-11-38.png"}, ""), (Numbers{101138, 101238, 111138}));
   EXPECT_EQ(Numbered({"cam_01_02_03.png", "cam_01_02_04.png"}, ""), (Numbers{3, 4})) << "camera, take and frame";
   EXPECT_EQ(Numbered({"IMG_20180212_151138.jpg", "IMG_20180212_151240.jpg"}, ""), (Numbers{151138, 151240}));
 }

@@ -2,6 +2,7 @@
 
 #include <fstream>
 
+#include "core/choice/frame_choice.h"
 #include "core/disk/lock.h"
 #include "core/parallel.h"
 #include "dataset/pack/build.h"
@@ -279,7 +280,7 @@ TEST(BuildPack, ChoosesCamerasFramesAndPeople) {
   EXPECT_EQ(pack.info().mask_codec, "none");
   PackOptions wrong;
   wrong.frames = {4};
-  EXPECT_THROW(BuildPack(folder / "data", folder / "x", wrong), UsageError);
+  EXPECT_THROW(BuildPack(folder / "data", folder / "x", wrong), NothingLeftError);
   wrong.frames = {}, wrong.cameras = {"00_07"};
   EXPECT_THROW(BuildPack(folder / "data", folder / "x", wrong), UsageError);
   wrong.cameras = {}, wrong.person = 9;
