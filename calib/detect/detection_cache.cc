@@ -262,7 +262,7 @@ std::optional<std::string> ContentDigest(const std::string& path_or_pattern) {
 std::string DetectionKey(const std::string& content_digest, const Board& board, const DetectOptions& options, int stride) {
   Sha256 digest;
   Add(kDetectorVersion, &digest);
-  Add("frames by clock", &digest);  // how names are numbered (dataset/footage/frame_numbers.h)
+  Add("frames by seconds", &digest);  // how names are numbered (dataset/footage/frame_numbers.h)
   Add(content_digest, &digest);
   Add(ToString(board), &digest);
   VisitConstFields(

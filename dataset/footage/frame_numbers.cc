@@ -1,6 +1,7 @@
 #include "dataset/footage/frame_numbers.h"
 
 #include <algorithm>
+#include <ctime>
 #include <filesystem>
 #include <optional>
 #include <regex>
@@ -55,36 +56,49 @@ Numbers AtPlace(const std::vector<std::vector<int64_t>>& candidates, size_t plac
 
 size_t NumDistinct(const Numbers& numbers) { return std::set<std::optional<int64_t>>(numbers.begin(), numbers.end()).size(); }
 
+constexpr int64_t kDaysTo2000 = 10957;  // since 1970-01-01
+
 /// A time of day in a file's name, with its date and parts of a second where they are there.
 struct Clock {
-  std::string date, time, part;
+  bool has_date = false, has_part = false;
+  int64_t day = 0;  ///< since 2000-01-01
+  int64_t second_of_day = 0, millisecond = 0;
 };
 
 std::optional<Clock> ClockOf(const std::string& file) {
   static const std::regex kClock(
-      "(?:([0-9]{2})([0-9]{2})[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12][0-9]|3[01])[-_. T]{1,3}|(?:^|[^0-9]))"
+      "(?:(20[0-6][0-9])[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12][0-9]|3[01])[-_. T]{1,3}|(?:^|[^0-9]))"
       "([01][0-9]|2[0-3])[-_.:h ]([0-5][0-9])[-_.:m ]([0-5][0-9])(?:[.,]([0-9]{1,9}))?(?![0-9])");
   const std::string stem = fs::path(file).stem().string();
   std::smatch found;
   if (!std::regex_search(stem, found, kClock)) return std::nullopt;
-  return Clock{found[2].str() + found[3].str() + found[4].str(), found[5].str() + found[6].str() + found[7].str(),
-               found[8].str()};
+  const auto number = [&](size_t group) { return std::stoi(found[group].str()); };
+  Clock clock;
+  clock.has_date = found[1].matched, clock.has_part = found[7].matched;
+  if (clock.has_date) {
+    std::tm date{};
+    date.tm_year = number(1) - 1900, date.tm_mon = number(2) - 1, date.tm_mday = number(3);
+    clock.day = timegm(&date) / 86400 - kDaysTo2000;
+  }
+  clock.second_of_day = 3600 * number(4) + 60 * number(5) + number(6);
+  if (clock.has_part) clock.millisecond = std::stoi((found[7].str() + "00").substr(0, 3));
+  return clock;
 }
 
-/// The numbers of names that hold times of day; empty where one has none, or where they need not be frames: without a date, and
-/// the last numbers differ in all.
+/// The numbers of names that hold times of day; empty where one has none, where two are alike, or where they need not be
+/// frames: without a date, and the last numbers differ in all.
 Numbers ByClock(const std::vector<std::string>& files, bool differ) {
-  Numbers numbers;
   std::vector<Clock> clocks;
   bool parts = false;
   for (const std::string& file : files) {
     const auto clock = ClockOf(file);
-    if (!clock || (differ && clock->date.empty())) return {};
-    parts = parts || !clock->part.empty();
+    if (!clock || (differ && !clock->has_date)) return {};
+    parts = parts || clock->has_part;
     clocks.push_back(*clock);
   }
+  Numbers numbers;
   for (const Clock& clock : clocks)
-    numbers.push_back(std::stoll(clock.date + clock.time + (parts ? (clock.part + "000").substr(0, 3) : "")));
+    numbers.push_back(parts ? 1000 * clock.second_of_day + clock.millisecond : 86400 * clock.day + clock.second_of_day);
   return NumDistinct(numbers) == files.size() ? numbers : Numbers();
 }
 

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 #include "core/disk/paths.h"
 #include "tests/support/temp_dir.h"
@@ -56,13 +57,16 @@ TEST(NumberFrames, TwoCamerasInOneFolderAreNotMadeOne) {
 TEST(NumberFrames, ATimeOfDayIsOneNumber) {
   const std::vector<std::string> images = {"Image__2018-02-12__15-11-38.png", "Image__2018-02-12__15-13-40.png",
                                            "Image__2018-02-12__15-14-38.png"};
-  EXPECT_EQ(Numbered(images, ""), (Numbers{180212151138, 180212151340, 180212151438}));
-  EXPECT_EQ(Numbered(images, "Image__*.png"), (Numbers{180212151138, 180212151340, 180212151438}));
+  constexpr int64_t kDay = 86400, k20180212 = 6617 * kDay, k20230811 = 8623 * kDay;  // since 2000-01-01, by `date -d`
+  const Numbers of_images = {k20180212 + 54698, k20180212 + 54820, k20180212 + 54878};
+  EXPECT_EQ(Numbered(images, ""), of_images);
+  EXPECT_EQ(Numbered(images, "Image__*.png"), of_images);
   EXPECT_EQ(Numbered({"WIN_20230811_10_13_10_Pro.png", "WIN_20230811_10_13_15_Pro.png"}, ""),
-            (Numbers{230811101310, 230811101315}));
-  EXPECT_EQ(Numbered({"img2025-03-21 18_09_53.864305.png", "img2025-03-21 18_10_03.1.png"}, ""),
-            (Numbers{250321180953864, 250321181003100}));
-  EXPECT_EQ(Numbered({"a 10-11-38.png", "a 10-12-38.png", "a 11-11-38.png"}, ""), (Numbers{101138, 101238, 111138}));
+            (Numbers{k20230811 + 36790, k20230811 + 36795}));
+  EXPECT_EQ(Numbered({"img2025-03-21 18_09_53.864305.png", "img2025-03-21 18_10_03.1.png"}, ""), (Numbers{65393864, 65403100}));
+  EXPECT_EQ(Numbered({"a 10-11-38.png", "a 10-12-38.png", "a 11-11-38.png"}, ""), (Numbers{36698, 36758, 40298}));
+  for (const int64_t number : of_images)
+    EXPECT_LE(number, std::numeric_limits<int>::max()) << "joints and masks count in 32 bits";
   EXPECT_EQ(Numbered({"cam_01_02_03.png", "cam_01_02_04.png"}, ""), (Numbers{3, 4})) << "camera, take and frame";
   EXPECT_EQ(Numbered({"IMG_20180212_151138.jpg", "IMG_20180212_151240.jpg"}, ""), (Numbers{151138, 151240}));
 }
