@@ -2,7 +2,7 @@
 """skipped.py TESTS.xml [--strict]: what ctest's JUnit file says was skipped, and why; tests with the same reason on one line.
 
 --strict (.ci/run): ends with 1 where a reason is not a recording, a net's weights or a right that this machine lacks: such a
-test needs a line in packages.txt.
+test needs a line in packages.txt. tests/skips_test.py holds every reason that the tests can give against these two rules.
 """
 import collections
 import re
@@ -10,8 +10,10 @@ import sys
 import xml.etree.ElementTree as xml
 
 SKIPPED = re.compile(r"^\S+:\d+: Skipped\n(.*)$", re.M)
-ELSEWHERE = re.compile(r"is not there|is not in|is missing|no such folder|models fetch|needs the right|no instructions for|sanitizer|"
-                       r"root may list|this build|built without|a build without|MVSTUDIO_READERS|no WebGL")
+ELSEWHERE = re.compile(r"is not there|is not in|is missing|no such folder|recording set|models fetch|needs the right|"
+                       r"no instructions for|sanitizer|root may list|this build|built without|a build without|MVSTUDIO_READERS|"
+                       r"no WebGL|a GPU is here")
+INSTALLABLE = re.compile(r"needs (?:/usr/bin/|a )?(?:python3|chromium|blender|the program \w+|Debian's )|not built")
 
 
 def reasons(path):

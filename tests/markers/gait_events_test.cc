@@ -111,7 +111,7 @@ TEST(GaitEvents, NobodyWalksIsAnAnswer) {
 TEST(GaitEvents, OfRecordedPeople) {
   const char* data = std::getenv("MVSTUDIO_DATA");
   const std::string folder = std::string(data ? data : "../shared/data") + "/bvh/";
-  if (!std::filesystem::exists(folder + "zombie.bvh")) GTEST_SKIP() << "no " << folder;
+  if (!std::filesystem::exists(folder + "zombie.bvh")) GTEST_SKIP() << "recording " << folder << "zombie.bvh is not there";
   const auto events = [&](const std::string& name, const std::string& up) {
     const dataset::MarkerFile file = dataset::ReadMarkers(folder + name, "cm", up);
     return FindGaitEvents(MarkersOf(file.pose, file.pose.frame_rate_hz).at(0), true);
