@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "core/notice.h"
+
 /// The result of a stage of mvstudio: figures, files, warnings and exit code.
 namespace mvstudio::app {
 
@@ -21,12 +23,6 @@ enum ExitCode {
   kExitMissingTool = 8,
   kExitTryAgain = 75,
   kExitInterrupted = 130,
-};
-
-/// A warning or an error of a result: a stable code (`CAL-LOWCOV`), what and where, and what to do.
-struct Notice {
-  std::string code, text, hint;
-  bool fails = false;  ///< of a warning: a quality gate failed for it
 };
 
 /// The result of a command. Exceptions become an `error` result with the exit code of their type.

@@ -20,7 +20,7 @@ class Judgement {
   Verdict verdict;
 
  private:
-  void Add(const std::string& status, Verdict::Reason reason) {
+  void Add(const std::string& status, Notice reason) {
     if (verdict.status != "fail") verdict.status = status;
     reason.fails = status == "fail";
     verdict.reasons.push_back(std::move(reason));

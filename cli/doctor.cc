@@ -190,15 +190,15 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   dataset::SessionReport report = dataset::InspectSession(session, arguments.options, context.run);
   const bool bare = !fs::exists(fs::path(session.folder) / "mvstudio.toml");
   if (bare && session.cameras.empty()) {
-    report.findings.push_back({true, "SES-NO-FOOTAGE", arguments.path + ": no footage was found in it",
-                               "name a session, or a folder with TAKE/CAMERA.mp4, CAMERA/TAKE.mp4 or CAMERA.mp4"});
+    report.findings.push_back({"SES-NO-FOOTAGE", arguments.path + ": no footage was found in it",
+                               "name a session, or a folder with TAKE/CAMERA.mp4, CAMERA/TAKE.mp4 or CAMERA.mp4", true});
   }
   result.inputs = {arguments.path};
   WarnOfBoard(session, &result);
   result.metrics["footage"] = app::FootageJson(report);
   result.metrics["findings"] = ordered_json::array();
-  for (const dataset::SessionFinding& f : report.findings) {
-    result.metrics["findings"].push_back({{"severity", f.error ? "error" : "warning"}, {"code", f.code}, {"text", f.text}});
+  for (const Notice& f : report.findings) {
+    result.metrics["findings"].push_back({{"severity", f.fails ? "error" : "warning"}, {"code", f.code}, {"text", f.text}});
   }
   app::AddFindings(report, &result);
   result.text += app::FootageText(report) + std::to_string(report.num_errors()) + " errors, " +

@@ -46,7 +46,7 @@ CommandResult RunReport(report::ReportOptions options, const std::string& run, c
   result.metrics["num_warnings"] = page.warnings.size();
   result.metrics["html_bytes"] = page.html.size();
   result.outputs = {{html_path, "report"}, {json_path, "report"}};
-  for (const report::ReportNotice& notice : page.warnings) result.warnings.push_back({notice.code, notice.text, notice.hint});
+  Append(page.warnings, &result.warnings);
   result.inputs = Joined({run}, options.with);
   result.text = "Report: " + PathOnDisk(html_path);
   return result;

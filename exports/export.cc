@@ -38,8 +38,8 @@ const std::vector<Writer>& Writers() {
       {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
         kPictures, !kRigOnly, kAlpha},
        WriteNerfstudio},
-      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/, mask_cihp/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
-        kRigOnly, !kAlpha, ".npy"},
+      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/, mask_cihp/", LensNeed::kBrown5, !kInstant, !kOneSize,
+        kPictures, kRigOnly, !kAlpha, ".npy"},
        WriteZju},
       {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
         !kOneSize, kPictures, !kRigOnly},
@@ -118,7 +118,7 @@ std::string ManifestText(const Take& take, const ExportReport& report, const std
                {"files", report.files}};
   for (const View& view : take.views) json["cameras"].push_back(CameraJson(view));
   json["notes"] = Json::array();
-  for (const ExportNote& note : report.notes) json["notes"].push_back({{"code", note.code}, {"text", note.text}});
+  for (const Notice& note : report.notes) json["notes"].push_back({{"code", note.code}, {"text", note.text}});
   // Names are arbitrary bytes.
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }

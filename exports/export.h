@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/fields.h"
+#include "core/notice.h"
 #include "core/progress.h"
 #include "dataset/panoptic/missing.h"
 #include "dataset/panoptic/panoptic.h"
@@ -87,10 +88,6 @@ void VisitFields(Visitor&& visit, ExportOptions& o) {
   visit("overwrite", o.overwrite, "replace the output folder");
 }
 
-struct ExportNote {
-  std::string code, text, hint;
-};
-
 struct ExportedCamera {
   std::string name;    ///< in the export
   std::string source;  ///< in the dataset, 00_NN
@@ -112,7 +109,7 @@ struct ExportReport {
   int linked = 0;                                       ///< of the pictures and masks, those that use no disk space
   std::vector<std::string> files;                       ///< relative to the folder; without pictures and masks
   std::vector<std::pair<std::string, double>> figures;  ///< measured while writing: "bvh_rms_mm", "max_rounding_mm", …
-  std::vector<ExportNote> notes;
+  std::vector<Notice> notes;
 };
 
 /// Lens model that a format requires.

@@ -28,9 +28,9 @@ std::string Header(const std::string& title, Verdict verdict, const RunData& dat
   return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(line, "muted");
 }
 
-Value NoticesToValue(const std::vector<ReportNotice>& notices) {
+Value NoticesToValue(const std::vector<Notice>& notices) {
   Value list = Value::Array();
-  for (const ReportNotice& notice : notices) {
+  for (const Notice& notice : notices) {
     list.Append(Value::Object().Set("code", notice.code).Set("text", notice.text).Set("hint", notice.hint));
   }
   return list;
@@ -61,7 +61,7 @@ void AddAvatars(const std::string& folder, bool follow_links, RunData* data) {
     stage.file = (root / stage.file).string(), stage.folder = (root / stage.folder).string();
     data->stages.push_back(std::move(stage));
   }
-  for (ReportNotice& warning : other.warnings) data->warnings.push_back(std::move(warning));
+  for (Notice& warning : other.warnings) data->warnings.push_back(std::move(warning));
 }
 
 }  // namespace

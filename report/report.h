@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "core/notice.h"
 #include "report/page/html.h"
 
 namespace mvstudio::report {
@@ -30,17 +31,12 @@ void VisitFields(Visitor&& visit, ReportOptions& o) {
   visit("max-pictures-total-mb", o.max_pictures_total_mb, "MB of images embedded in all");
 }
 
-/// A notice for the reader of the report: a stable code (`REP-…`), what and where, what to do.
-struct ReportNotice {
-  std::string code, text, hint;
-};
-
 struct Report {
   std::string html;                    ///< one self-contained document
   std::string json;                    ///< schema mvstudio.report/1: the same numbers
   Verdict verdict = Verdict::kNotRun;  ///< the worst of the stages
   int num_stages = 0;                  ///< results found
-  std::vector<ReportNotice> warnings;  ///< files that could not be used
+  std::vector<Notice> warnings;        ///< files that could not be used
 };
 
 /// Reads the files below `run_folder` (four levels deep): `*.result.json`, `calibration.json`, `points.csv`,

@@ -26,7 +26,7 @@ bool IsWanted(const std::string& name) {
          name == "history.csv" || name == "provenance.jsonl";
 }
 
-std::vector<fs::path> WantedFiles(const fs::path& root, bool follow_links, std::vector<ReportNotice>* warnings) {
+std::vector<fs::path> WantedFiles(const fs::path& root, bool follow_links, std::vector<Notice>* warnings) {
   std::vector<fs::path> files;
   std::error_code code;
   fs::recursive_directory_iterator it(root, fs::directory_options::skip_permission_denied, code), end;
@@ -176,7 +176,7 @@ void ShallowFirst(std::vector<File>* files) {
 
 }  // namespace
 
-ReportNotice LeadsOut(const std::string& what) {
+Notice LeadsOut(const std::string& what) {
   return {"REP-OUTSIDE", what + " leads out of the run's folder, and is not read",
           "copy what belongs to the run into its folder, or pass option 'follow-links' for a run that you trust"};
 }

@@ -40,7 +40,7 @@ struct RunData {
   std::vector<JsonFile> poses;         ///< pose3d.json: whose joints the points are
   std::vector<CsvFile> histories;      ///< training histories
   std::vector<JsonFile> provenance;    ///< one per command, by time
-  std::vector<ReportNotice> warnings;
+  std::vector<Notice> warnings;
 
   std::vector<const Stage*> All(const std::string& command) const;
 };
@@ -53,7 +53,7 @@ RunData ScanRun(const std::string& folder, bool follow_links = false);
 std::string FileOfRun(const Stage& stage, const std::string& path, bool follow_links);
 
 /// What is said of a path that is not followed.
-ReportNotice LeadsOut(const std::string& what);
+Notice LeadsOut(const std::string& what);
 
 /// Commands in the order of the pipeline; unknown ones come after all others.
 int PipelineOrder(const std::string& command);

@@ -132,8 +132,8 @@ std::vector<Item> WhatToFix(const SectionContext& context) {
     }
   }
   for (const Stage& stage : context.data.stages) AddNotices(stage.result["warnings"], false, stage.command, &items);
-  for (const std::vector<ReportNotice>* list : {&context.data.warnings, &context.warnings}) {
-    for (const ReportNotice& notice : *list) items.push_back({false, notice.code, notice.text, notice.hint, "report"});
+  for (const std::vector<Notice>* list : {&context.data.warnings, &context.warnings}) {
+    for (const Notice& notice : *list) items.push_back({false, notice.code, notice.text, notice.hint, "report"});
   }
   std::set<std::pair<std::string, std::string>> seen;
   for (Item& item : items) {

@@ -19,7 +19,7 @@ struct SectionContext {
   const RunData& data;
   const ReportOptions& options;
   Value json = Value::Object();
-  std::vector<ReportNotice> warnings;
+  std::vector<Notice> warnings;
   int64_t picture_bytes = 0;  ///< embedded so far
   std::string_view script;    ///< that the embedded parts need
 };

@@ -72,9 +72,9 @@ std::string FootageText(const dataset::SessionReport& report) {
 
 void AddFindings(const dataset::SessionReport& report, CommandResult* result) {
   int outside = 0;  // they have one cause: the link to the footage, or paths that lead out
-  for (const dataset::SessionFinding& f : report.findings) {
+  for (const Notice& f : report.findings) {
     if (f.code == "SES-OUTSIDE" && ++outside > 1) continue;
-    (f.error ? result->errors : result->warnings).push_back({f.code, f.text, f.hint});
+    (f.fails ? result->errors : result->warnings).push_back({f.code, f.text, f.hint});
   }
   for (Notice& error : result->errors) {
     if (error.code == "SES-OUTSIDE" && outside > 1) error.text += Format("; so do %d others", outside - 1);

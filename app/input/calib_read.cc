@@ -108,9 +108,7 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
                               "option 'out-unit' of calib convert writes other units, in formats that name none"});
   }
   if (geometry::HasLensesOnly(imported.rig)) imported.rig.gauge = geometry::kLensesOnly;
-  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(imported.rig)) {
-    imported.notes.push_back({doubt.code, doubt.text, doubt.hint});
-  }
+  Append(geometry::DoubtsAbout(imported.rig), &imported.notes);
   return imported;
 }
 
@@ -121,17 +119,13 @@ void RequirePoses(const geometry::Rig& rig, const std::string& path) {
                     "or by people or a wand (`mvstudio calib refine`, option 'from-keypoints')");
 }
 
-void AddDoubts(const geometry::Rig& rig, CommandResult* result) {
-  std::vector<calib::ImportNote> notes;
-  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) notes.push_back({doubt.code, doubt.text, doubt.hint});
-  AddNotes(notes, result);
-}
+void AddDoubts(const geometry::Rig& rig, CommandResult* result) { AddNotes(geometry::DoubtsAbout(rig), result); }
 
-void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result) {
-  for (const calib::ImportNote& note : notes) {
+void AddNotes(const std::vector<Notice>& notes, CommandResult* result) {
+  for (const Notice& note : notes) {
     const bool said = std::any_of(result->warnings.begin(), result->warnings.end(),
                                   [&](const auto& warning) { return warning.code == note.code && warning.text == note.text; });
-    if (!said) result->warnings.push_back({note.code, note.text, note.hint});
+    if (!said) result->warnings.push_back(note);
   }
 }
 

@@ -34,7 +34,7 @@ struct CalibReadOptions {
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options);
 
 /// Turns notes into warnings.
-void AddNotes(const std::vector<calib::ImportNote>& notes, CommandResult* result);
+void AddNotes(const std::vector<Notice>& notes, CommandResult* result);
 
 /// Same for a calibration that was read without notes: implausible properties become warnings.
 void AddDoubts(const geometry::Rig& rig, CommandResult* result);

@@ -173,7 +173,7 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
   if (!arguments.boards.empty()) options.board = arguments.boards[0];
   const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);
   result->inputs.push_back(arguments.corners);
-  for (const auto& note : file.notes) result->warnings.push_back({note.code, note.text, note.hint});
+  Append(file.notes, &result->warnings);
   CornerInput corners;
   corners.input.boards = file.boards;
   corners.input.cameras = file.cameras;

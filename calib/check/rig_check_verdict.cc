@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kFewViews = 5;
 
-void Add(const char* status, Verdict::Reason reason, Verdict* verdict) {
+void Add(const char* status, Notice reason, Verdict* verdict) {
   if (verdict->status != "fail") verdict->status = status;
   reason.fails = std::string(status) == "fail";
   verdict->reasons.push_back(std::move(reason));

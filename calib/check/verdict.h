@@ -3,18 +3,14 @@
 #include <string>
 #include <vector>
 
+#include "core/notice.h"
+
 namespace mvstudio::calib {
 
 /// Judgement of a calibration, with the figures that decided it.
 struct Verdict {
-  struct Reason {
-    std::string code;  ///< stable, docs/reliability.md lists them all
-    std::string text;  ///< one line: camera, figure, limit
-    std::string hint;  ///< what to do
-    bool fails = false;  ///< it alone makes the verdict `fail`; else a warning
-  };
   std::string status = "pass";  ///< pass, warn or fail
-  std::vector<Reason> reasons;  ///< empty for pass
+  std::vector<Notice> reasons;  ///< empty for pass; one that fails makes the verdict `fail` alone
 };
 
 }  // namespace mvstudio::calib

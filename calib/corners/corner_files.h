@@ -7,20 +7,17 @@
 #include "calib/board/detection.h"
 #include "calib/board/observations.h"
 #include "calib/corners/corner_options.h"
+#include "core/notice.h"
 
 /// Board corners found by another program: reads and checks them, and writes them in mvstudio's own format
 /// (docs/corner-files.md).
 namespace mvstudio::calib {
 
 struct CornerFile {
-  /// What a reader assumed, changed or noticed, for the user to check.
-  struct Note {
-    std::string code, text, hint;
-  };
   std::vector<CameraInput> cameras;   ///< sizes are 0 if neither the file nor the options state them
   std::vector<Board> boards;          ///< indexed by Detection::board_idx
   std::vector<Detection> detections;  ///< by camera, frame, board; corner ids ascending; not empty
-  std::vector<Note> notes;
+  std::vector<Notice> notes;          ///< what a reader assumed, changed or noticed, for the user to check
 };
 
 /// Reads corners from one of these formats:

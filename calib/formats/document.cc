@@ -143,7 +143,7 @@ void AddUnusedNote(const geometry::UnusedKeys& unused, ImportedRig* imported) {
 
 namespace mvstudio::calib {
 
-ImportNote UnusedKeysNote(const std::string& keys) {
+Notice UnusedKeysNote(const std::string& keys) {
   return {"CAL-KEYS", "keys of the file that are not read: " + keys,
           "look whether one of them says how the numbers are meant; docs/calibration-formats.md lists what is read"};
 }

@@ -105,7 +105,7 @@ bool CanCarry(CalibrationFormat format, const geometry::Camera& camera) {
 }
 
 geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, const WriteOptions& options,
-                           const std::string& path, std::vector<ImportNote>* notes) {
+                           const std::string& path, std::vector<Notice>* notes) {
   geometry::Rig fitting = rig;
   for (geometry::RigCamera& camera : fitting.cameras) {
     if (CanCarry(format, camera.camera)) continue;
@@ -134,7 +134,7 @@ geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, c
 namespace {
 
 /// Only mvstudio's own format knows cameras that are late.
-std::optional<ImportNote> LostOffsetsNote(const geometry::Rig& rig, CalibrationFormat format) {
+std::optional<Notice> LostOffsetsNote(const geometry::Rig& rig, CalibrationFormat format) {
   constexpr double kLeast = 0.005;  // frames; below it an offset moves nothing that a picture shows
   std::string late;
   for (const geometry::RigCamera& camera : rig.cameras) {
@@ -143,10 +143,10 @@ std::optional<ImportNote> LostOffsetsNote(const geometry::Rig& rig, CalibrationF
     late += (late.empty() ? "" : ", ") + camera.camera.name;
   }
   if (late.empty() || format == CalibrationFormat::kMvstudio) return std::nullopt;
-  return ImportNote{"CAL-OFFSETSLOST",
-                    "the time offsets of " + late + " have no place in " + std::string(ToString(format)) +
-                        ": what reads the file takes all cameras for synchronous",
-                    "keep the original beside it, and check it with that one (calib eval)"};
+  return Notice{"CAL-OFFSETSLOST",
+                "the time offsets of " + late + " have no place in " + std::string(ToString(format)) +
+                    ": what reads the file takes all cameras for synchronous",
+                "keep the original beside it, and check it with that one (calib eval)"};
 }
 
 }  // namespace

@@ -61,7 +61,7 @@ geometry::Camera MakeCamera(const std::string& name, double width_px, double hei
 
 geometry::RigCamera MakeRigCamera(const std::string& name, const Eigen::Vector2d& size_px, const Eigen::Matrix3d& k,
                                   const Eigen::VectorXd& distortion, bool fisheye, const ReadOptions& options,
-                                  const Place& place, std::vector<ImportNote>* notes) {
+                                  const Place& place, std::vector<Notice>* notes) {
   Eigen::Matrix3d plain = k;
   plain(0, 1) = 0;
   geometry::RigCamera camera;
@@ -137,7 +137,7 @@ void StateLensesOnly(ImportedRig* imported) {
        "'from-keypoints'"});
 }
 
-ImportNote UnitNote(double metres_per_unit) {
+Notice UnitNote(double metres_per_unit) {
   return {
       "CAL-UNIT",
       "the format names no unit of length; translations are taken as " + Format("%g", metres_per_unit) + " m per unit",
@@ -150,7 +150,7 @@ ImportNote UnitNote(double metres_per_unit) {
 namespace mvstudio::calib {
 
 void ReplaceSkew(double skew_px, const ReadOptions& options, const std::string& path, const std::string& where,
-                 geometry::RigCamera* camera, std::vector<ImportNote>* notes) {
+                 geometry::RigCamera* camera, std::vector<Notice>* notes) {
   const geometry::WithoutSkew nearest = geometry::ReplaceSkew(camera->camera, skew_px);
   const std::string what = "the camera matrix has skew " + Format("%.6g", skew_px) + " px, which no lens model here has";
   const std::string off = "off by " + Format("%.3g", nearest.worst_px) + " px at worst";

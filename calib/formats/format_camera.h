@@ -26,7 +26,7 @@ geometry::Camera MakeCamera(const std::string& name, double width_px, double hei
 /// Same; a skew goes the way of ReplaceSkew. The pose is that turn or none: multiply it by the file's from the right.
 geometry::RigCamera MakeRigCamera(const std::string& name, const Eigen::Vector2d& size_px, const Eigen::Matrix3d& k,
                                   const Eigen::VectorXd& distortion, bool fisheye, const ReadOptions& options,
-                                  const Place& place, std::vector<ImportNote>* notes);
+                                  const Place& place, std::vector<Notice>* notes);
 
 /// [[fx, 0, cx], [0, fy, cy], [0, 0, 1]].
 Eigen::Matrix3d CameraMatrix(double fx, double fy, double cx, double cy);
@@ -59,7 +59,7 @@ Eigen::Quaterniond RotationFromVector(const Eigen::Vector3d& vector, const Place
 void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* rig);
 
 /// Note for files that name no unit.
-ImportNote UnitNote(double metres_per_unit);
+Notice UnitNote(double metres_per_unit);
 
 /// Kalibr's camchains: one, or several whose cameras all name their pose against the same IMU (T_cam_imu), which then is the
 /// world; several without any pose hold lenses alone. Throws FormatError where chains are not placed against each other.

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "core/notice.h"
 #include "geometry/rig/file_keys.h"
 #include "geometry/rig/rig.h"
 
@@ -68,17 +69,12 @@ CalibrationFormat DetectFormat(const std::string& path);
 /// COLMAP project, the one `calibration_*.json` of a Panoptic dataset.
 std::string CalibrationIn(const std::string& path);
 
-/// An assumption of a reader or writer, for the user to check.
-struct ImportNote {
-  std::string code, text, hint;
-};
-
 /// CAL-KEYS: the file has keys that its reader does not use (geometry::UnusedKeys::Text).
-ImportNote UnusedKeysNote(const std::string& keys);
+Notice UnusedKeysNote(const std::string& keys);
 
 struct ImportedRig {
   geometry::Rig rig;
-  std::vector<ImportNote> notes;
+  std::vector<Notice> notes;
 };
 
 /// Values that files may leave open.
@@ -99,7 +95,7 @@ ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::str
 /// goes into its pose, and a note says so. Throws FormatError when it is off by more than options.allow_approximation_px, and
 /// 0.01 px.
 void ReplaceSkew(double skew_px, const ReadOptions& options, const std::string& path, const std::string& where,
-                 geometry::RigCamera* camera, std::vector<ImportNote>* notes);
+                 geometry::RigCamera* camera, std::vector<Notice>* notes);
 
 struct WriteOptions {
   double metres_per_unit = 1;         ///< of formats that name no unit; 0.001 writes millimetres
@@ -110,7 +106,7 @@ struct WriteOptions {
 
 struct ExportReport {
   std::vector<std::string> files;
-  std::vector<ImportNote> notes;
+  std::vector<Notice> notes;
 };
 
 /// True when the format supports this lens exactly.
@@ -119,7 +115,7 @@ bool CanCarry(CalibrationFormat format, const geometry::Camera& camera);
 /// The rig with unsupported lenses replaced as WriteOptions says; adds a note for each. Throws FormatError (`path`, the
 /// camera's name) when one is refused.
 geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, const WriteOptions& options,
-                           const std::string& path, std::vector<ImportNote>* notes);
+                           const std::string& path, std::vector<Notice>* notes);
 
 /// Writes any format but panoptic. `path` is a file, or a folder for the formats with several files (mrcal: a file when
 /// the rig has one camera and the path ends in .cameramodel).

@@ -53,7 +53,7 @@ void CheckKindIsSaid(const Entry& distortion, const Eigen::VectorXd& terms) {
 }
 
 geometry::RigCamera ReadCamera(const Entries& entries, const std::string& name, const Entry& matrix, const Entry* distortion,
-                               const Eigen::Vector2d& size, const ReadOptions& options, std::vector<ImportNote>* notes) {
+                               const Eigen::Vector2d& size, const ReadOptions& options, std::vector<Notice>* notes) {
   const geometry::LensKind kind = internal::LensKindOf(internal::LensWordsOf(entries), options, matrix.place);
   const bool is_fisheye = kind == geometry::LensKind::kFisheye;
   const Eigen::VectorXd terms = internal::ReadDistortion(distortion);

@@ -55,7 +55,7 @@ class Numbers {
 
 /// The camera without its place in the world, but for a turn that stands for skew.
 geometry::RigCamera ReadIntrinsics(const pugi::xml_node& element, const std::string& name, const Place& place,
-                                   const ReadOptions& options, geometry::UnusedKeys* unused, std::vector<ImportNote>* notes) {
+                                   const ReadOptions& options, geometry::UnusedKeys* unused, std::vector<Notice>* notes) {
   const Numbers window(element, "fov_video", place), intrinsic(element, "intrinsic", place);
   Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
   k(0, 1) = intrinsic("skew", 0) / kPerPixel;
@@ -146,7 +146,7 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
   return imported;
 }
 
-std::optional<ImportNote> internal::QcaDivisorNote(const geometry::Rig& rig, double divisor, bool writing) {
+std::optional<Notice> internal::QcaDivisorNote(const geometry::Rig& rig, double divisor, bool writing) {
   double largest_k1 = 0;
   for (const geometry::RigCamera& placed : rig.cameras) {
     const auto lens = ToOpenCvLens(placed.camera);
@@ -156,16 +156,16 @@ std::optional<ImportNote> internal::QcaDivisorNote(const geometry::Rig& rig, dou
   const auto text = [](double value) { return Format("%.3g", value); };
   if (divisor != 1) {
     const bool small = !writing && largest_k1 < kTinyK1;
-    return ImportNote{"CAL-QCADISTORTION",
-                      "the lens distortion was " + std::string(writing ? "multiplied" : "divided") + " by " + text(divisor) +
-                          ", as Pose2Sim reads it; board images say that Qualisys means the coefficients as they stand" +
-                          (small ? ", and these look like it: divided, no lens has a k1 above " + text(largest_k1) : ""),
-                      "leave option 'qca-distortion-divisor' out unless the other program needs it"};
+    return Notice{"CAL-QCADISTORTION",
+                  "the lens distortion was " + std::string(writing ? "multiplied" : "divided") + " by " + text(divisor) +
+                      ", as Pose2Sim reads it; board images say that Qualisys means the coefficients as they stand" +
+                      (small ? ", and these look like it: divided, no lens has a k1 above " + text(largest_k1) : ""),
+                  "leave option 'qca-distortion-divisor' out unless the other program needs it"};
   }
   if (writing || largest_k1 <= kHugeK1) return std::nullopt;
-  return ImportNote{"CAL-QCADISTORTION",
-                    "a k1 of " + text(largest_k1) + " is no lens's; was the file written with coefficients times 64?",
-                    "compare with option 'qca-distortion-divisor' 64"};
+  return Notice{"CAL-QCADISTORTION",
+                "a k1 of " + text(largest_k1) + " is no lens's; was the file written with coefficients times 64?",
+                "compare with option 'qca-distortion-divisor' 64"};
 }
 
 internal::Files internal::WriteQca(const geometry::Rig& rig, const std::string& path, double distortion_divisor) {

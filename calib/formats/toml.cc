@@ -130,7 +130,7 @@ std::vector<CameraTable> CamerasInFileOrder(const toml::table& root, const std::
   return cameras;
 }
 
-geometry::RigCamera ReadCamera(const CameraTable& table, const ReadOptions& options, std::vector<ImportNote>* notes) {
+geometry::RigCamera ReadCamera(const CameraTable& table, const ReadOptions& options, std::vector<Notice>* notes) {
   const Eigen::VectorXd size = table.Vector("size", 2);
   const Eigen::VectorXd distortion = table.Vector("distortions", table.Array("distortions"));
   geometry::RigCamera camera =

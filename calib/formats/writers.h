@@ -16,7 +16,7 @@ using Files = std::vector<std::string>;
 Files WriteToml(const geometry::Rig& rig, const std::string& path, bool nested);
 Files WriteQca(const geometry::Rig& rig, const std::string& path, double distortion_divisor);
 /// Note about the divisor, see ReadQca; empty where no lens has distortion.
-std::optional<ImportNote> QcaDivisorNote(const geometry::Rig& rig, double divisor, bool writing);
+std::optional<Notice> QcaDivisorNote(const geometry::Rig& rig, double divisor, bool writing);
 Files WriteOpenCvYaml(const geometry::Rig& rig, const std::string& path);
 Files WriteEasyMocap(const geometry::Rig& rig, const std::string& path);
 Files WriteMrcal(const geometry::Rig& rig, const std::string& path);

@@ -199,7 +199,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   const app::RunPacks packs = app::BuildPacks(data, model, options, context.run, &config);
   const auto net = PerceptualNet(&options);
   std::optional<avatar::StartNetwork> start;
-  std::optional<app::Notice> seen;
+  std::optional<Notice> seen;
   if (from) seen = app::SeenPoses(arguments.start.init_from, config);
   if (from) start = StartFrom(*from, model, packs.train.size_px, context.run.seed);
   avatar::Trainer trainer = start ? avatar::Trainer(packs.train, *start, options, context.run, net)

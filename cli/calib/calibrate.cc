@@ -65,7 +65,7 @@ void SaveCorners(const app::CornerInput& corners, const std::string& path, Comma
 }
 
 /// Where boards were paired by number, a session's videos may know better, or a table of times.
-std::string HintFor(const calib::Verdict::Reason& reason, const Arguments& arguments) {
+std::string HintFor(const Notice& reason, const Arguments& arguments) {
   if (reason.code != "CAL-FRAMES" || arguments.corners.timeline) return reason.hint;
   const bool footage = !arguments.corners.cameras.empty();
   if (arguments.session.session.empty())
@@ -213,7 +213,7 @@ void AskForFloor(const std::string& gauge, bool in_session, const std::string& p
       "give --world board:FRAME with a frame where the board lies on the floor, or move the rig later: mvstudio "
       "calib align " +
       path + " --floor-board FRAME … or --floor-joints FOLDER";
-  const auto said = [](const app::Notice& warning) { return warning.code == "CAL-WORLD"; };
+  const auto said = [](const Notice& warning) { return warning.code == "CAL-WORLD"; };
   if (std::any_of(result->warnings.begin(), result->warnings.end(), said)) return;
   if (in_session) result->warnings.push_back({"CAL-WORLD", what, hint});
   if (!in_session) result->text += what + "; " + hint + "\n";

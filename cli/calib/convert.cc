@@ -94,7 +94,7 @@ std::vector<std::string> WriteDatasetFormat(const Arguments& arguments, const Ri
   const exports::ExportReport report = exports::WriteRig(rig, arguments.to, arguments.out);
   std::vector<std::string> files;
   for (const std::string& file : report.files) files.push_back(one_file ? arguments.out : arguments.out + "/" + file);
-  for (const exports::ExportNote& note : report.notes) result->warnings.push_back({note.code, note.text, note.hint});
+  Append(report.notes, &result->warnings);
   for (const exports::ExportedCamera& camera : report.cameras) {
     if (camera.name != camera.source) result->metrics["renamed"][camera.source] = camera.name;
   }
@@ -112,7 +112,7 @@ std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat for
     app::AddNotes(report.notes, result);
     return report.files;
   }
-  std::vector<calib::ImportNote> notes;
+  std::vector<Notice> notes;
   *rig = calib::RigForFormat(*rig, format, options, arguments.out, &notes);
   app::AddNotes(notes, result);
   RenameForPanoptic(rig, result);

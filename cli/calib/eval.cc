@@ -204,8 +204,7 @@ CommandResult Eval(Arguments arguments, CommandContext& context) {
     result.errors.push_back({"CAL-UNSOLVED", check.message, "show the board to at least two cameras at a time"});
     return result;
   }
-  for (const auto& reason : check.verdict.reasons)
-    result.warnings.push_back({reason.code, reason.text, reason.hint, reason.fails});
+  Append(check.verdict.reasons, &result.warnings);
   if (check.verdict.status == "fail") result.exit = kExitQualityGate;
   if (!arguments.repair.empty()) Repair(check, arguments.repair, &result);
   return result;

@@ -146,7 +146,7 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
                                              {"largest_frames", report.calibration_offset_frames},
                                              {"reason", "images are taken whole; a timeline of the take is what chooses them"}};
   result.metrics["masks_from"] = !arguments.options.masks ? "none" : inputs.masks.empty() ? "made" : inputs.masks;
-  for (const dataset::BuildWarning& w : report.warnings) result.warnings.push_back({w.code, w.text, w.hint});
+  Append(report.warnings, &result.warnings);
   CheckWorld(inputs, report, &result);
   result.outputs.push_back({arguments.out, "dataset"});
   result.outputs.push_back(

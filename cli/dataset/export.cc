@@ -91,7 +91,7 @@ CommandResult Export(Arguments arguments, CommandContext& context) {
     result.outputs.push_back({arguments.out + "/" + report.files[i], "export-file"});
   }
   result.metrics = Metrics(report);
-  for (const exports::ExportNote& note : report.notes) result.warnings.push_back({note.code, note.text, note.hint});
+  Append(report.notes, &result.warnings);
   result.text = arguments.out + Format(": %zu cameras, %zu frames, %d people, %d images, %d masks, %d points (%s)\n",
                                        report.cameras.size(), report.frames.size(), report.people, report.pictures,
                                        report.masks, report.points, arguments.to.c_str());

@@ -30,7 +30,6 @@ using app::kExitQualityGate;
 using app::kExitResources;
 using app::kExitTryAgain;
 using app::kExitUsage;
-using app::Notice;
 using app::ParseRanges;
 using app::RangesText;
 using app::SplitNamePath;

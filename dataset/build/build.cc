@@ -94,8 +94,7 @@ std::vector<CameraJob> MakeJobs(const BuildInputs& inputs, const geometry::Rig& 
   return jobs;
 }
 
-double TakeFrameRate(const std::vector<CameraResult>& results, const BuildOptions& options,
-                     std::vector<BuildWarning>* warnings) {
+double TakeFrameRate(const std::vector<CameraResult>& results, const BuildOptions& options, std::vector<Notice>* warnings) {
   double rate = 0;
   for (const CameraResult& r : results) {
     if (r.frame_rate_hz <= 0) continue;
@@ -183,7 +182,7 @@ std::vector<CameraResult> RunJobs(std::vector<CameraJob>* jobs, const BuildOptio
   return results;
 }
 
-void WarnOfWeakMasks(const BuiltCamera& c, std::vector<BuildWarning>* warnings) {
+void WarnOfWeakMasks(const BuiltCamera& c, std::vector<Notice>* warnings) {
   constexpr double kLeast = 0.8;
   if (c.joints == 0 || c.joints_supported >= kLeast * c.joints) return;
   warnings->push_back({"DAT-MASK",
@@ -302,7 +301,7 @@ void CheckViews(const BuildInputs& inputs, const std::vector<CameraJob>& jobs, c
   if (blind.empty()) return;
   const std::string why = "was it made with another calibration, or was the rig moved to another world since?";
   std::string doubt;
-  for (const BuildWarning& warning : report->warnings) {
+  for (const Notice& warning : report->warnings) {
     if (warning.code == "DAT-UNIT") doubt = "; DAT-UNIT: " + warning.text + ", " + warning.hint;
   }
   if (blind.size() == jobs.size())
@@ -355,9 +354,7 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   CheckViews(inputs, jobs, pose, &report);
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
-  for (geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
-    report.warnings.push_back({std::move(doubt.code), std::move(doubt.text), std::move(doubt.hint)});
-  }
+  Append(geometry::DoubtsAbout(rig), &report.warnings);
   report.sequence = options.sequence;
   report.frames = static_cast<int>(poses.size());
   geometry::Rig built_rig;

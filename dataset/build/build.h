@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/choice/option_group.h"
+#include "core/notice.h"
 #include "core/progress.h"
 #include "dataset/footage/mask_io.h"
 #include "dataset/masks/masks.h"
@@ -61,10 +62,6 @@ void VisitFields(Visitor&& visit, BuildOptions& o) {
   VisitFields(visit, o.mask);
 }
 
-struct BuildWarning {
-  std::string code, text, hint;
-};
-
 struct BuiltCamera {
   std::string name;   ///< Panoptic's, 00_NN
   std::string alias;  ///< the studio's
@@ -88,7 +85,7 @@ struct BuildReport {
   int images = 0;
   std::vector<BuiltCamera> cameras;
   std::vector<BuildGaps> gaps;  ///< cameras with gaps; if there are any, the dataset is partial
-  std::vector<BuildWarning> warnings;
+  std::vector<Notice> warnings;
   int given_masks = 0;                           ///< that were taken from BuildInputs::masks
   MaskMeaning masks = {};                        ///< how those were read
   std::string skeleton;                          ///< of the joints that are written beside Panoptic's 19; empty: none are

@@ -167,7 +167,7 @@ std::string ScoresText(const std::vector<SizeRule>& rules, const std::vector<dou
 }
 
 SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const BuildOptions& options,
-                       std::vector<BuildWarning>* warnings) {
+                       std::vector<Notice>* warnings) {
   const geometry::Camera& c = job.camera.camera;
   const auto rules = SizeRules(c.width_px, c.height_px, samples.width, samples.height);
   const std::string sizes =

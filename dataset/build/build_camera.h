@@ -32,7 +32,7 @@ struct CameraResult {
   SizeDecision size;
   double frame_rate_hz = 0;  ///< 0 for images; with a timeline, of its time steps
   std::vector<int> gaps;     ///< time steps with joints and no image, ascending
-  std::vector<BuildWarning> warnings;
+  std::vector<Notice> warnings;
 };
 
 /// Reads the first image of each camera. Throws FormatError that names every camera whose footage has a size that no rule of

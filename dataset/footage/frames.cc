@@ -35,13 +35,13 @@ ImageHeader Unturned(ImageHeader header) {
   return header;
 }
 
-FootageNote TurnNote(const PictureTurn& turn) {
+Notice TurnNote(const PictureTurn& turn) {
   return {"SES-ROTATED", "the file asks for " + ToText(turn) + "; it is applied",
           "the calibration must be of footage turned the same way"};
 }
 
-std::vector<FootageNote> NotesOn(const ImageHeader& header, bool stretched = false) {
-  std::vector<FootageNote> notes;
+std::vector<Notice> NotesOn(const ImageHeader& header, bool stretched = false) {
+  std::vector<Notice> notes;
   if (header.turn.any()) notes.push_back(TurnNote(header.turn));
   if (header.channels == 2 || (header.channels == 4 && header.codec != "jpeg"))
     notes.push_back(
@@ -53,8 +53,8 @@ std::vector<FootageNote> NotesOn(const ImageHeader& header, bool stretched = fal
   return notes;
 }
 
-std::vector<FootageNote> NotesOn(const VideoInfo& info) {
-  std::vector<FootageNote> notes;
+std::vector<Notice> NotesOn(const VideoInfo& info) {
+  std::vector<Notice> notes;
   if (info.turn.any()) notes.push_back(TurnNote(info.turn));
   if (std::abs(info.pixel_aspect - 1) > 1e-3) {
     notes.push_back({"SES-ASPECT",
@@ -69,8 +69,8 @@ std::vector<FootageNote> NotesOn(const VideoInfo& info) {
   return notes;
 }
 
-void LogNotes(const std::string& path, const std::vector<FootageNote>& notes) {
-  for (const FootageNote& note : notes) Log(LogLevel::kWarning, path + ": " + note.text);
+void LogNotes(const std::string& path, const std::vector<Notice>& notes) {
+  for (const Notice& note : notes) Log(LogLevel::kWarning, path + ": " + note.text);
 }
 
 /// Splits a name at its runs of digits so that `image2` comes before `image10`.

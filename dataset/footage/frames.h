@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/image.h"
+#include "core/notice.h"
 #include "dataset/footage/frame_numbers.h"
 #include "dataset/footage/picture_turn.h"
 
@@ -55,7 +56,7 @@ struct FrameOptions {
 };
 
 /// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video. What the first picture says
-/// and is not simply read (FootageNote) goes to the log.
+/// and is not simply read (Notice) goes to the log.
 std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, const FrameOptions& options = {});
 
 /// The files of the footage: the images in order, or a video in one file or several chapters.
@@ -74,11 +75,6 @@ inline constexpr char kNumberHint[] =
 /// Throws FormatError for the image `label` of footage at `path`, whose number is not above `last`, that of the one before.
 [[noreturn]] void RefuseOrder(const std::string& path, const std::string& label, int64_t number, int64_t last);
 
-/// What footage says about its pictures and is not simply read: a stable code, the fact with what is done, and advice.
-struct FootageNote {
-  std::string code, text, hint;
-};
-
 /// Properties of footage, determined without reading all of it.
 struct FootageInfo {
   bool is_video = false;
@@ -88,7 +84,7 @@ struct FootageInfo {
   std::string codec;          ///< "h264", "png"
   int bits = 8;
   PictureTurn turn;                               ///< that the file asks for; it is applied
-  std::vector<FootageNote> notes;                 ///< turn, opacity, 16 bits, pixels that are not square, interlacing
+  std::vector<Notice> notes;                      ///< turn, opacity, 16 bits, pixels that are not square, interlacing
   std::optional<double> time_code_s;              ///< as in VideoInfo, of the first file
   std::vector<std::string> files;                 ///< images in order; the files of the video
   std::vector<std::pair<int64_t, int64_t>> gaps;  ///< numbers that no image has, as ranges (first, last)

@@ -47,7 +47,7 @@ void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::s
 
 /// Folds and units have words of their own here.
 void CheckPlausible(const geometry::Rig& rig, const std::string& path, Findings* findings) {
-  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
+  for (const Notice& doubt : geometry::DoubtsAbout(rig)) {
     if (doubt.code == "CAL-FOLD" || (doubt.code == "CAL-DISTANCES" && rig.cameras.size() >= 3)) continue;
     findings->Warning("DAT-CALIB", path, doubt.text);
   }

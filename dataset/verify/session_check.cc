@@ -23,7 +23,7 @@ namespace mvstudio::dataset {
 namespace fs = std::filesystem;
 namespace {
 
-using Findings = std::vector<SessionFinding>;
+using Findings = std::vector<Notice>;  // errors are those that fail
 
 constexpr char kAllowOutside[] =
     "give option 'allow-outside' with every command on this session if you placed the link, or copy the footage into it";
@@ -38,17 +38,17 @@ void CheckHeaders(InspectedFootage* f, Findings* findings) {
     try {
       const ImageHeader header = ReadImageHeader(file);
       if (!(header.turn == f->info->turn)) {
-        findings->push_back({true, "SES-ROTATED", Where(*f) + ": " + file + " is turned (EXIF) unlike the first image",
-                             "write the images anew as they are to be shown"});
+        findings->push_back({"SES-ROTATED", Where(*f) + ": " + file + " is turned (EXIF) unlike the first image",
+                             "write the images anew as they are to be shown", true});
       }
       if (header.width == f->info->width && header.height == f->info->height) continue;
-      findings->push_back({true, "SES-SIZE",
+      findings->push_back({"SES-SIZE",
                            Where(*f) + ": " + file + " is " +
                                SizeText(static_cast<int>(header.width), static_cast<int>(header.height)) +
                                ", the first image " + SizeText(f->info->width, f->info->height),
-                           ""});
+                           "", true});
     } catch (const Error& error) {
-      findings->push_back({true, "SES-DAMAGED", Where(*f) + ": " + error.what(), "copy the image again"});
+      findings->push_back({"SES-DAMAGED", Where(*f) + ": " + error.what(), "copy the image again", true});
     }
     f->sound = false;
   }
@@ -59,14 +59,13 @@ void InspectPictures(InspectedFootage* f, bool decode, Findings* findings) {
   f->num_frames = info.num_frames;
   f->sound = true;
   for (const auto& [first, last] : info.gaps) {
-    findings->push_back({false, "SES-GAP",
-                         Where(*f) + ": no image has the numbers " + std::to_string(first) + " to " + std::to_string(last),
-                         ""});
+    findings->push_back(
+        {"SES-GAP", Where(*f) + ": no image has the numbers " + std::to_string(first) + " to " + std::to_string(last), ""});
   }
   for (const int64_t number : info.twice) {
     f->sound = false;
     findings->push_back(
-        {true, "SES-GAP", Where(*f) + ": two images have the number " + std::to_string(number), "leave one of them out"});
+        {"SES-GAP", Where(*f) + ": two images have the number " + std::to_string(number), "leave one of them out", true});
   }
   CheckHeaders(f, findings);
   if (!decode) return;
@@ -75,7 +74,7 @@ void InspectPictures(InspectedFootage* f, bool decode, Findings* findings) {
   }
   for (const std::string& damage : source->Damage()) {
     f->sound = false;
-    findings->push_back({true, "SES-DAMAGED", Where(*f) + ": " + damage, "copy the image again"});
+    findings->push_back({"SES-DAMAGED", Where(*f) + ": " + damage, "copy the image again", true});
   }
 }
 
@@ -100,8 +99,8 @@ void InspectVideo(InspectedFootage* f, bool decode, Findings* findings) {
   if (f->num_frames == 0) damage.push_back("holds no frame");
   for (const std::string& line : damage) {
     findings->push_back(
-        {true, "SES-DAMAGED", Where(*f) + " (" + f->path + "): " + line,
-         "copy the video again; mask and dataset build use what decodes with option 'keep-undamaged', pose2d always"});
+        {"SES-DAMAGED", Where(*f) + " (" + f->path + "): " + line,
+         "copy the video again; mask and dataset build use what decodes with option 'keep-undamaged', pose2d always", true});
   }
 }
 
@@ -109,19 +108,19 @@ void InspectFootage(const Session& session, const InspectOptions& options, Inspe
   try {
     f->path = ResolveInSession(session, f->path, options.allow_outside);
   } catch (const FormatError& error) {
-    findings->push_back({true, "SES-OUTSIDE", Where(*f) + ": " + error.what(), kAllowOutside});
+    findings->push_back({"SES-OUTSIDE", Where(*f) + ": " + error.what(), kAllowOutside, true});
     return;
   } catch (const IoError& error) {
-    findings->push_back({true, "SES-MISSING", Where(*f) + ": " + error.what(), ""});
+    findings->push_back({"SES-MISSING", Where(*f) + ": " + error.what(), "", true});
     return;
   }
   try {
     f->info = DescribeFootage(f->path);
     f->info->is_video ? InspectVideo(f, options.decode, findings) : InspectPictures(f, options.decode, findings);
   } catch (const IoError& error) {
-    findings->push_back({true, "SES-MISSING", Where(*f) + ": " + error.what(), ""});
+    findings->push_back({"SES-MISSING", Where(*f) + ": " + error.what(), "", true});
   } catch (const FormatError& error) {
-    findings->push_back({true, "SES-DAMAGED", Where(*f) + ": " + error.what(), ""});
+    findings->push_back({"SES-DAMAGED", Where(*f) + ": " + error.what(), "", true});
   }
 }
 
@@ -135,13 +134,12 @@ void CompareTake(const Session& session, const std::vector<const InspectedFootag
     const int idx = session.FindCamera(f->camera);
     const SessionCamera* camera = idx < 0 ? nullptr : &session.cameras[static_cast<size_t>(idx)];
     if (camera && camera->width_px > 0 && (camera->width_px != f->info->width || camera->height_px != f->info->height)) {
-      findings->push_back({true, "SES-SIZE",
+      findings->push_back({"SES-SIZE",
                            Where(*f) + ": the footage is " + SizeText(f->info->width, f->info->height) +
                                ", mvstudio.toml says " + SizeText(camera->width_px, camera->height_px),
-                           ""});
+                           "", true});
     }
-    for (const FootageNote& note : f->info->notes)
-      findings->push_back({false, note.code, Where(*f) + ": " + note.text, note.hint});
+    for (const Notice& note : f->info->notes) findings->push_back({note.code, Where(*f) + ": " + note.text, note.hint});
     if (f->info->fps_hz > 0) rates[std::round(100 * f->info->fps_hz) / 100].push_back(f->camera);
     if (f->num_frames < least) least = f->num_frames, shortest = f->camera;
     most = std::max(most, f->num_frames);
@@ -151,11 +149,11 @@ void CompareTake(const Session& session, const std::vector<const InspectedFootag
     for (const auto& [rate, cameras] : rates) {
       text += (text.empty() ? "" : ", ") + cameras[0] + (cameras.size() > 1 ? " and others " : " ") + Format("%.2f", rate);
     }
-    findings->push_back({false, "SES-RATE", "take " + take[0]->take + ": frame rates differ (" + text + ")",
+    findings->push_back({"SES-RATE", "take " + take[0]->take + ": frame rates differ (" + text + ")",
                          "name time stamps or offsets, and use mvstudio session timeline"});
   }
   if (most > 0 && least < most && take.size() > 1) {
-    findings->push_back({false, "SES-COUNT",
+    findings->push_back({"SES-COUNT",
                          "take " + take[0]->take + ": camera " + shortest + " has " + std::to_string(least) +
                              " frames, others up to " + std::to_string(most),
                          "see mvstudio session timeline for where they are missing"});
@@ -180,9 +178,7 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
   const std::string path = CalibrationOf(session, allow_outside);
   if (path.empty()) return;
   const geometry::Rig rig = ReadAnyCalibration(path);
-  for (const geometry::RigDoubt& doubt : geometry::DoubtsAbout(rig)) {
-    findings->push_back({false, doubt.code, doubt.text, doubt.hint});
-  }
+  Append(geometry::DoubtsAbout(rig), findings);
   std::set<std::string> filmed;
   for (const InspectedFootage& f : report.footage) {
     filmed.insert(f.camera);
@@ -191,7 +187,7 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
     const geometry::Camera& c = rig.cameras[static_cast<size_t>(idx)].camera;
     if (c.width_px == f.info->width && c.height_px == f.info->height) continue;
     if (IsBoard(session, f.take) && IsFilmedAt(session, report, c)) continue;  // the lens was resized to the people's images
-    findings->push_back({false, "SES-SIZE",
+    findings->push_back({"SES-SIZE",
                          Where(f) + ": the footage is " + SizeText(f.info->width, f.info->height) +
                              ", the calibration is for " + SizeText(c.width_px, c.height_px),
                          "if it shows the same part of the sensor: mvstudio calib resize " + ShellWord(path) +
@@ -202,12 +198,12 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
   }
   for (const SessionCamera& camera : session.cameras) {
     if (rig.Find(camera.name) >= 0) continue;
-    findings->push_back({true, "SES-CALIB", "camera " + camera.name + " is not in the calibration " + path,
-                         "calibrate it, or give it the name it has there"});
+    findings->push_back({"SES-CALIB", "camera " + camera.name + " is not in the calibration " + path,
+                         "calibrate it, or give it the name it has there", true});
   }
   for (const auto& camera : rig.cameras) {
     if (filmed.count(camera.camera.name)) continue;
-    findings->push_back({false, "SES-CALIB", "camera " + camera.camera.name + " is calibrated and has no footage", ""});
+    findings->push_back({"SES-CALIB", "camera " + camera.camera.name + " is calibrated and has no footage", ""});
   }
 }
 
@@ -222,13 +218,13 @@ void ComparePoses(const Session& session, const SessionReport& report, Findings*
       slugs.insert(Slug(f.camera));
       const fs::path poses = folder / Slug(f.camera);
       if (!fs::is_directory(poses)) {
-        findings->push_back({false, "SES-POSE", Where(f) + ": has no 2D poses, other cameras have", "run mvstudio pose2d"});
+        findings->push_back({"SES-POSE", Where(f) + ": has no 2D poses, other cameras have", "run mvstudio pose2d"});
         continue;
       }
       const auto count = static_cast<int64_t>(OpenPoseFrames(poses.string(), f.camera).size());
       if (f.num_frames > 0 && count != f.num_frames) {
         findings->push_back(
-            {false, "SES-POSE",
+            {"SES-POSE",
              Where(f) + ": 2D poses of " + std::to_string(count) + " frames, footage of " + std::to_string(f.num_frames),
              "run mvstudio pose2d again"});
       }
@@ -236,7 +232,7 @@ void ComparePoses(const Session& session, const SessionReport& report, Findings*
     for (const auto& entry : fs::directory_iterator(folder)) {
       const std::string name = entry.path().filename().string();
       if (!entry.is_directory() || slugs.count(name)) continue;
-      findings->push_back({false, "SES-POSE", "take " + take.name + ": 2D poses of " + name + ", which has no footage", ""});
+      findings->push_back({"SES-POSE", "take " + take.name + ": 2D poses of " + name + ", which has no footage", ""});
     }
   }
 }
@@ -261,9 +257,9 @@ void FindSameFiles(const SessionReport& report, const RunContext& run, Findings*
   for (size_t i = 0; i < doubtful.size(); ++i) {
     const auto [at, is_new] = first.emplace(digests[i], doubtful[i]);
     if (is_new) continue;
-    findings->push_back({true, "SES-SAME-FILE",
+    findings->push_back({"SES-SAME-FILE",
                          Where(*doubtful[i]) + " is the same video as " + Where(*at->second) + " (" + at->second->path + ")",
-                         "two cameras cannot have filmed the same: copy the right file"});
+                         "two cameras cannot have filmed the same: copy the right file", true});
   }
 }
 
@@ -274,7 +270,7 @@ void Compare(const Session& session, const InspectOptions& options, const RunCon
     } catch (const CancelledError&) {
       throw;
     } catch (const Error& error) {
-      report->findings.push_back({true, code, error.what(), ""});
+      report->findings.push_back({code, error.what(), "", true});
     }
   };
   guarded("SES-CALIB", [&] { CompareSizes(session, *report, options.allow_outside, &report->findings); });
@@ -286,22 +282,21 @@ void ListCamerasWithout(const Session& session, const SessionTake& take, Finding
   for (const SessionCamera& camera : session.cameras) {
     const bool has =
         std::any_of(take.footage.begin(), take.footage.end(), [&](const SessionFootage& f) { return f.camera == camera.name; });
-    if (!has)
-      findings->push_back({false, "SES-NO-FOOTAGE", "take " + take.name + ": camera " + camera.name + " has no footage", ""});
+    if (!has) findings->push_back({"SES-NO-FOOTAGE", "take " + take.name + ": camera " + camera.name + " has no footage", ""});
   }
 }
 
 }  // namespace
 
 int SessionReport::num_errors() const {
-  return static_cast<int>(std::count_if(findings.begin(), findings.end(), [](const SessionFinding& f) { return f.error; }));
+  return static_cast<int>(std::count_if(findings.begin(), findings.end(), [](const Notice& f) { return f.fails; }));
 }
 
 SessionReport InspectSession(const Session& asked, const InspectOptions& options, const RunContext& run) {
   SessionReport report;
   Session session = asked;
   session.allow_outside = asked.allow_outside || options.allow_outside;
-  for (const std::string& warning : session.warnings) report.findings.push_back({false, "SES-KEY", warning, ""});
+  for (const std::string& warning : session.warnings) report.findings.push_back({"SES-KEY", warning, ""});
   for (const SessionTake& take : session.takes) {
     for (const SessionFootage& f : take.footage) {
       report.footage.push_back({take.name, f.camera, f.path, std::nullopt, 0, 0, false});

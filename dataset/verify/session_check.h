@@ -4,17 +4,12 @@
 #include <string>
 #include <vector>
 
+#include "core/notice.h"
 #include "core/progress.h"
 #include "dataset/footage/frames.h"
 #include "dataset/session/session.h"
 
 namespace mvstudio::dataset {
-
-/// A finding about a session for the user.
-struct SessionFinding {
-  bool error = false;  ///< else a warning
-  std::string code, text, hint;
-};
 
 struct InspectedFootage {
   std::string take, camera;
@@ -27,7 +22,7 @@ struct InspectedFootage {
 
 struct SessionReport {
   std::vector<InspectedFootage> footage;
-  std::vector<SessionFinding> findings;
+  std::vector<Notice> findings;
   int num_errors() const;
 };
 

@@ -62,7 +62,7 @@ std::string BetterOrder(const Camera& camera) {
 using Look = std::function<std::string(const Camera&)>;
 
 /// One line for all cameras: the words of the first that is doubtful, the others by name.
-void Report(const Rig& rig, const std::string& code, const std::string& hint, const Look& look, std::vector<RigDoubt>* doubts) {
+void Report(const Rig& rig, const std::string& code, const std::string& hint, const Look& look, std::vector<Notice>* doubts) {
   std::vector<std::string> names;
   std::string first;
   for (const RigCamera& camera : rig.cameras) {
@@ -121,7 +121,7 @@ double FarthestApart(const Rig& rig) {
 }
 
 /// All in one place though their poses differ, or all with their backs to the point where their axes meet.
-bool LookAtDirections(const Rig& rig, std::vector<RigDoubt>* doubts) {
+bool LookAtDirections(const Rig& rig, std::vector<Notice>* doubts) {
   const int count = static_cast<int>(rig.cameras.size());
   double farthest_world = 0;
   for (const RigCamera& camera : rig.cameras)
@@ -152,7 +152,7 @@ bool LookAtDirections(const Rig& rig, std::vector<RigDoubt>* doubts) {
   return one_place;
 }
 
-void LookAtDistances(const Rig& rig, std::vector<RigDoubt>* doubts) {
+void LookAtDistances(const Rig& rig, std::vector<Notice>* doubts) {
   if (rig.cameras.size() < 2 || LookAtDirections(rig, doubts)) return;
   const double apart = FarthestApart(rig), least = rig.cameras.size() == 2 ? kMinApartPair : kMinApart;
   const std::string hint =
@@ -179,7 +179,7 @@ bool LooksShifted(const Camera& camera) {
   return k3 != 0 && std::abs(p1) > 0.01 && std::abs(p1) > 10 * std::max(std::abs(p2), std::abs(k3));
 }
 
-void LookAtOrder(const Rig& rig, std::vector<RigDoubt>* doubts) {
+void LookAtOrder(const Rig& rig, std::vector<Notice>* doubts) {
   const auto shifted = std::count_if(rig.cameras.begin(), rig.cameras.end(),
                                      [](const RigCamera& camera) { return LooksShifted(camera.camera); });
   if (2 * shifted <= static_cast<std::ptrdiff_t>(rig.cameras.size())) return;
@@ -244,8 +244,8 @@ double ShareWithoutRay(const Camera& camera) {
   return static_cast<double>(missing) / ((kSteps + 1) * (kSteps + 1));
 }
 
-std::vector<RigDoubt> DoubtsAbout(const Rig& rig) {
-  std::vector<RigDoubt> doubts;
+std::vector<Notice> DoubtsAbout(const Rig& rig) {
+  std::vector<Notice> doubts;
   const std::string compare = "compare with the program that wrote the file; calib eval tells whether images agree with it";
   Report(rig, "CAL-DECENTRING", compare + "; option 'ignore-distortion' where the images are undistorted already",
          LookAtDecentring, &doubts);

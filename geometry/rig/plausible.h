@@ -4,15 +4,11 @@
 #include <string>
 #include <vector>
 
+#include "core/notice.h"
 #include "geometry/rig/rig.h"
 
 /// Checks for impossible or implausible calibrations, whatever file they came from.
 namespace mvstudio::geometry {
-
-/// One finding about a rig: a stable code, what is doubtful in which cameras, and what to do.
-struct RigDoubt {
-  std::string code, text, hint;
-};
 
 /// Implausible properties of a calibration, at most one finding per kind; it lists the cameras concerned.
 ///   - CAL-DECENTRING: |p1| or |p2| above 0.05. Measured lenses stay below 0.01.
@@ -29,7 +25,7 @@ struct RigDoubt {
 ///     may be wrong. The position of the world's origin does not matter. Or all stand at one place.
 ///
 /// No finding makes a rig unusable: wide fields and exotic optics are real.
-std::vector<RigDoubt> DoubtsAbout(const Rig& rig);
+std::vector<Notice> DoubtsAbout(const Rig& rig);
 
 /// A lens with its distortion terms in an order other than that of reading.
 struct TermOrder {

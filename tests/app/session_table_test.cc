@@ -47,8 +47,8 @@ TEST(SessionTable, EachCamerasFootageHasALine) {
 }
 
 TEST(SessionTable, TheExitCodeTellsHowMuchIsSound) {
-  const dataset::SessionFinding warning{false, "SES-KEY", "unknown key", "see"}, error{true, "SES-MISSING", "gone", "copy"};
-  const auto result_of = [](const std::vector<bool>& sound, const std::vector<dataset::SessionFinding>& findings) {
+  const Notice warning{"SES-KEY", "unknown key", "see"}, error{"SES-MISSING", "gone", "copy", true};
+  const auto result_of = [](const std::vector<bool>& sound, const std::vector<Notice>& findings) {
     dataset::SessionReport report;
     for (const bool s : sound) report.footage.push_back(Footage("a", s, true));
     report.findings = findings;
@@ -93,8 +93,8 @@ TEST(SessionTable, EachCameraOfATimelineHasALine) {
 TEST(SessionTable, OneCauseIsSaidOnce) {
   dataset::SessionReport report;
   for (const char* camera : {"a", "b", "c"})
-    report.findings.push_back({true, "SES-OUTSIDE", std::string("camera ") + camera + ": leaves the session", "option"});
-  report.findings.push_back({true, "SES-MISSING", "d", ""});
+    report.findings.push_back({"SES-OUTSIDE", std::string("camera ") + camera + ": leaves the session", "option", true});
+  report.findings.push_back({"SES-MISSING", "d", "", true});
   CommandResult result;
   AddFindings(report, &result);
   ASSERT_EQ(result.errors.size(), 2u);

@@ -35,7 +35,7 @@ std::string Refused(CalibrationFormat format, const std::string& text, const Rea
 
 std::string CodesOf(const ImportedRig& imported) {
   std::string codes;
-  for (const ImportNote& note : imported.notes) codes += note.code + " ";
+  for (const Notice& note : imported.notes) codes += note.code + " ";
   return codes;
 }
 
@@ -107,7 +107,7 @@ TEST(KeysOfFiles, ThatNobodyReadsAreNamed) {
   const ImportedRig read = ReadText(CalibrationFormat::kNerfstudio,
                                     Transforms("\"rolling_shutter\": [0, 0, 0, 0.03], \"aabb_scale\": 16, ", "\"tag\": 3, "));
   std::string text;
-  for (const ImportNote& note : read.notes) text += note.code == "CAL-KEYS" ? note.text : "";
+  for (const Notice& note : read.notes) text += note.code == "CAL-KEYS" ? note.text : "";
   EXPECT_THAT(text, ::testing::AllOf(HasSubstr("rolling_shutter"), HasSubstr("frames[0].tag")));
   EXPECT_THAT(text, ::testing::Not(HasSubstr("aabb_scale")));
   EXPECT_THAT(CodesOf(ReadText(CalibrationFormat::kNerfstudio, Transforms(""))), ::testing::Not(HasSubstr("CAL-KEYS")));

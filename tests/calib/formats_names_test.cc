@@ -41,7 +41,7 @@ std::vector<std::string> NamesOf(const ImportedRig& imported) { return geometry:
 
 std::string CodesOf(const ImportedRig& imported) {
   std::string codes;
-  for (const ImportNote& note : imported.notes) codes += note.code + " ";
+  for (const Notice& note : imported.notes) codes += note.code + " ";
   return codes;
 }
 

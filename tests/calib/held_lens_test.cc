@@ -44,9 +44,8 @@ CalibrateReport Solve(const CalibrateInput& input) {
 /// Whether the verdict has the code; with a name, of that camera.
 bool Says(const CalibrateReport& report, const std::string& code, const std::string& name = "") {
   const auto& reasons = report.verdict.reasons;
-  return std::any_of(reasons.begin(), reasons.end(), [&](const Verdict::Reason& reason) {
-    return reason.code == code && reason.text.find(name) != std::string::npos;
-  });
+  return std::any_of(reasons.begin(), reasons.end(),
+                     [&](const Notice& reason) { return reason.code == code && reason.text.find(name) != std::string::npos; });
 }
 
 TEST(HeldLens, ARightRigFromOneViewWarnsOfWhatIsNotKnown) {

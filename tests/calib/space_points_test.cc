@@ -113,7 +113,7 @@ TEST(SpacePoints, CalibrateFindsTheCamerasInThePointsFrame) {
     EXPECT_TRUE(report.cameras[c].points_in_space);
     EXPECT_LT(report.cameras[c].holdout_rms_px, 0.6);
   }
-  for (const Verdict::Reason& reason : report.verdict.reasons) EXPECT_FALSE(reason.fails) << reason.code << " " << reason.text;
+  for (const Notice& reason : report.verdict.reasons) EXPECT_FALSE(reason.fails) << reason.code << " " << reason.text;
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ testing::Scene MakeRecording() {
 
 /// The first reason with a code; empty: there is none.
 std::string Said(const CalibrateReport& report, const std::string& code) {
-  for (const Verdict::Reason& reason : report.verdict.reasons)
+  for (const Notice& reason : report.verdict.reasons)
     if (reason.code == code) return reason.text;
   return "";
 }
@@ -81,7 +81,7 @@ TEST(Verdict, CellsThatAreNotSquareAreNamedWithTheirSides) {
   report.rig.boards = {{"chessboard:9x6:30mm", Eigen::Vector2d::Zero(), Eigen::Vector2d(0, -0.04)}};
   report.verdict = Judge(report);
   EXPECT_NE(Said(report, "CAL-LENGTHS").find("8.3 % higher than wide"), std::string::npos) << Said(report, "CAL-LENGTHS");
-  for (const Verdict::Reason& reason : report.verdict.reasons) {
+  for (const Notice& reason : report.verdict.reasons) {
     if (reason.code != "CAL-LENGTHS") continue;
     EXPECT_NE(reason.hint.find("option 'board' chessboard:9x6:30x32.5mm"), std::string::npos) << reason.hint;
   }
@@ -98,7 +98,7 @@ TEST(Verdict, OneCameraIsNotToldOfOthers) {
   camera.num_lost_views = 9, camera.num_rejected = camera.num_corners, camera.holdout_rms_px = 5;
   report.verdict = Judge(report);
   EXPECT_NE(Said(report, "CAL-LOST"), "");
-  for (const Verdict::Reason& reason : report.verdict.reasons) {
+  for (const Notice& reason : report.verdict.reasons) {
     EXPECT_EQ(reason.hint.find("same time"), std::string::npos) << reason.code;
     EXPECT_EQ(reason.hint.find("synchron"), std::string::npos) << reason.code;
     EXPECT_EQ(reason.hint.find("cameras"), std::string::npos) << reason.code << ": " << reason.hint;

@@ -189,7 +189,7 @@ TEST_F(BuildTest, ACameraThatSeesNobodyIsNamed) {
   geometry::WriteRig(rig, inputs_.calibration);
   const BuildReport report = BuildDataset(inputs_, folder_ / "out/dataset", options_);
   const auto told =
-      std::find_if(report.warnings.begin(), report.warnings.end(), [](const BuildWarning& w) { return w.code == "DAT-VIEW"; });
+      std::find_if(report.warnings.begin(), report.warnings.end(), [](const Notice& w) { return w.code == "DAT-VIEW"; });
   ASSERT_NE(told, report.warnings.end());
   EXPECT_NE(told->text.find("cam_b"), std::string::npos) << told->text;
 }

@@ -310,7 +310,7 @@ TEST(SessionScan, FindsTakesByTheirFolders) {
 /// What InspectSession says about a camera, all codes.
 std::set<std::string> Codes(const SessionReport& report) {
   std::set<std::string> codes;
-  for (const SessionFinding& f : report.findings) codes.insert(f.code);
+  for (const Notice& f : report.findings) codes.insert(f.code);
   return codes;
 }
 

@@ -281,7 +281,7 @@ TEST(Export, ColmapSaysThatSplattingNeedsPinholes) {
   setting.distorted = true;
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", setting);
   const auto has_note = [](const ExportReport& report) {
-    return std::any_of(report.notes.begin(), report.notes.end(), [](const ExportNote& n) { return n.code == "EXP-LENS"; });
+    return std::any_of(report.notes.begin(), report.notes.end(), [](const Notice& n) { return n.code == "EXP-LENS"; });
   };
   EXPECT_TRUE(has_note(ExportDataset(dataset, "colmap", folder / "out", {})));
   ExportOptions options;
@@ -290,7 +290,7 @@ TEST(Export, ColmapSaysThatSplattingNeedsPinholes) {
 }
 
 std::string NoteText(const ExportReport& report, const std::string& code) {
-  for (const ExportNote& note : report.notes) {
+  for (const Notice& note : report.notes) {
     if (note.code == code) return note.text;
   }
   return "";

@@ -37,7 +37,7 @@ nlohmann::json ReadOne(const std::string& format, const std::string& folder, con
 }
 
 bool HasNote(const ExportReport& report, const std::string& code) {
-  return std::any_of(report.notes.begin(), report.notes.end(), [&](const ExportNote& note) { return note.code == code; });
+  return std::any_of(report.notes.begin(), report.notes.end(), [&](const Notice& note) { return note.code == code; });
 }
 
 TEST(Masks, AlphaIsTheMaskAndOutsideIsBlack) {

@@ -31,8 +31,8 @@ Rig Ring(int count = 5) {
 }
 
 bool Says(const Rig& rig, const std::string& code) {
-  const std::vector<RigDoubt> doubts = DoubtsAbout(rig);
-  return std::any_of(doubts.begin(), doubts.end(), [&](const RigDoubt& doubt) { return doubt.code == code; });
+  const std::vector<Notice> doubts = DoubtsAbout(rig);
+  return std::any_of(doubts.begin(), doubts.end(), [&](const Notice& doubt) { return doubt.code == code; });
 }
 
 TEST(Meeting, IsWhereTheCamerasLook) {

@@ -35,7 +35,7 @@ Rig Ordinary() {
 
 std::vector<std::string> CodesOf(const Rig& rig) {
   std::vector<std::string> codes;
-  for (const RigDoubt& doubt : DoubtsAbout(rig)) codes.push_back(doubt.code);
+  for (const Notice& doubt : DoubtsAbout(rig)) codes.push_back(doubt.code);
   return codes;
 }
 
@@ -51,7 +51,7 @@ TEST(Plausible, NothingIsSaidOfOrdinaryRigs) {
 TEST(Plausible, DecentringBeyondAnyLens) {
   Rig rig = Ordinary();
   rig.cameras[1].camera.params.tail<5>() << -0.05, 0.02, 6.459, 0.01, 0.3;
-  const std::vector<RigDoubt> doubts = DoubtsAbout(rig);
+  const std::vector<Notice> doubts = DoubtsAbout(rig);
   ASSERT_FALSE(doubts.empty());
   EXPECT_EQ(doubts[0].code, "CAL-DECENTRING");
   EXPECT_THAT(doubts[0].text, HasSubstr("camera cam_1: a decentring (p1, p2) of 6.459"));
@@ -63,7 +63,7 @@ TEST(Plausible, DecentringBeyondAnyLens) {
 TEST(Plausible, DecentringThatIsTheThirdRadialTerm) {
   Rig rig = Ordinary();
   for (RigCamera& camera : rig.cameras) camera.camera.params.tail<5>() << -0.2, 0.15, -0.08, 1e-3, -5e-4;  // k1 k2 k3 p1 p2
-  const std::vector<RigDoubt> doubts = DoubtsAbout(rig);
+  const std::vector<Notice> doubts = DoubtsAbout(rig);
   ASSERT_FALSE(doubts.empty());
   EXPECT_EQ(doubts[0].code, "CAL-DECENTRING");
   EXPECT_THAT(doubts[0].text, HasSubstr("in the order k1 k2 k3 p1 p2 the terms make sense"));
@@ -82,7 +82,7 @@ TEST(Plausible, SmallTermsInAnotherOrder) {
 TEST(Plausible, LensesThatFoldInsideThePicture) {
   Rig rig = Ordinary();
   rig.cameras[0].camera.params.tail<5>() << -0.9, 0, 0, 0, 0;  // folds at r = 0.61, the corner lies at 0.79
-  const std::vector<RigDoubt> doubts = DoubtsAbout(rig);
+  const std::vector<Notice> doubts = DoubtsAbout(rig);
   ASSERT_EQ(doubts.size(), 1u);
   EXPECT_EQ(doubts[0].code, "CAL-FOLD");
   EXPECT_THAT(doubts[0].text, HasSubstr("camera cam_0: the lens folds inside the image"));

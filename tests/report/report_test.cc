@@ -243,7 +243,7 @@ TEST_F(ReportTest, AMovedRunStillShowsItsPicturesAndAMissingOneIsNamed) {
   SaveWholeRun();
   const Report report = Build();
   EXPECT_THAT(report.warnings,
-              Contains(AllOf(Field(&ReportNotice::code, "REP-PICTURE"), Field(&ReportNotice::text, HasSubstr("gone.png")))));
+              Contains(AllOf(Field(&Notice::code, "REP-PICTURE"), Field(&Notice::text, HasSubstr("gone.png")))));
   ASSERT_EQ(report.warnings.size(), 1u);
   EXPECT_THAT(report.html, HasSubstr("gone.png"));
 }
@@ -275,7 +275,7 @@ TEST_F(ReportTest, NothingFromOutsideTheRunIsEmbeddedAndNobodyLearnsWhetherItIsT
     options.follow_links = follow;
     const Report report = Build(options);
     std::string said;
-    for (const ReportNotice& warning : report.warnings) said += warning.code + ": " + warning.text + "\n";
+    for (const Notice& warning : report.warnings) said += warning.code + ": " + warning.text + "\n";
     return std::pair(report.html, said);
   };
   const size_t whole = build("sub/own.png").first.size();
@@ -358,7 +358,7 @@ TEST_F(ReportTest, BrokenFilesBecomeWarningsThatNameThem) {
   EXPECT_EQ(report.num_stages, 1);
   for (const char* name : {"a/broken.result.json", "b/deep.result.json", "c/list.result.json", "d/foreign.result.json",
                            "calibration.json", "pose3d/points.csv: line 2", "avatar/history.csv", "provenance.jsonl: line 2"}) {
-    EXPECT_THAT(report.warnings, Contains(Field(&ReportNotice::text, HasSubstr(name))));
+    EXPECT_THAT(report.warnings, Contains(Field(&Notice::text, HasSubstr(name))));
     EXPECT_THAT(report.html, HasSubstr(name));
   }
   EXPECT_EQ(report.warnings.size(), 8u);
@@ -462,7 +462,7 @@ TEST_F(ReportTest, PicturesBeyondTheLimitAreNamed) {
   options.max_pictures_total_mb = 0;
   const Report report = Build(options);
   EXPECT_THAT(report.html, Not(HasSubstr("data:image/png")));
-  EXPECT_THAT(report.warnings, Contains(Field(&ReportNotice::text, HasSubstr("left_00000084.png"))));
+  EXPECT_THAT(report.warnings, Contains(Field(&Notice::text, HasSubstr("left_00000084.png"))));
 }
 
 TEST_F(ReportTest, NothingToReport) {
