@@ -21,8 +21,7 @@ void SettleRate(const PointsArguments& arguments, dataset::Pose3d* pose, Command
   const double stated_hz = pose->frame_rate_hz;
   if (arguments.rate_hz != 0) {
     if (!dataset::IsFrameRate(arguments.rate_hz)) throw UsageError(std::string("option 'frame-rate' ") + dataset::kFrameRates);
-    constexpr double kSame = 1e-3;
-    if (stated_hz > 0 && std::abs(stated_hz / arguments.rate_hz - 1) > kSame) {
+    if (stated_hz > 0 && !dataset::IsSameRate(stated_hz, arguments.rate_hz)) {
       result->warnings.push_back({"MRK-RATE",
                                   Format("%s says %g frames a second; option 'frame-rate' %g is used", arguments.path.c_str(),
                                          stated_hz, arguments.rate_hz),

@@ -90,6 +90,25 @@ double OwnCost(const PoseProblem& problem, const PoseState& state, int camera, i
   return cost;
 }
 
+double ShiftPx(const CheckWork& work, const PoseState& state, int camera, const Rigid3& a, const Rigid3& b) {
+  const geometry::Projector projector(work.problem.cameras[static_cast<size_t>(camera)]);
+  double sum = 0;
+  int count = 0;
+  for (size_t v = 0; v < work.problem.views.size(); ++v) {
+    const View& view = work.problem.views[v];
+    if (view.camera_idx != camera) continue;
+    const Rigid3& board = state.world_from_board[static_cast<size_t>(work.problem.board_of_view[v])];
+    for (Eigen::Index i = 0; i < view.size(); ++i) {
+      const Eigen::Vector3d x = board * Eigen::Vector3d(view.x_in_board.col(i));
+      const geometry::Projection pa = projector.Project(a * x), pb = projector.Project(b * x);
+      if (pa.status != Status::kOk || pb.status != Status::kOk) continue;
+      sum += (pa.px - pb.px).squaredNorm();
+      ++count;
+    }
+  }
+  return count > 0 ? std::sqrt(sum / count) : std::numeric_limits<double>::infinity();
+}
+
 void FillResiduals(const CheckWork& work, RigCheck* result) {
   std::vector<double> all;
   double all_squares = 0;

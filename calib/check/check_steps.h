@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "calib/check/pose_problem.h"
@@ -28,6 +30,13 @@ struct CheckWork {
 /// Fits every view by itself, drops corners and views that do not fit, and estimates each camera's noise. Keeps the views
 /// of boards that two cameras share at one time step, with weights in px^-2.
 void PrepareCheck(const CalibrateInput& input, CheckWork* work);
+
+/// The input with the names of two of its cameras exchanged.
+CalibrateInput WithExchanged(CalibrateInput input, size_t a, size_t b);
+/// The two cameras of the input, of equal size, whose exchanged names leave the least cost, half of that of `check` or less.
+/// Not tried for more than 12 cameras. `cost_of` places the boards anew.
+std::optional<std::pair<size_t, size_t>> FindExchanged(const CalibrateInput& seen, const RigCheck& check,
+                                                       const std::function<double(const CalibrateInput&)>& cost_of);
 
 /// Checks the lenses of cameras that share no board: all that can be said of them.
 void CheckLensesAlone(CheckWork* work);
@@ -55,13 +64,17 @@ void FillResiduals(const CheckWork& work, RigCheck* result);
 /// Distances of the corners from their projections, px; infinity for those that do not project.
 Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board);
 
+/// RMS distance between the corners' pixels with two poses of the camera, boards where they are in `state`; NaN when no corner
+/// is in front of both.
+double ShiftPx(const CheckWork& work, const PoseState& state, int camera, const geometry::Rigid3& a, const geometry::Rigid3& b);
+
 /// Lengths between corners that two or more cameras see, triangulated with the calibration unchanged, compared with the
 /// board. `edge`: the shortest lengths on the board; `pair`: all of them.
 BoardMetrics MeasureLengths(const std::vector<Board>& boards, const CheckWork& work);
 
 /// Lengths by the calibration over lengths on the board. For each pair of cameras: the median over time steps of the scale
 /// of the similarity that maps the board to its triangulated corners. Of the pairs, sorted by |scale - 1|, the one at a
-/// third is taken, because a moved camera spoils at most two thirds of them. 1 when it cannot be measured.
+/// third is taken, because a moved camera spoils at most two thirds of them. NaN when it cannot be measured.
 double MeasureScale(const std::vector<Board>& boards, const CheckWork& work);
 
 /// New poses that leave more of the corners unexplained than the old ones are not taken. Fills the cost of the calibration as

@@ -116,7 +116,7 @@ double MeasureScale(const std::vector<Board>& boards, const CheckWork& work) {
   }
   std::vector<double> pairs;
   for (const auto& [cameras, values] : scales) pairs.push_back(UpperMedian(values));
-  if (pairs.empty()) return 1;
+  if (pairs.empty()) return std::numeric_limits<double>::quiet_NaN();
   std::sort(pairs.begin(), pairs.end(), [](double a, double b) { return std::abs(a - 1) < std::abs(b - 1); });
   return pairs[(pairs.size() - 1) / 3];
 }

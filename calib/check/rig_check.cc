@@ -137,27 +137,6 @@ void Describe(const Trial& trial, const CheckWork& work, int camera, CameraCheck
   check->translation_sigma_m = sigma_along(j * covariance * j.transpose(), shift);
 }
 
-/// RMS distance between the corners' pixels with two poses of the camera, boards where they are in `state`; NaN when no corner
-/// is in front of both.
-double ShiftPx(const CheckWork& work, const PoseState& state, int camera, const Rigid3& a, const Rigid3& b) {
-  const geometry::Projector projector(work.problem.cameras[static_cast<size_t>(camera)]);
-  double sum = 0;
-  int count = 0;
-  for (size_t v = 0; v < work.problem.views.size(); ++v) {
-    const View& view = work.problem.views[v];
-    if (view.camera_idx != camera) continue;
-    const Rigid3& board = state.world_from_board[static_cast<size_t>(work.problem.board_of_view[v])];
-    for (Eigen::Index i = 0; i < view.size(); ++i) {
-      const Eigen::Vector3d x = board * Eigen::Vector3d(view.x_in_board.col(i));
-      const geometry::Projection pa = projector.Project(a * x), pb = projector.Project(b * x);
-      if (pa.status != Status::kOk || pb.status != Status::kOk) continue;
-      sum += (pa.px - pb.px).squaredNorm();
-      ++count;
-    }
-  }
-  return count > 0 ? std::sqrt(sum / count) : kInfinity;
-}
-
 /// The camera set free and described.
 Trial Examine(CheckWork* work, int camera) {
   HearVoters(camera, work);
@@ -166,8 +145,8 @@ Trial Examine(CheckWork* work, int camera) {
   Describe(trial, *work, camera, &check);
   check.is_visible = internal::ShowsInResiduals(trial.gain, trial.left, work->options.bump_sigmas);
   if (check.status == Status::kOk) {
-    check.shift_px = ShiftPx(*work, trial.state, camera, work->rig.cameras[static_cast<size_t>(camera)].cam_from_world,
-                             check.cam_from_world);
+    check.shift_px = internal::ShiftPx(*work, trial.state, camera,
+                                       work->rig.cameras[static_cast<size_t>(camera)].cam_from_world, check.cam_from_world);
   }
   return trial;
 }
@@ -230,7 +209,9 @@ bool FindNextMoved(CheckWork* work, RigCheck* result) {
 
 /// What was found to have moved is only as good as two cameras that agree with each other.
 void RequireConsensus(CheckWork* work, RigCheck* result) {
-  if (result->undecided.empty()) return;
+  const bool any = std::find(work->moved.begin(), work->moved.end(), true) != work->moved.end();
+  const bool either = result->two_cameras && any && result->undecided.empty();
+  if (result->undecided.empty() && !either) return;
   int agreeing = 0;
   for (size_t c = 0; c < work->checks.size(); ++c) {
     const auto& unsure = result->undecided;
@@ -239,16 +220,18 @@ void RequireConsensus(CheckWork* work, RigCheck* result) {
   }
   if (agreeing >= 2) return;
   for (size_t c = 0; c < work->checks.size(); ++c) {
-    if (work->moved[c]) result->undecided.push_back(work->checks[c].name);
+    if (work->moved[c] || (either && work->present[c])) result->undecided.push_back(work->checks[c].name);
     work->moved[c] = false;
   }
   std::sort(result->undecided.begin(), result->undecided.end());
 }
 
-/// Two cameras cannot tell a wrong scale from a wrong baseline; more can: boards take the scale that the pairs agree on.
-void TakeScale(const std::vector<Board>& boards, CheckWork* work, RigCheck* result) {
+/// Two cameras cannot tell a wrong scale from a wrong baseline; more can: boards take the scale that the pairs agree on. Those
+/// of two cameras do where `two_as_well`.
+void TakeScale(const std::vector<Board>& boards, bool two_as_well, CheckWork* work, RigCheck* result) {
   result->scale = internal::MeasureScale(boards, *work);
-  if (std::count(work->present.begin(), work->present.end(), true) < 3) return;
+  result->two_cameras = std::count(work->present.begin(), work->present.end(), true) < 3;
+  if (result->two_cameras && !two_as_well) return;
   if (!(std::abs(result->scale - 1) > work->options.scale_percent / 100)) return;
   for (View& view : work->problem.views) view.x_in_board *= result->scale;
   for (Rigid3& pose : work->own_pose) pose.translation *= result->scale;
@@ -299,9 +282,8 @@ CheckWork PlacedAt(const geometry::Rig& rig, const CalibrateInput& seen, const s
   return work;
 }
 
-/// The check of corners that need no more correction.
-RigCheck CheckSeen(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options,
-                   const RunContext& run) {
+RigCheck CheckWithBoards(const geometry::Rig& rig, const CalibrateInput& input, bool two_take_scale,
+                         const RigCheckOptions& options, const RunContext& run) {
   RigCheck result;
   result.repaired = rig;
   geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
@@ -315,7 +297,7 @@ RigCheck CheckSeen(const geometry::Rig& rig, const CalibrateInput& input, const 
   } else if (has_boards) {
     work.all_views_of_board = work.problem.views_of_board;
     result.board_metrics = internal::MeasureLengths(input.boards, work);
-    TakeScale(input.boards, &work, &result);
+    TakeScale(input.boards, two_take_scale, &work, &result);
     Solve(run, &work, &result, &stated);
     internal::KeepIfBetter(rig, &work, &result);
     PlaceBoards(&work);
@@ -326,6 +308,35 @@ RigCheck CheckSeen(const geometry::Rig& rig, const CalibrateInput& input, const 
   }
   if (!result.moved.empty()) geometry::StoreCovariance(stated, &result.repaired);
   return result;
+}
+
+/// The check of corners that need no more correction. Of two cameras that stand farther apart than they did, boards of another
+/// size look the same: where these explain all, none is said to have moved.
+RigCheck CheckSeen(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options,
+                   const RunContext& run) {
+  RigCheck check = CheckWithBoards(rig, input, false, options, run);
+  if (!check.two_cameras || check.undecided.empty() || !(std::abs(check.scale - 1) > options.scale_percent / 100)) return check;
+  RigCheck scaled = CheckWithBoards(rig, input, true, options, run);
+  return scaled.undecided.empty() ? scaled : check;
+}
+
+/// Where a camera seems to have moved: the check with the corners of two cameras exchanged, if that explains it.
+std::optional<RigCheck> CheckWhenExchanged(const geometry::Rig& rig, const CalibrateInput& seen, const RigCheck& check,
+                                           const RigCheckOptions& options, const RunContext& run) {
+  const bool agrees = check.moved.empty() && check.undecided.empty() && !(check.rms_px > options.warn_px);
+  if (check.status != Status::kOk || agrees) return std::nullopt;
+  const auto pair = internal::FindExchanged(seen, check, [&](const CalibrateInput& input) {
+    CheckWork work = PlacedAt(rig, input, {}, options);
+    RigCheck trial;
+    internal::KeepIfBetter(rig, &work, &trial);
+    return trial.cost;
+  });
+  if (!pair) return std::nullopt;
+  RigCheck then = CheckSeen(rig, internal::WithExchanged(seen, pair->first, pair->second), options, run);
+  if (!then.moved.empty() || !then.undecided.empty()) return std::nullopt;
+  then.exchanged = {seen.cameras[pair->first].name, seen.cameras[pair->second].name};
+  then.found = check.found;
+  return then;
 }
 
 /// Where a camera seems to have moved: the check at times that the calibration does not state, if these explain it.
@@ -370,7 +381,9 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
       best = std::move(check), best_seen = seen;
     }
   }
-  if (auto when_late = CheckWhenLate(rig, best_seen, *best, options, run)) best = std::move(when_late);
+  auto otherwise = CheckWhenExchanged(rig, best_seen, *best, options, run);
+  if (!otherwise) otherwise = CheckWhenLate(rig, best_seen, *best, options, run);
+  if (otherwise) best = std::move(otherwise);
   internal::JudgeCheck(options, &*best);
   return std::move(*best);
 }

@@ -75,7 +75,9 @@ struct RigCheck {
   std::vector<std::string> moved;      ///< cameras found to have moved
   std::vector<std::string> undecided;  ///< one of these cameras (or their lenses) has changed; the data cannot tell which
   double rms_px = 0, median_px = 0;    ///< over the cameras that have not moved
-  double scale = 1;                    ///< lengths by the calibration over lengths on the board
+  double scale = 1;          ///< lengths by the calibration over lengths on the board; NaN where no two cameras see one well
+  bool two_cameras = false;  ///< only two are there, which know of each other alone
+  std::vector<std::string> exchanged;  ///< the two cameras whose corners are each other's
   BoardMetrics board_metrics;          ///< board lengths triangulated with the calibration as it is
   int num_boards = 0;                  ///< boards that two or more cameras saw at one time step
   CornerFindings found;                ///< what was corrected in the corners
@@ -93,14 +95,16 @@ struct RigCheck {
 /// influence. Then each camera in turn is freed. The one whose freedom reduces the cost most has moved, if this is
 /// significant and no other reduces it nearly as much (80 %). It stays free and the search continues.
 ///
-/// With two cameras, or where only two share boards, the answer is `undecided`. With three or more, a scale error is
+/// With two cameras, or where only two share boards, the answer is `undecided`, or a scale where boards of another size explain
+/// all. With three or more, a scale error is
 /// separated: the boards then take the calibration's scale.
 ///
 /// The noise comes from fits to single views. Standard deviations are widened by the disagreement between frames, but do
 /// not include the calibration's own uncertainty. A motion counts only where the residuals of the calibration as it is show it,
 /// and new poses are taken only if they leave less of all corners unexplained than the old ones.
 ///
-/// Where a camera seems to have moved, parts of a frame by which cameras are late are tried instead: a file of another format
+/// Where a camera seems to have moved, cameras whose names were exchanged are tried first: of equal size, half of the cost,
+/// no motion left. Then parts of a frame by which cameras are late are tried instead: a file of another format
 /// does not state them, and cameras that are started anew have others. They count where no motion is left with them, and a
 /// third less of the cost.
 ///

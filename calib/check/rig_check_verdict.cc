@@ -90,6 +90,15 @@ void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const Rig
 
 /// What was found about the corners and put right.
 void JudgeFound(const RigCheck& check, Verdict* verdict) {
+  if (!check.exchanged.empty())
+    Add("fail",
+        {"CAL-EXCHANGED",
+         Format(
+             "the corners of cameras %s and %s are each other's: with their names exchanged %.2f px rms remain, and no camera "
+             "has moved",
+             check.exchanged[0].c_str(), check.exchanged[1].c_str(), check.rms_px),
+         "exchange the two names in the footage, or in the calibration by calib convert, option 'rename'"},
+        verdict);
   for (const TurnedCamera& camera : check.found.turned)
     Add("warn",
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"},
@@ -116,6 +125,20 @@ void JudgeFound(const RigCheck& check, Verdict* verdict) {
         verdict);
 }
 
+/// Lengths that are wrong by ten times the limit are another board's; of two cameras, a baseline that is off looks the same.
+void JudgeScale(const RigCheckOptions& options, const RigCheck& check, Verdict* verdict) {
+  constexpr double kFails = 10;
+  const double percent = 100 * (check.scale - 1);
+  if (!(std::abs(percent) > options.scale_percent)) return;
+  const std::string either = "; or the two cameras stand that much farther apart or closer than when they were calibrated";
+  Add(check.two_cameras || std::abs(percent) > kFails * options.scale_percent ? "fail" : "warn",
+      {"CAL-SCALE",
+       Format("lengths by this calibration differ from those on the board by %+.2f %%", percent) +
+           (check.two_cameras ? either : ""),
+       "check the size of the board's squares, now and at the calibration"},
+      verdict);
+}
+
 }  // namespace
 
 void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
@@ -125,6 +148,7 @@ void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
     return;
   }
   JudgeFound(*check, &verdict);
+  JudgeScale(options, *check, &verdict);
   if (!check->undecided.empty()) {
     std::string names, motions;
     for (const CameraCheck& c : check->cameras) {
@@ -138,13 +162,6 @@ void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
         {"CAL-BUMPED", "one of the cameras " + names + " has moved; it cannot be told which. If it was: " + motions,
          check->cameras.size() < 3 ? "two cameras only know of each other: a third one decides"
                                    : "hold the board where three of them see it at a time"},
-        &verdict);
-  }
-  if (std::abs(check->scale - 1) > options.scale_percent / 100) {
-    Add("warn",
-        {"CAL-SCALE",
-         Format("lengths by this calibration differ from those on the board by %+.2f %%", 100 * (check->scale - 1)),
-         "check the size of the board's squares, now and at the calibration"},
         &verdict);
   }
   for (const CameraCheck& c : check->cameras) JudgeCamera(c, options, *check, &verdict);

@@ -127,9 +127,13 @@ std::string Summary(const calib::RigCheck& check) {
   text += LensLines(check);
   text += Format("%d boards seen by two cameras or more: rms %.3f px, median %.3f px\n", check.num_boards, check.rms_px,
                  check.median_px);
-  text += Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
-                 check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
-  text += Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1));
+  if (std::isfinite(check.board_metrics.edge_rms_mm)) {
+    text += Format("board edges: rms %.3f mm, median %.3f mm, bias %+.4f mm\n", check.board_metrics.edge_rms_mm,
+                   check.board_metrics.edge_median_mm, check.board_metrics.edge_bias_mm);
+  }
+  text += std::isfinite(check.scale)
+              ? Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1))
+              : "no length of a board could be measured: no two cameras place its corners\n";
   if (check.offsets_used) text += "corners taken at the times that the calibration's time offsets state\n";
   return text + app::VerdictLine(check.verdict);
 }

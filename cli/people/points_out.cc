@@ -81,10 +81,18 @@ std::string ComparisonText(const std::string& key, const std::string& what, cons
   return text;
 }
 
-void FillMarkerOptions(const std::optional<app::FoundTake>& found, const app::PoseChanges& changes,
-                       app::MarkerOptions* options) {
-  if (options->rate_hz == 0) options->rate_hz = app::StepRateHz(changes);
-  if (found && options->rate_hz == 0) options->rate_hz = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
+void FillMarkerOptions(const std::optional<app::FoundTake>& found, double footage_hz, const app::PoseChanges& changes,
+                       app::MarkerOptions* options, CommandResult* result) {
+  const double session_hz = found ? found->take.fps_hz.value_or(found->session.fps_hz.value_or(0)) : 0;
+  const double stated_hz = session_hz > 0 ? session_hz : footage_hz;
+  const double changed_hz = app::StepRateHz(changes);
+  if (options->rate_hz > 0 && stated_hz > 0 && changed_hz == 0 && !dataset::IsSameRate(options->rate_hz, stated_hz)) {
+    result->warnings.push_back({"MRK-RATE",
+                                Format("the %s has %g frames a second; --frame-rate %g is used",
+                                       session_hz > 0 ? "session" : "footage", stated_hz, options->rate_hz),
+                                "speeds and accelerations depend on it: leave --frame-rate out to take the footage's"});
+  }
+  if (options->rate_hz == 0) options->rate_hz = changed_hz > 0 ? changed_hz : stated_hz;
   if (options->rate_hz != 0 && !dataset::IsFrameRate(options->rate_hz))
     throw UsageError(std::string("--frame-rate ") + dataset::kFrameRates);
   if (options->to.empty()) {

@@ -26,9 +26,10 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
 /// A line that begins with its line break. `what` says which points were compared; empty where there are only these.
 std::string ComparisonText(const std::string& key, const std::string& what, const nlohmann::ordered_json& comparison);
 
-/// The take's rate, unless given: that of the changes, else the session's; marker files need one. Throws UsageError.
-void FillMarkerOptions(const std::optional<app::FoundTake>& found, const app::PoseChanges& changes,
-                       app::MarkerOptions* options);
+/// The take's rate, unless given: that of the changes, else the session's, else `footage_hz` (0: unknown); marker files need
+/// one. Warns where the one given is not that of the session or footage. Throws UsageError.
+void FillMarkerOptions(const std::optional<app::FoundTake>& found, double footage_hz, const app::PoseChanges& changes,
+                       app::MarkerOptions* options, app::CommandResult* result);
 
 struct MarkerFolderArguments {
   std::string points, folder;  ///< folders of the points and of the marker files

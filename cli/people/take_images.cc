@@ -4,6 +4,7 @@
 #include "cli/program/output_guard.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "dataset/footage/frame_rate.h"
 #include "dataset/footage/frames.h"
 
 namespace mvstudio::cli {
@@ -19,6 +20,16 @@ void AddImageArguments(CLI::App* sub, ImageArguments& arguments) {
 
 void CheckFootage(const ImageArguments& arguments) {
   for (const std::string& path : arguments.Paths()) dataset::ListFootage(path);
+}
+
+double FootageRateHz(const ImageArguments& arguments) {
+  double rate_hz = 0;
+  for (const app::NamedPath& camera : arguments.video) {
+    const double stated_hz = dataset::DescribeFootage(camera.path).fps_hz;
+    if (rate_hz > 0 && !dataset::IsSameRate(rate_hz, stated_hz)) return 0;
+    rate_hz = stated_hz;
+  }
+  return rate_hz;
 }
 
 void CheckCameras(const ImageArguments& arguments, const geometry::Rig& rig, const std::string& calib_path) {

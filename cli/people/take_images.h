@@ -27,6 +27,9 @@ void AddImageArguments(CLI::App* sub, ImageArguments& arguments);
 /// Throws IoError or FormatError for paths without footage.
 void CheckFootage(const ImageArguments& arguments);
 
+/// The frame rate that all of its videos state; 0 without videos, or where they differ.
+double FootageRateHz(const ImageArguments& arguments);
+
 /// Throws UsageError for cameras that the rig lacks.
 void CheckCameras(const ImageArguments& arguments, const geometry::Rig& rig, const std::string& calib_path);
 

@@ -196,6 +196,7 @@ bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const trian
     return app::AddCameraCause(RankCauses(rig, sample(), body, options, run), timed, result);
   }
   Notice& error = result->errors.back();
+  if (error.code == "TRI-SKELETON") return true;  // a cause already, with the option that mends it
   const triangulate::CauseReport report = RankCauses(rig, sample(), body, options, run);
   error.hint = app::AddLikelyCause(report, "TRI-CAUSE", error.hint, result);
   return !report.message.empty();
@@ -302,7 +303,7 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   CheckArguments(arguments);
   if (found && !arguments.pose.changes.rate.empty())
     throw UsageError("--rate is for takes outside sessions; a session's clocks state their rates");
-  FillMarkerOptions(found, arguments.pose.changes, &arguments.markers);
+  FillMarkerOptions(found, FootageRateHz(arguments.images), arguments.pose.changes, &arguments.markers, &result);
   const auto& pose = arguments.pose;
   const OutputFolder place(arguments.out, InputsOf(arguments), FilesOf(arguments));
   result.folder = arguments.out;

@@ -114,6 +114,33 @@ TEST(RigCheck, SigmasAreHonest) {
   EXPECT_LT(translation, 1.85);
 }
 
+/// A board of another size, or cameras that stand farther apart: two cameras cannot tell, and no pose is to be repaired.
+TEST(RigCheck, OfTwoCamerasABoardOfAnotherSizeIsNoMotion) {
+  const Scene scene = MakeCheckScene(2);
+  CalibrateInput input = ToInput(scene);
+  for (Board& board : input.boards) board.square_m /= 1.4, board.marker_m /= 1.4;
+  const RigCheck check = CheckRig(testing::TruthRig(scene), input, {}, {});
+  EXPECT_NEAR(check.scale, 1.4, 2e-3);
+  EXPECT_TRUE(check.moved.empty() && check.undecided.empty());
+  EXPECT_EQ(check.verdict.status, "fail");
+  EXPECT_EQ(check.verdict.reasons.at(0).code, "CAL-SCALE");
+}
+
+TEST(RigCheck, CamerasWithEachOthersCornersAreNamed) {
+  for (const int num_cameras : {2, 4}) {
+    const Scene scene = MakeCheckScene(num_cameras);
+    CalibrateInput input = ToInput(scene);
+    const std::string first = input.cameras[0].name, second = input.cameras[1].name;
+    std::swap(input.cameras[0].name, input.cameras[1].name);
+    const RigCheck check = CheckRig(testing::TruthRig(scene), input, {}, {});
+    EXPECT_THAT(check.exchanged, ::testing::UnorderedElementsAre(first, second));
+    EXPECT_TRUE(check.moved.empty() && check.undecided.empty());
+    EXPECT_EQ(check.verdict.status, "fail");
+    EXPECT_EQ(check.verdict.reasons.at(0).code, "CAL-EXCHANGED");
+    EXPECT_LT(check.rms_px, 0.5);
+  }
+}
+
 TEST(RigCheck, BoardLengths) {
   const Scene exact = MakeCheckScene(3, 0);
   RigCheck check = Check(testing::TruthRig(exact), exact);
