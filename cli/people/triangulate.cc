@@ -196,7 +196,7 @@ bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const trian
     return app::AddCameraCause(RankCauses(rig, sample(), body, options, run), timed, result);
   }
   Notice& error = result->errors.back();
-  if (error.code == "TRI-SKELETON") return true;  // a cause already, with the option that mends it
+  if (error.code == "TRI-SKELETON") return true;  // a cause already
   const triangulate::CauseReport report = RankCauses(rig, sample(), body, options, run);
   error.hint = app::AddLikelyCause(report, "TRI-CAUSE", error.hint, result);
   return !report.message.empty();
@@ -215,7 +215,7 @@ std::string PointsPath(const Arguments& arguments) { return (std::filesystem::pa
 void KeepOneError(CommandResult* result) {
   std::vector<Notice>& errors = result->errors;
   if (errors.size() < 2) return;
-  result->warnings.insert(result->warnings.end(), errors.begin(), errors.end() - 1);
+  Append({errors.begin(), errors.end() - 1}, &result->warnings);
   errors.erase(errors.begin(), errors.end() - 1);
 }
 
@@ -304,7 +304,6 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   if (found && !arguments.pose.changes.rate.empty())
     throw UsageError("--rate is for takes outside sessions; a session's clocks state their rates");
   FillMarkerOptions(found, FootageRateHz(arguments.images), arguments.pose.changes, &arguments.markers, &result);
-  const auto& pose = arguments.pose;
   const OutputFolder place(arguments.out, InputsOf(arguments), FilesOf(arguments));
   result.folder = arguments.out;
   arguments.had_points = std::filesystem::exists(PointsPath(arguments));
@@ -320,8 +319,8 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
     Conclude(arguments, parts.input(), take, statistics, sample, context.run, &result);
   } else {
     app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
-    CheckCameras(arguments.images, input.rig, pose.calib);
-    arguments.timing.calib = pose.calib;
+    CheckCameras(arguments.images, input.rig, arguments.pose.calib);
+    arguments.timing.calib = arguments.pose.calib;
     CheckViews(arguments.options, input);
     const FrameNumbering numbering = ApplyTiming(found, arguments.timing, arguments.options, context.run, &input, &result);
     app::PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
