@@ -20,20 +20,41 @@ void Drop(size_t count, std::string_view* text) { text->remove_prefix(std::min(c
 
 }  // namespace
 
-CsvReader::CsvReader(std::string path, std::string_view text) : path_(std::move(path)), rest_(text) {
+CsvReader::CsvReader(std::string path, std::string_view text) : path_(std::move(path)), rest_(text) { DropByteOrderMark(); }
+
+CsvReader::CsvReader(std::string path, std::function<bool(std::string*)> append)
+    : path_(std::move(path)), append_(std::move(append)) {
+  AppendPiece();
+  DropByteOrderMark();
+}
+
+void CsvReader::DropByteOrderMark() {
   if (rest_.substr(0, 3) == "\xef\xbb\xbf") Drop(3, &rest_);
 }
 
+/// The rest with the next piece behind it; false when there is none.
+bool CsvReader::AppendPiece() {
+  if (!append_) return false;
+  std::string longer(rest_);
+  const bool came = append_(&longer);
+  if (!came) append_ = nullptr;
+  piece_ = std::move(longer);
+  rest_ = piece_;
+  return came;
+}
+
 bool CsvReader::NextLine() {
-  while (!rest_.empty()) {
-    const size_t end = std::min(rest_.find('\n'), rest_.size());
+  for (;;) {
+    size_t end = rest_.find('\n');
+    if (end == std::string_view::npos && AppendPiece()) continue;
+    if (rest_.empty()) return false;
+    end = std::min(end, rest_.size());
     line_ = WithoutBlanks(rest_.substr(0, end));
     is_cut_ = end == rest_.size();
     Drop(end + 1, &rest_);
     ++line_number_;
     if (!line_.empty()) return true;
   }
-  return false;
 }
 
 const std::vector<std::string_view>& CsvReader::Cells() {

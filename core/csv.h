@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -15,6 +16,11 @@ class CsvReader {
  public:
   /// `text` must outlive the reader.
   CsvReader(std::string path, std::string_view text);
+  /// Of text that comes in pieces: `append` adds the next to its argument, false when there is none (core/disk/pieces.h). Lines
+  /// that were read are not kept.
+  CsvReader(std::string path, std::function<bool(std::string*)> append);
+  CsvReader(const CsvReader&) = delete;
+  CsvReader& operator=(const CsvReader&) = delete;
 
   /// Advances to the next line that is not blank; false at the end.
   bool NextLine();
@@ -35,10 +41,14 @@ class CsvReader {
   [[noreturn]] void Fail(const std::string& what) const;
 
  private:
+  void DropByteOrderMark();
+  bool AppendPiece();
   void CheckSeparator() const;
   std::string_view TakeQuoted(std::string_view* rest);
 
   std::string path_;
+  std::function<bool(std::string*)> append_;  ///< empty: nothing comes after `rest_`
+  std::string piece_;                         ///< what `rest_` is of, if it comes in pieces
   std::string_view rest_, line_;
   int line_number_ = 0;
   bool is_cut_ = false, has_header_ = false;

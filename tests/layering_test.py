@@ -124,7 +124,7 @@ MAY_INCLUDE |= {
     "app/click": WITHOUT_TORCH | {"app"},
     "app/dataset": WITHOUT_TORCH | {"app"},
     "app/people": WITHOUT_TORCH | {"app", "app/input"},
-    "app/study": WITHOUT_TORCH | {"app"},
+    "app/study": WITHOUT_TORCH | {"app", "app/dataset"},
     "app/nets": APP_LIBRARIES | {"app", "app/input"},
     "app/nets/texture": APP_LIBRARIES | {"app", "app/input"},
 }

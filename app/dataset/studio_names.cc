@@ -54,13 +54,18 @@ std::string WithNames(const std::string& text, const Names& names) {
   return out;
 }
 
-void UseStudioNames(const std::string& dataset_folder) {
+std::map<std::string, std::string> StudioNames(const std::string& dataset_folder) {
   Names names;
   try {
     for (const auto& [alias, panoptic] : dataset::ReadPanopticAliases(dataset_folder)) names[panoptic] = alias;
   } catch (const Error&) {  // its reader says what is wrong
     names.clear();
   }
+  return names;
+}
+
+void UseStudioNames(const std::string& dataset_folder) {
+  Names names = StudioNames(dataset_folder);
   const std::lock_guard<std::mutex> lock(names_mutex);
   current_names = std::move(names);
 }

@@ -8,6 +8,9 @@
 /// Datasets call cameras 00_NN, as Panoptic does; who trains an avatar knows them by the studio's names.
 namespace mvstudio::app {
 
+/// Panoptic's names of the dataset's cameras, and the studio's. Empty where the dataset does not know them, or cannot be read.
+std::map<std::string, std::string> StudioNames(const std::string& dataset_folder);
+
 /// From now on the result of the running command calls the cameras of this dataset by their studio's names. Nothing changes
 /// where the dataset does not know them, or cannot be read.
 void UseStudioNames(const std::string& dataset_folder);

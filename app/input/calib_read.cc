@@ -52,6 +52,10 @@ calib::ImportedRig ReadPanoptic(const std::string& path, const calib::ReadOption
     calib::ReplaceSkew(skews_px[i], options, path, "cameras[" + std::to_string(i) + "].K", &imported.rig.cameras[i],
                        &imported.notes);
   }
+  for (const dataset::PanopticNameDoubt& doubt : dataset::PanopticNameDoubts(file.cameras)) {
+    imported.notes.push_back({"CAL-NAME", "cameras[" + std::to_string(doubt.camera) + "]: " + doubt.text,
+                              "leave panel and node out of the file where they number something else"});
+  }
   const std::string keys = dataset::UnusedKeysOf(file, path);
   if (!keys.empty()) imported.notes.push_back(calib::UnusedKeysNote(keys));
   return imported;

@@ -179,6 +179,26 @@ void CheckCameras(const PoseInput& input, CommandResult* result) {
   WarnOfDuplicates(input.rig, input.cameras, result);
 }
 
+/// All but the frames.
+PoseInput ReadWholeTracks(const PoseArguments& arguments, CommandResult* result) {
+  PoseInput input = ReadRig(arguments, result);
+  if (arguments.points2d.empty()) {
+    ReadTracks(arguments, {}, result, &input);
+    LimitFrames(arguments.changes, &input.tracks, result);
+    WarnOfFrames(input, result);
+  } else {
+    TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, result), {arguments.points2d}, result, &input);
+    LimitFrames(arguments.changes, &input.tracks, result);
+  }
+  const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
+  if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, result);
+  Change(arguments, input.rig, &input);
+  for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
+  CheckCameras(input, result);
+  input.limbs = LimbsOf(input.skeleton);
+  return input;
+}
+
 }  // namespace
 
 std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton) {
@@ -203,21 +223,7 @@ triangulate::TakeBody BodyOf(const body::Skeleton& skeleton) {
 }
 
 PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
-  PoseInput input = ReadRig(arguments, result);
-  if (arguments.points2d.empty()) {
-    ReadTracks(arguments, {}, result, &input);
-    LimitFrames(arguments.changes, &input.tracks, result);
-    WarnOfFrames(input, result);
-  } else {
-    TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, result), {arguments.points2d}, result, &input);
-    LimitFrames(arguments.changes, &input.tracks, result);
-  }
-  const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
-  if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, result);
-  Change(arguments, input.rig, &input);
-  for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
-  CheckCameras(input, result);
-  input.limbs = LimbsOf(input.skeleton);
+  PoseInput input = ReadWholeTracks(arguments, result);
   input.frames = ToFrames(input.tracks, input.rig, arguments.calib);
   return input;
 }
@@ -242,10 +248,11 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
     numbers = std::set<int>(kept.begin(), kept.end());
     CheckCameras(input_, result);
   } else {
-    input_ = ReadPoseInput(arguments, result);
-    frames_ = std::move(input_.frames);
-    for (const triangulate::DetectedFrame& frame : frames_) numbers.insert(frame.frame);
-    input_.frames.clear(), input_.tracks.clear();
+    input_ = ReadWholeTracks(arguments, result);
+    tracks_.swap(input_.tracks);
+    for (const dataset::Pose2dTrack& track : tracks_) {
+      for (const auto& [frame, people] : track.frames) numbers.insert(frame);
+    }
   }
   numbers_.assign(numbers.begin(), numbers.end());
 }
@@ -253,12 +260,11 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
 std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end, CommandResult* result) const {
   end = std::min(end, numbers_.size());
   if (begin >= end) return {};
-  if (!frames_.empty()) {
-    return {frames_.begin() + static_cast<std::ptrdiff_t>(begin), frames_.begin() + static_cast<std::ptrdiff_t>(end)};
-  }
+  const dataset::FrameRange range{numbers_[begin], numbers_[end - 1], true};
+  if (!tracks_.empty()) return ToFrames(tracks_, input_.rig, arguments_.calib, range);
   PoseInput part;
   CommandResult own;
-  ReadTracks(arguments_, {numbers_[begin], numbers_[end - 1], true}, &own, &part);
+  ReadTracks(arguments_, range, &own, &part);
   LimitToNumbers(numbers_, &part);
   Change(arguments_, input_.rig, &part);
   for (const dataset::Pose2dTrack& track : part.tracks) {

@@ -50,8 +50,8 @@ triangulate::TakeBody BodyOf(const body::Skeleton& skeleton);
 /// (exit 6). Throws UsageError for fewer than two cameras or one given twice.
 PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result);
 
-/// Same in parts, for takes larger than memory. Folders of OpenPose files are read as needed; data in a single file are
-/// read at once.
+/// Same in parts, for takes larger than memory. Folders of OpenPose files are read as needed; of data in a single file the
+/// tracks are held, 24 bytes for each joint of each image.
 class PoseParts {
  public:
   PoseParts(const PoseArguments& arguments, CommandResult* result);
@@ -66,7 +66,7 @@ class PoseParts {
  private:
   PoseArguments arguments_;
   PoseInput input_;
-  std::vector<triangulate::DetectedFrame> frames_;                ///< all of them, if they came in one file
+  std::vector<dataset::Pose2dTrack> tracks_;                      ///< all of them, if they came in one file
   std::vector<int> numbers_;                                      ///< of all frames, ascending
   std::map<std::string, size_t> num_files_;                       ///< by camera
   mutable std::map<std::string, std::set<std::string>> damaged_;  ///< lines about files, by camera

@@ -27,16 +27,17 @@ triangulate::DetectedPerson ToDetected(const dataset::Person2d& person) {
 }  // namespace
 
 std::vector<triangulate::DetectedFrame> ToFrames(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Rig& rig,
-                                                 const std::string& calib_path) {
+                                                 const std::string& calib_path, const dataset::FrameRange& range) {
   std::map<int, triangulate::DetectedFrame> frames;
   for (const dataset::Pose2dTrack& track : tracks) {
     const int camera_idx = rig.Find(track.camera);
     if (camera_idx < 0) ThrowUnknownCamera(tracks, rig, track.camera, calib_path);
-    for (const auto& [number, people] : track.frames) {
-      triangulate::DetectedFrame& frame = frames[number];
-      frame.frame = number;
+    const auto end = track.frames.upper_bound(range.last);
+    for (auto it = track.frames.lower_bound(range.first); it != end; ++it) {
+      triangulate::DetectedFrame& frame = frames[it->first];
+      frame.frame = it->first;
       frame.people.resize(rig.cameras.size());
-      for (const dataset::Person2d& person : people) frame.people[camera_idx].push_back(ToDetected(person));
+      for (const dataset::Person2d& person : it->second) frame.people[camera_idx].push_back(ToDetected(person));
     }
   }
   std::vector<triangulate::DetectedFrame> list;

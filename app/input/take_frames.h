@@ -12,10 +12,10 @@
 /// Converts between the files of dataset/ and the arrays of triangulate/.
 namespace mvstudio::app {
 
-/// One entry for each frame that any camera has. Throws FormatError (naming `calib_path`, the track's camera and both lists)
-/// when a track's camera is not in the rig.
+/// One entry for each frame of `range` that any camera has. Throws FormatError (naming `calib_path`, the track's camera and
+/// both lists) when a track's camera is not in the rig.
 std::vector<triangulate::DetectedFrame> ToFrames(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Rig& rig,
-                                                 const std::string& calib_path);
+                                                 const std::string& calib_path, const dataset::FrameRange& range = {});
 
 dataset::Pose3d ToPose3d(const triangulate::TakeResult& take, const body::Skeleton& skeleton);
 

@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <tuple>
 
+#include "app/dataset/studio_names.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
@@ -24,13 +25,16 @@ Value ReadJson(const std::string& path, const char* advice) {
   return Value::Parse(ReadFile(path), path);
 }
 
-std::string Brief(const Value& value) {
-  const std::string text = value.IsNull() ? "not there" : value.IsText() ? value.Text() : value.Dump();
+/// What a value says, in the studio's names of its cameras.
+std::string Brief(const Value& value, const ScoreProtocol& of) {
+  const std::string said = value.IsNull() ? "not there" : value.IsText() ? value.Text() : value.Dump();
+  const std::string text = WithNames(said, of.studio_names);
   return text.size() > 60 ? text.substr(0, 57) + "..." : text;
 }
 
 struct Difference {
-  std::string field, own, first;
+  std::string field;
+  Value own, first;
 };
 
 std::optional<Difference> Differ(const Value& own, const Value& first, const std::string& field) {
@@ -44,7 +48,21 @@ std::optional<Difference> Differ(const Value& own, const Value& first, const std
     return std::nullopt;
   }
   if (own.Dump() == first.Dump()) return std::nullopt;
-  return Difference{field, Brief(own), Brief(first)};
+  return Difference{field, own, first};
+}
+
+std::string Told(const Difference& difference, const ScoreProtocol& own, const ScoreProtocol& first) {
+  return "is " + Brief(difference.own, own) + ", in " + first.path + " it is " + Brief(difference.first, first);
+}
+
+/// By the dataset of the run, as long as it is where it was.
+std::map<std::string, std::string> NamesOfRun(const std::string& run_folder) {
+  const std::string path = run_folder + "/config.json";
+  try {
+    return StudioNames(Value::Parse(ReadFile(path), path)["dataset"].Text());
+  } catch (const Error&) {  // scores do not need it
+    return {};
+  }
 }
 
 }  // namespace
@@ -61,20 +79,20 @@ ScoreProtocol ReadScoreProtocol(const std::string& run_folder) {
   const std::string canonical = Canonical(protocol.body);
   if (Sha256Hex(canonical.data(), canonical.size()) != protocol.sha256)
     throw FormatError(protocol.path, "sha256", "does not fit the protocol; was the file edited? score the run again");
+  protocol.studio_names = NamesOfRun(run_folder);
   return protocol;
 }
 
 std::string FirstDifference(const ScoreProtocol& own, const ScoreProtocol& first) {
   const auto difference = Differ(own.body, first.body, "");
-  if (!difference) return "";
-  return difference->field + " is " + difference->own + ", in " + first.path + " it is " + difference->first;
+  return difference ? difference->field + " " + Told(*difference, own, first) : "";
 }
 
 void RequireSameProtocol(const ScoreProtocol& own, const ScoreProtocol& first) {
   const auto difference = Differ(own.body, first.body, "");
   if (!difference) return;
   throw FormatError(own.path, difference->field,
-                    "is " + difference->own + ", in " + first.path + " it is " + difference->first +
+                    Told(*difference, own, first) +
                         ": scores of different protocols cannot be compared; score both with the same `avatar eval` options");
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,8 +13,9 @@ namespace mvstudio::app {
 /// RUN/protocol.json.
 struct ScoreProtocol {
   std::string path, sha256;
-  report::Value body;    ///< must be equal for scores to be comparable
-  report::Value splits;  ///< of the easier splits: {kind: {"pictures", "sha256"}}
+  report::Value body;                                    ///< must be equal for scores to be comparable
+  report::Value splits;                                  ///< of the easier splits: {kind: {"pictures", "sha256"}}
+  std::map<std::string, std::string> studio_names = {};  ///< of the dataset's cameras, for messages; empty: not known
 };
 /// Throws IoError (saying that `avatar eval` writes it) or FormatError, also when the digest does not match the content.
 ScoreProtocol ReadScoreProtocol(const std::string& run_folder);

@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <set>
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/format.h"
 #include "dataset/json/json_file.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/panoptic_camera.h"
@@ -160,6 +162,29 @@ std::string UnusedKeysOf(const PanopticCalibrationFile& file, const std::string&
   return unused.Text();
 }
 
+std::vector<PanopticNameDoubt> PanopticNameDoubts(const std::vector<PanopticCamera>& cameras) {
+  const auto stated = [](const PanopticCamera& camera) {
+    int panel = 0, node = 0;
+    if (!ParsePanopticName(camera.name, &panel, &node)) return camera.name;
+    return Format("%02d_%02d", camera.panel.value_or(panel), camera.node.value_or(node));
+  };
+  std::set<std::string> names;
+  std::map<std::string, int> times;
+  for (const PanopticCamera& camera : cameras) names.insert(camera.name), ++times[stated(camera)];
+  std::vector<PanopticNameDoubt> doubts;
+  for (size_t i = 0; i < cameras.size(); ++i) {
+    const std::string other = stated(cameras[i]);
+    if (other == cameras[i].name) continue;
+    const bool exchanged = names.count(other) > 0 && times[other] == 1;
+    doubts.push_back({i,
+                      "panel and node do not agree with the name " + internal::Quoted(cameras[i].name) + ": they say " + other +
+                          (exchanged ? ", which is another camera of the file; make them agree, or leave panel and node out"
+                                     : "; the name counts"),
+                      exchanged});
+  }
+  return doubts;
+}
+
 PanopticCamera internal::ReadPanopticCameraFields(const JsonView& json) {
   internal::RequireObject(json);
   PanopticCamera camera;
@@ -254,6 +279,9 @@ geometry::Rig ToRig(const PanopticCalibrationFile& file, const std::string& path
     if (!names.insert(name).second) throw FormatError(path, where + ".name", internal::Quoted(name) + " is there twice");
   }
   if (rig.cameras.empty()) throw FormatError(path, "cameras", "is empty");
+  for (const PanopticNameDoubt& doubt : PanopticNameDoubts(file.cameras)) {
+    if (doubt.exchanged) throw FormatError(path, "cameras[" + std::to_string(doubt.camera) + "]", doubt.text);
+  }
   return rig;
 }
 

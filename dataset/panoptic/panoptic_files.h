@@ -44,6 +44,16 @@ PanopticCalibrationFile ReadPanopticCalibrationFile(const std::string& path);
 /// Keys that are kept and not used. Throws FormatError for one that says that the numbers mean something else
 /// (geometry/rig/file_keys.h); so does ToRig.
 std::string UnusedKeysOf(const PanopticCalibrationFile& file, const std::string& path);
+
+/// A camera whose panel and node are not those of its name.
+struct PanopticNameDoubt {
+  size_t camera = 0;  ///< index
+  std::string text;   ///< what disagrees, and what counts
+  /// They are those of another camera of the file: programs that go by the numbers, as CMU's, take one camera for the other.
+  /// The readers of rigs refuse that. Else the name counts, because footage bears it.
+  bool exchanged = false;
+};
+std::vector<PanopticNameDoubt> PanopticNameDoubts(const std::vector<PanopticCamera>& cameras);
 std::string ToText(const PanopticCalibrationFile& file);
 void WritePanopticCalibrationFile(const PanopticCalibrationFile& file, const std::string& path);
 

@@ -12,6 +12,7 @@
 #include "core/check.h"
 #include "core/csv.h"
 #include "core/disk/files.h"
+#include "core/disk/pieces.h"
 #include "core/label.h"
 #include "core/text/number_cell.h"
 #include "core/text/shortest_text.h"
@@ -27,12 +28,13 @@ constexpr bool IsOptional(int column) { return column == kPerson || column == kS
 bool IsName(std::string_view text) { return WhyNotALabel(text).empty(); }
 
 struct Row {
-  int camera = 0, frame = 0, person = 0, joint = 0;
+  int frame = 0, person = 0, joint = 0, line = 0;
   Keypoint2d key;
-  int line = 0;
 
-  auto Key() const { return std::tie(camera, frame, person, joint); }
+  auto Key() const { return std::tie(frame, person, joint); }
 };
+
+using CameraRows = std::vector<std::vector<Row>>;  ///< in the order of the cameras' first appearance
 
 /// Names in the order of their first appearance.
 struct Numbering {
@@ -50,23 +52,22 @@ class Reader {
  public:
   Reader(const std::string& path, const body::Skeleton* skeleton) : path_(path), skeleton_(skeleton) {}
 
-  std::vector<Row> Read(std::vector<std::string>* skipped) {
-    const std::string text = ReadFile(path_);
+  CameraRows Read(std::vector<std::string>* skipped) {
+    FilePieces pieces(path_);
     internal::Tolerant tolerant(skipped);
-    std::vector<Row> rows;
-    CsvReader csv(path_, text);
+    CsvReader csv(path_, [&](std::string* text) { return pieces.Append(text); });
     while (csv.NextLine()) {
       line_ = csv.line_number();
       if (num_fields_ == 0) {
         ReadHeader(csv.Cells());
       } else {
-        tolerant.Try([&] { rows.push_back(ReadRow(&csv)); });
+        tolerant.Try([&] { AddRow(&csv); });
         if (!unknown_joint_.empty()) FailJoint();
       }
     }
     if (num_fields_ == 0) Fail("the file is empty; the first line must be camera,frame,person,joint,x_px,y_px,score");
     tolerant.Finish();
-    return rows;
+    return std::move(rows_);
   }
 
   const std::vector<std::string>& cameras() const { return cameras_.names; }
@@ -135,7 +136,7 @@ class Reader {
     return known->second;
   }
 
-  Row ReadRow(CsvReader* csv) {
+  void AddRow(CsvReader* csv) {
     const std::vector<std::string_view>& fields = csv->Cells();
     csv->RequireCells(num_fields_);
     Row row;
@@ -147,8 +148,10 @@ class Reader {
       if (!IsName(Field(fields, c)))
         Fail(std::string("`") + kNames[c] + "` is empty, not UTF-8, or has control characters in it");
     }
-    row.camera = cameras_.Of(Field(fields, kCamera)), row.joint = JointIndex(Field(fields, kJoint));
-    return row;
+    const auto camera = static_cast<size_t>(cameras_.Of(Field(fields, kCamera)));
+    rows_.resize(cameras_.names.size());
+    row.joint = JointIndex(Field(fields, kJoint));
+    rows_[camera].push_back(row);
   }
 
   const std::string path_;
@@ -158,38 +161,60 @@ class Reader {
   int line_ = 0;
   std::string unknown_joint_;
   Numbering cameras_, joints_;
+  CameraRows rows_;
   std::unordered_map<std::string, int> places_;  ///< in the skeleton, of the file's joints
 };
 
 /// Sorts and leaves out all rows whose point another row gives, too.
 void DropTwins(const std::string& path, std::vector<Row>* rows, std::vector<std::string>* skipped) {
-  std::stable_sort(rows->begin(), rows->end(), [](const Row& a, const Row& b) { return a.Key() < b.Key(); });
-  std::vector<Row> kept;
+  std::sort(rows->begin(), rows->end(), [](const Row& a, const Row& b) {
+    return std::tuple_cat(a.Key(), std::tie(a.line)) < std::tuple_cat(b.Key(), std::tie(b.line));
+  });
+  size_t kept = 0;
   for (size_t i = 0; i < rows->size();) {
     size_t end = i + 1;
     while (end < rows->size() && (*rows)[end].Key() == (*rows)[i].Key()) ++end;
-    if (end == i + 1) kept.push_back((*rows)[i]);
     for (size_t k = i + 1; k < end; ++k) {
       skipped->push_back(path + ": lines " + std::to_string((*rows)[i].line) + " and " + std::to_string((*rows)[k].line) +
                          ": the same camera, frame, person and joint twice; neither is used");
     }
+    if (end == i + 1) (*rows)[kept++] = (*rows)[i];
     i = end;
   }
-  *rows = std::move(kept);
+  rows->resize(kept);
+}
+
+size_t CountRows(const CameraRows& cameras) {
+  size_t count = 0;
+  for (const std::vector<Row>& rows : cameras) count += rows.size();
+  return count;
 }
 
 /// Every person gets a place for every joint, so a small file of very many joint names would need a huge table.
-void RequireDense(const std::string& path, const std::vector<Row>& rows, size_t num_joints) {
+void RequireDense(const std::string& path, const CameraRows& cameras, size_t num_joints) {
   constexpr size_t kFreePlaces = 20'000'000, kMaxPlacesPerRow = 1000;
+  const size_t num_rows = CountRows(cameras);
   size_t people = 0;
-  for (size_t i = 0; i < rows.size(); ++i) {
-    const auto who = [&](size_t k) { return std::tie(rows[k].camera, rows[k].frame, rows[k].person); };
-    people += i == 0 || who(i) != who(i - 1);
+  for (const std::vector<Row>& rows : cameras) {
+    const auto who = [&](size_t k) { return std::tie(rows[k].frame, rows[k].person); };
+    for (size_t i = 0; i < rows.size(); ++i) people += i == 0 || who(i) != who(i - 1);
   }
-  if (people * num_joints <= std::max(kFreePlaces, kMaxPlacesPerRow * rows.size())) return;
+  if (people * num_joints <= std::max(kFreePlaces, kMaxPlacesPerRow * num_rows)) return;
   throw FormatError(path, "column joint",
                     std::to_string(num_joints) + " different joints for " + std::to_string(people) + " people in " +
-                        std::to_string(rows.size()) + " rows; is it the right column?");
+                        std::to_string(num_rows) + " rows; is it the right column?");
+}
+
+Pose2dTrack TrackOf(const std::string& camera, const std::vector<Row>& rows, size_t num_joints) {
+  Pose2dTrack track{camera, {}};
+  int last_person = 0;
+  for (const Row& row : rows) {
+    std::vector<Person2d>& people = track.frames[row.frame];
+    if (people.empty() || row.person != last_person) people.emplace_back().keypoints.resize(num_joints);
+    last_person = row.person;
+    people.back().keypoints[static_cast<size_t>(row.joint)] = row.key;
+  }
+  return track;
 }
 
 }  // namespace
@@ -197,20 +222,15 @@ void RequireDense(const std::string& path, const std::vector<Row>& rows, size_t 
 Pose2dSet ReadPose2dCsv(const std::string& path, const body::Skeleton* skeleton) {
   Pose2dSet set;
   Reader reader(path, skeleton);
-  std::vector<Row> rows = reader.Read(&set.skipped);
-  if (rows.empty()) throw FormatError(path, "", "the table holds no point");
-  DropTwins(path, &rows, &set.skipped);
-  if (rows.empty()) throw FormatError(path, "", "every point stands there twice");
+  CameraRows cameras = reader.Read(&set.skipped);
+  if (CountRows(cameras) == 0) throw FormatError(path, "", "the table holds no point");
+  for (std::vector<Row>& rows : cameras) DropTwins(path, &rows, &set.skipped);
+  if (CountRows(cameras) == 0) throw FormatError(path, "", "every point stands there twice");
   set.skeleton = skeleton ? *skeleton : body::PointsSkeleton(reader.joints());
-  RequireDense(path, rows, set.skeleton.joints.size());
-  for (const std::string& camera : reader.cameras()) set.tracks.push_back({camera, {}});
-  int last_person = 0;
-  for (size_t i = 0; i < rows.size(); ++i) {
-    const Row& row = rows[i];
-    std::vector<Person2d>& people = set.tracks[static_cast<size_t>(row.camera)].frames[row.frame];
-    if (people.empty() || row.person != last_person) people.emplace_back().keypoints.resize(set.skeleton.joints.size());
-    last_person = row.person;
-    people.back().keypoints[static_cast<size_t>(row.joint)] = row.key;
+  RequireDense(path, cameras, set.skeleton.joints.size());
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    const std::vector<Row> rows = std::move(cameras[c]);  // one camera is held in two forms, not all
+    set.tracks.push_back(TrackOf(reader.cameras()[c], rows, set.skeleton.joints.size()));
   }
   return set;
 }

@@ -185,6 +185,8 @@ TakeTimeline BuildTakeTimeline(const Session& session, const SessionTake& take, 
   const TimelineClock clock = RelateClocks(session, take, options, &times, &sync, &result.notes);
   result.timeline = BuildTimeline(times, clock, sync ? &*sync : nullptr, options.timeline);
   result.timeline.take = take.name;
+  // As the session names it: what the file says is the same by whichever name the session's folder was given.
+  for (size_t i = 0; i < times.size(); ++i) result.timeline.cameras[i].source = take.footage[i].path;
   AddNotes(result.timeline, &result.notes);
   for (size_t i = 0; i < times.size(); ++i) {
     if (cut_short[i].empty()) continue;

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "core/csv.h"
-#include "core/disk/files.h"
+#include "core/disk/pieces.h"
 #include "core/error.h"
 #include "core/text/number_cell.h"
 #include "dataset/pose/pose2d_parse.h"
@@ -74,8 +74,8 @@ double NumberOf(const CsvReader& csv, std::string_view cell) {
 }  // namespace
 
 TrackedPoints ReadDeepLabCutCsv(const std::string& path, const std::string& camera) {
-  const std::string text = ReadFile(path);
-  CsvReader csv(path, text);
+  FilePieces pieces(path);
+  CsvReader csv(path, [&](std::string* text) { return pieces.Append(text); });
   const Header header = ReadHeader(&csv);
   const std::vector<TrackerColumn> columns = Columns(header);
   TrackerTable table(path, camera, "DeepLabCut", columns);

@@ -6,7 +6,7 @@
 #include <string_view>
 
 #include "core/csv.h"
-#include "core/disk/files.h"
+#include "core/disk/pieces.h"
 #include "core/error.h"
 #include "core/label.h"
 #include "core/text/number_cell.h"
@@ -103,8 +103,8 @@ bool IsSeen(const Person2d& person) {
 }  // namespace
 
 TrackedPoints ReadSleapCsv(const std::string& path, const std::string& camera) {
-  const std::string text = ReadFile(path);
-  CsvReader csv(path, text);
+  FilePieces pieces(path);
+  CsvReader csv(path, [&](std::string* text) { return pieces.Append(text); });
   if (!csv.NextLine()) throw FormatError(path, "", "the file is empty");
   const Columns columns = ReadColumns(&csv);
   TrackedPoints points{"SLEAP", columns.names, {}, {}, {camera, {}}};

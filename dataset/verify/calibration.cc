@@ -16,8 +16,7 @@ void CheckPanel(const PanopticCamera& camera, const std::string& path, const std
   if (!ParsePanopticName(camera.name, &panel, &node)) {
     return findings->Error("DAT-NAME", path, where + ".name: " + Quoted(camera.name) + " is not of the form 00_00");
   }
-  if (camera.panel != panel || camera.node != node)
-    findings->Warning("DAT-NAME", path, where + ": panel and node do not agree with the name " + Quoted(camera.name));
+  if (!camera.panel || !camera.node) findings->Warning("DAT-NAME", path, where + ": panel or node is missing");
   const std::string kind = ToString(KindOfPanel(panel)), type = kind == "kinect" ? "kinect-color" : kind;
   if (!camera.type) {
     findings->Warning("DAT-CALIB", path, where + ".type: is missing");
@@ -29,8 +28,8 @@ void CheckPanel(const PanopticCamera& camera, const std::string& path, const std
 }
 
 void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::string>* names, geometry::Rig* rig,
-                  Findings* findings) {
-  const PanopticCamera fields = ReadPanopticCameraFields(json);
+                  std::vector<PanopticCamera>* all, Findings* findings) {
+  const PanopticCamera& fields = all->emplace_back(ReadPanopticCameraFields(json));
   CheckPanel(fields, path, json.where(), findings);
   double drift = 0;
   const geometry::RigCamera camera = ToRigCamera(fields, path, json.where(), &drift);
@@ -86,12 +85,13 @@ geometry::Rig VerifyCalibration(const std::string& path, Findings* findings) {
     const Json json = ParseJsonFile(path, kMaxCalibrationBytes);
     const JsonView cameras = JsonView(path, json)["cameras"];
     std::set<std::string> names;
+    std::vector<PanopticCamera> all;
     constexpr size_t kMostTold = 100, kHopeless = 10000;
     size_t unreadable = 0;
     if (cameras.ArraySize() == 0) cameras.Fail("is empty");
     for (size_t i = 0; i < cameras.ArraySize(); ++i) {
       try {
-        VerifyCamera(cameras[i], path, &names, &rig, findings);
+        VerifyCamera(cameras[i], path, &names, &rig, &all, findings);
       } catch (const FormatError& error) {
         if (++unreadable <= kMostTold) findings->Error("DAT-CALIB", path, WithoutPath(error));
         if (unreadable == kHopeless) cameras.Fail("more than " + std::to_string(kHopeless) + " of them cannot be read");
@@ -99,6 +99,10 @@ geometry::Rig VerifyCalibration(const std::string& path, Findings* findings) {
     }
     if (unreadable > kMostTold)
       findings->Error("DAT-CALIB", path, std::to_string(unreadable - kMostTold) + " more cameras cannot be read");
+    for (const PanopticNameDoubt& doubt : PanopticNameDoubts(all)) {
+      const auto tell = doubt.exchanged ? &Findings::Error : &Findings::Warning;
+      (findings->*tell)("DAT-NAME", path, doubt.text);
+    }
   } catch (const FormatError& error) {
     findings->Error("DAT-CALIB", path, WithoutPath(error));
   }

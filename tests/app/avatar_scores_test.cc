@@ -91,6 +91,19 @@ TEST(AvatarScores, TheFirstDifferenceIsThatOfTheFirstFilesOrder) {
   EXPECT_NO_THROW(RequireSameProtocol(first, first));
 }
 
+TEST(AvatarScores, ADifferenceOfCamerasBearsTheStudiosNames) {
+  const TempDir folder;
+  Put(folder / "data/dataset.json",
+      R"({"schema": "mvstudio.dataset/1", "cameras": [{"name": "00_01", "alias": "left"}, {"name": "00_03", "alias": "gopro2"}]})");
+  Put(folder / "run/protocol.json", ProtocolJson(kBody, kDigest));
+  Put(folder / "run/config.json", R"({"dataset": ")" + (folder / "data") + "\"}");
+  ScoreProtocol own = ReadScoreProtocol(folder / "run"), first = Protocol("A", R"({"holdout": {"cameras": ["00_03"]}})");
+  own.body = Protocol("B", R"({"holdout": {"cameras": ["00_01", "00_03"]}})").body;
+  EXPECT_EQ(FirstDifference(own, first), R"(holdout.cameras is ["left","gopro2"], in A it is ["00_03"])");
+  Put(folder / "run/config.json", R"({"dataset": "moved"})");
+  EXPECT_TRUE(ReadScoreProtocol(folder / "run").studio_names.empty());
+}
+
 TEST(AvatarScores, ARunIsReadWithItsProtocolAndRefusedWithThePlace) {
   const TempDir folder;
   const std::string run = folder / "run";

@@ -3,9 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "core/disk/files.h"
+#include "core/disk/pieces.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
 
 namespace mvstudio {
 namespace {
@@ -25,8 +28,50 @@ std::vector<std::vector<std::string>> ReadAll(const std::string& text) {
   return rows;
 }
 
+/// The same text in pieces of `size` bytes.
+std::vector<std::vector<std::string>> ReadPieces(std::string text, size_t size) {
+  std::vector<std::vector<std::string>> rows;
+  CsvReader csv("t.csv", [&](std::string* longer) {
+    longer->append(text, 0, size);
+    const bool came = !text.empty();
+    text.erase(0, size);
+    return came;
+  });
+  while (csv.NextLine()) {
+    const auto& cells = csv.Cells();
+    rows.emplace_back(cells.begin(), cells.end());
+    rows.back().push_back(std::to_string(csv.line_number()) + (csv.is_cut() ? " cut" : ""));
+  }
+  return rows;
+}
+
 std::string Complaint(const std::string& text) {
   return MessageOf<FormatError>([&] { ReadAll(text); });
+}
+
+TEST(Csv, PiecesOfAFileAreItsLines) {
+  for (const char* text : {"a,b\n1,2\n",
+                           "\xef\xbb\xbf"
+                           "a,b\r\n\r\n1,\"2, 3\"\r\n4,5",
+                           "", "\n\n", "alone"}) {
+    const auto whole = ReadPieces(text, 1000);
+    for (const size_t size : {3, 4, 7}) EXPECT_EQ(ReadPieces(text, size), whole) << text << ", " << size << " bytes at a time";
+  }
+  EXPECT_EQ(ReadPieces("a,b\n1,2", 3), (std::vector<std::vector<std::string>>{{"a", "b", "1"}, {"1", "2", "2 cut"}}));
+}
+
+TEST(FilePieces, LargeFilesAndOnesThatAreNone) {
+  const testing::TempDir folder;
+  std::string text, back;
+  while (text.size() < (5u << 20)) text += std::to_string(text.size()) + "\n";
+  WriteFileAtomic(folder / "a.csv", text);
+  FilePieces pieces(folder / "a.csv");
+  int count = 0;
+  while (pieces.Append(&back)) ++count;
+  EXPECT_EQ(back, text);
+  EXPECT_GT(count, 1);
+  EXPECT_THROW(FilePieces(folder.path()), IoError);
+  EXPECT_THROW(FilePieces(folder / "none.csv"), IoError);
 }
 
 TEST(CsvReader, MarkCrlfBlanksAndEmptyLines) {

@@ -313,6 +313,36 @@ TEST(PanopticFilesHostile, EveryValueReplaced) {
   }
 }
 
+/// CMU's programs know a camera by panel and node, its footage by the name.
+TEST(PanopticFiles, ANameAgainstPanelAndNode) {
+  const auto numbered = [](std::initializer_list<json> nodes) {
+    json file = json::parse(kCalibration);
+    const json first = file["cameras"][0];
+    file["cameras"] = json::array();
+    for (const json& node : nodes) {
+      json camera = first;
+      camera["name"] = "00_0" + std::to_string(file["cameras"].size()), camera["node"] = node;
+      if (node.is_null()) camera.erase("node");
+      file["cameras"].push_back(camera);
+    }
+    return ParsePanopticCalibration(file.dump(), "c.json");
+  };
+  EXPECT_TRUE(PanopticNameDoubts(numbered({0, 1, nullptr}).cameras).empty());
+  for (const PanopticCalibrationFile& file : {numbered({1, 0, 2}), numbered({1, 2, 3})}) {  // exchanged; counted from 1
+    EXPECT_TRUE(PanopticNameDoubts(file.cameras).at(0).exchanged);
+    const std::string why = MessageOf<FormatError>([&] { ToRig(file, "c.json"); });
+    EXPECT_NE(why.find("cameras[0]"), std::string::npos) << why;
+    EXPECT_NE(why.find("the name '00_00': they say 00_01, which is another camera"), std::string::npos) << why;
+  }
+  for (const PanopticCalibrationFile& file : {numbered({0, 0, 0}), numbered({0, 7, 2})}) {  // nobody's number; another one
+    const auto doubts = PanopticNameDoubts(file.cameras);
+    ASSERT_FALSE(doubts.empty());
+    EXPECT_EQ(doubts[0].camera, 1u);
+    EXPECT_NE(doubts[0].text.find("the name counts"), std::string::npos);
+    EXPECT_EQ(ToRig(file, "c.json").cameras.at(1).camera.name, "00_01");
+  }
+}
+
 TEST(PanopticFilesHostile, WhatACalibrationMustNotHold) {
   mvstudio::testing::TempDir folder;
   const auto where = [&](const std::function<void(json&)>& change) {

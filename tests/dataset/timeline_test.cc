@@ -377,6 +377,24 @@ TEST(TimelineOfVideos, DroppedAndRepeatedFrames) {
   }
 }
 
+/// A session's folder may be given under several names; its timeline is one file.
+TEST(TimelineOfVideos, NamesFootageAsTheSessionDoes) {
+  const TempDir folder;
+  std::filesystem::create_directory(folder / "day");
+  std::filesystem::create_directory_symlink(".", folder / "day/back");
+  for (const char* name : {"day/b.mp4", "day/a.mp4"}) mvstudio::testing::WriteClip(folder / name, {0, 3003, 6006});
+  Session session;
+  session.cameras = {{"a", "", "", 0, 0}, {"b", "", "", 0, 0}};
+  SessionTake take;
+  take.footage = {{"a", "a.mp4", ""}, {"b", "b.mp4", ""}};
+  for (const char* name : {"day", "day/back"}) {
+    session.folder = folder / name;
+    const Timeline timeline = BuildTakeTimeline(session, take, {}).timeline;
+    ASSERT_EQ(timeline.cameras.size(), 2u);
+    for (const CameraTimeline& camera : timeline.cameras) EXPECT_EQ(camera.source, camera.name + ".mp4") << name;
+  }
+}
+
 TEST(Timestamps, TablesAndWhatIsWrongWithThem) {
   const TempDir folder;
   const std::vector<SessionCamera> cameras = {{"left", "77", "", 0, 0}, {"cam_02", "", "", 0, 0}};

@@ -287,10 +287,17 @@ TEST_F(VerifyTest, CalibrationRules) {
     WriteFileAtomic(Path("calibration_t.json"), before);
   };
   only([](json& c) { c["cameras"][1]["node"] = 5; }, "DAT-NAME", "panel and node do not agree");
+  only([](json& c) { c["cameras"][1].erase("node"); }, "DAT-NAME", "panel or node is missing");
   only([](json& c) { c["cameras"][1]["type"] = "vga"; }, "DAT-CALIB", "cameras of panel 0 are 'hd'");
   only([](json& c) { c["cameras"][1].erase("type"); }, "DAT-CALIB", "type: is missing");
   only([](json& c) { c["cameras"][1]["distCoef"] = {-2.5, 0, 0, 0, 0}; }, "DAT-LENS", "folds over");
   only([](json& c) { c["cameras"][1]["t"] = c["cameras"][0]["t"]; }, "DAT-CALIB", "same place and direction");
+}
+
+TEST_F(VerifyTest, CamerasThatBearEachOthersNumbers) {
+  EditJson(Path("calibration_t.json"), [](json& c) { c["cameras"][0]["node"] = 1, c["cameras"][1]["node"] = 0; });
+  EXPECT_EQ(Only("DAT-NAME"), 2);
+  EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 2);
 }
 
 TEST_F(VerifyTest, ConfidencesAndRates) {
