@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -6,7 +7,7 @@
 #include <string_view>
 
 #include "core/csv.h"
-#include "core/disk/files.h"
+#include "core/disk/pieces.h"
 #include "core/error.h"
 #include "core/text/number_cell.h"
 #include "dataset/pose/pose2d_parse.h"
@@ -70,8 +71,8 @@ Row ReadRow(CsvReader* csv, const Columns& columns) {
 }
 
 std::vector<Row> ReadRows(const std::string& path, std::vector<std::string>* skipped) {
-  const std::string text = ReadFile(path);
-  CsvReader csv(path, text);
+  FilePieces pieces(path);
+  CsvReader csv(path, [&](std::string* text) { return pieces.Append(text); });
   if (!csv.NextLine()) throw FormatError(path, "", "the file is empty");
   const Columns columns(&csv);
   internal::Tolerant tolerant(skipped);
@@ -110,6 +111,7 @@ CaliscopePoints ReadCaliscopeCsv(const std::string& path, const body::Skeleton* 
   points.set.skeleton = skeleton ? *skeleton : body::PointsSkeleton(names);
   const size_t count = points.set.skeleton.joints.size();
   std::map<int, std::map<int, std::map<int, Person2d>>> people;  // camera, time step, object
+  std::set<std::array<int, 4>> twins;                            // camera, time step, object, point
   size_t places = 0;
   for (const Row& row : rows) {
     const auto joint = joints.find(row.values[kPoint]);
@@ -119,7 +121,14 @@ CaliscopePoints ReadCaliscopeCsv(const std::string& path, const body::Skeleton* 
     places += person.keypoints.empty() ? count : 0;
     if (places > kMaxPlaces) throw FormatError(path, "", std::to_string(count) + " different points; is it the right column?");
     person.keypoints.resize(count);
-    person.keypoints[joint->second] = row.key;
+    Keypoint2d& key = person.keypoints[joint->second];
+    if (key.score > 0) twins.insert({row.values[kCamera], row.values[kSync], row.values[kObject], row.values[kPoint]});
+    key = row.key;
+  }
+  for (const auto& [camera, step, object, point] : twins) {
+    people[camera][step][object].keypoints[joints.at(point)] = {};
+    points.set.skipped.push_back(path + ": camera " + std::to_string(camera) + ", time step " + std::to_string(step) +
+                                 ": point " + std::to_string(point) + " stands there twice; neither is used");
   }
   for (auto& [camera, frames] : people) {
     Pose2dTrack& track = points.set.tracks.emplace_back();

@@ -81,6 +81,7 @@ void AddRow(CsvReader* csv, const Columns& columns, std::vector<std::string>* in
   const int64_t frame = ReadFrameNumber(cells[static_cast<size_t>(columns.frame)], std::numeric_limits<int>::max(), &why);
   if (frame < 0) csv->Fail("`frame_idx` " + why);
   Person2d person;
+  person.keypoints.reserve(columns.nodes.size());
   for (const Node& node : columns.nodes) {
     person.keypoints.push_back(
         ToKeypoint(Number(*csv, cells, node.x), Number(*csv, cells, node.y), Number(*csv, cells, node.score)));

@@ -124,6 +124,7 @@ TrackedPoints ReadSleapHdf5(const ForeignHdf5& file, const std::string& camera) 
     std::vector<Person2d>& people = points.track.frames[static_cast<int>(f)];
     for (size_t t = 0; t < layout.size[kTrack]; ++t) {
       Person2d person;
+      person.keypoints.reserve(points.joints.size());
       bool seen = false;
       for (size_t n = 0; n < points.joints.size(); ++n) {
         person.keypoints.push_back(ToKeypoint(xy[layout.At(f, t, n, 0)], xy[layout.At(f, t, n, 1)], scores.At(f, t, n)));

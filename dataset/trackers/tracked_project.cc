@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/some_of.h"
@@ -32,6 +33,50 @@ std::vector<std::string> ListFolder(const std::string& folder, bool folders) {
 
 }  // namespace internal
 
+namespace {
+
+std::string FirstThatEnds(const std::string& folder, const std::string& end) {
+  std::error_code ignored;
+  if (!fs::is_directory(folder, ignored)) return "";
+  for (const std::string& path : internal::ListFolder(folder, false)) {
+    if (path.size() > end.size() && path.compare(path.size() - end.size(), end.size(), end) == 0) return path;
+  }
+  return "";
+}
+
+/// A recording of FreeMoCap: its videos and its calibration can be used, its arrays cannot.
+void RefuseFreeMoCap(const std::string& folder) {
+  constexpr char kCalibration[] = "_camera_calibration.toml",
+                 kPoints[] = "2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy";
+  const std::string calibration = FirstThatEnds(folder, kCalibration);
+  std::string points = FirstThatEnds(folder + "/output_data/raw_data", kPoints);
+  if (points.empty()) points = FirstThatEnds(folder + "/output_data", kPoints);
+  if (calibration.empty() && points.empty()) return;
+  throw FormatError(
+      folder, "",
+      "is a recording of FreeMoCap; " + (points.empty() ? "its array of 2D points" : points) +
+          " is not read: find the joints in synchronized_videos again (mvstudio pose2d) and triangulate them with " +
+          "option 'calib' " + (calibration.empty() ? std::string("*") + kCalibration : calibration));
+}
+
+/// A project of DeepLabCut, of one camera or of two.
+void RefuseDeepLabCut(const std::string& folder) {
+  const std::string path = folder + "/config.yaml";
+  std::error_code ignored;
+  if (!fs::is_regular_file(path, ignored)) return;
+  const std::string text = ReadFile(path);
+  const bool stereo = text.find("scorername_3d") != std::string::npos;
+  if (!stereo && text.find("bodyparts") == std::string::npos) return;
+  throw FormatError(path, "",
+                    std::string("is a project of DeepLabCut; ") +
+                        (stereo ? "its calibration (camera_matrix/*.pickle) is not read: calibrate the cameras from "
+                                  "calibration_images (mvstudio calibrate), and give"
+                                : "give a calibration of the cameras, and") +
+                        " each camera's result, option 'pose2d' CAMERA=VIDEODLC_….h5 or .csv");
+}
+
+}  // namespace
+
 TrackedProject ReadTrackedProject(const std::string& folder) {
   RequireFolder(folder, "; give the folder of an anipose, caliscope or Pose2Sim project");
   std::error_code error;
@@ -44,6 +89,8 @@ TrackedProject ReadTrackedProject(const std::string& folder) {
   } else if (internal::IsPose2SimProject(folder)) {
     project = internal::ReadPose2SimProject(folder);
   } else {
+    RefuseFreeMoCap(folder);
+    RefuseDeepLabCut(folder);
     throw FormatError(folder, "",
                       "holds neither config.toml (anipose) nor Config.toml (Pose2Sim) nor camera_array.toml (caliscope)");
   }

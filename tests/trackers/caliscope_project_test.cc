@@ -13,8 +13,10 @@
 namespace mvstudio::dataset {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using testing::MessageOf;
+using ::testing::Not;
 using testing::TempDir;
 
 void Put(const std::string& path) {
@@ -47,6 +49,24 @@ TEST(CaliscopeProject, SnapshotsAloneAreEnoughAndTakesWithoutCamerasAreNamed) {
   EXPECT_EQ(project.takes[0].name, "walk/POSE");
   ASSERT_EQ(project.left_out.size(), 1u);
   EXPECT_THAT(project.left_out[0], HasSubstr("old/POSE"));
+}
+
+/// Projects that are not read say by name what of them can be used.
+TEST(TrackedProject, FreeMoCapAndDeepLabCutAreNamed) {
+  const auto refused = [](const TempDir& folder) { return MessageOf<FormatError>([&] { ReadTrackedProject(folder.path()); }); };
+  const TempDir recording, calibration_alone, stereo, one, other;
+  Put(recording / "walk_camera_calibration.toml");
+  Put(recording / "output_data/raw_data/mediapipe2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy");
+  EXPECT_THAT(refused(recording), AllOf(HasSubstr("FreeMoCap"), HasSubstr("_pixelXY.npy is not read"),
+                                        HasSubstr("option 'calib' " + (recording / "walk_camera_calibration.toml"))));
+  Put(calibration_alone / "walk_camera_calibration.toml");
+  EXPECT_THAT(refused(calibration_alone), HasSubstr("its array of 2D points is not read"));
+  WriteFileAtomic(stereo / "config.yaml", "camera_names:\n- camera-1\nscorername_3d: DLC\n");
+  EXPECT_THAT(refused(stereo), AllOf(HasSubstr("DeepLabCut"), HasSubstr(".pickle")));
+  WriteFileAtomic(one / "config.yaml", "scorer: me\nbodyparts:\n- nose\n");
+  EXPECT_THAT(refused(one), AllOf(HasSubstr("DeepLabCut"), HasSubstr("option 'pose2d'"), Not(HasSubstr("pickle"))));
+  WriteFileAtomic(other / "config.yaml", "a: 1\n");
+  EXPECT_THAT(refused(other), HasSubstr("holds neither config.toml"));
 }
 
 }  // namespace

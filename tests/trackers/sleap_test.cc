@@ -159,6 +159,19 @@ TEST(Trackers, JointsOfSeveralCamerasAreUnited) {
               AllOf(HasSubstr("camera b"), HasSubstr("SLEAP file: joint `ear`")));
 }
 
+TEST(Caliscope, APointThatStandsThereTwiceIsNoPoint) {
+  const TempDir folder;
+  WriteFileAtomic(
+      folder / "xy.csv",
+      "sync_index,cam_id,point_id,img_loc_x,img_loc_y\n0,1,7,10,20\n0,1,8,11,21\n0,1,7,30,40\n1,1,7,12,22\n1,1,7,,\n");
+  const Pose2dSet set = ReadCaliscopeCsv(folder / "xy.csv").set;
+  EXPECT_EQ(set.tracks.at(0).frames.at(0)[0].keypoints[0].score, 0);
+  EXPECT_EQ(set.tracks.at(0).frames.at(0)[0].keypoints[1].x_px, 11);
+  EXPECT_EQ(set.tracks.at(0).frames.at(1)[0].keypoints[0].x_px, 12) << "the other row has no place";
+  ASSERT_EQ(set.skipped.size(), 1u);
+  EXPECT_NE(set.skipped[0].find("camera 1, time step 0: point 7 stands there twice"), std::string::npos) << set.skipped[0];
+}
+
 TEST(Caliscope, CamerasAndPointsGoByTheirNumbers) {
   const CaliscopePoints points = ReadCaliscopeCsv(Sample("caliscope_points/pose.csv"));
   ASSERT_EQ(points.set.tracks.size(), 2u);

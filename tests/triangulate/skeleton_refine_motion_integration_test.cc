@@ -294,6 +294,40 @@ TEST(SkeletonRefine, EmptyTakeAndWrongOptions) {
   EXPECT_THROW(Refine(take, options), UsageError);
 }
 
+/// A stretch of a long take lasts seconds: who interrupts waits for one of its steps only.
+TEST(SkeletonRefine, AStretchIsInterruptedBetweenItsSteps) {
+  class Impatient : public ProgressSink {
+   public:
+    explicit Impatient(int patience) : patience_(patience) {}
+    bool Cancelled() const override { return patience_-- <= 0; }
+
+   private:
+    mutable int patience_;
+  };
+  Scene scene;
+  scene.num_frames = 10;
+  Take take;
+  Film(scene, &take);
+  internal::Window window{0, {}, kJoints, {}};
+  for (size_t i = 0; i < take.result.points.size(); ++i) {
+    if (i % kJoints == 0) window.frames.push_back(take.result.points[i].frame);
+    window.cells.push_back({i, take.result.points[i].point, take.result.observations[i]});
+  }
+  internal::Terms terms;
+  terms.smoothness = 1, terms.acceleration_m.assign(kJoints, 0.001);
+  for (const int patience : {0, 1, 1000}) {
+    Impatient sink(patience);
+    RunContext run;
+    run.progress = &sink;
+    const auto solve = [&] { internal::SolveWindow(take.prepared, window, {}, {}, terms, 20, run); };
+    if (patience < 1000) {
+      EXPECT_THROW(solve(), CancelledError) << patience;
+    } else {
+      EXPECT_NO_THROW(solve());
+    }
+  }
+}
+
 TEST(SkeletonRefine, SameForAnyNumberOfThreads) {
   Scene scene;
   scene.num_frames = 25;

@@ -100,7 +100,7 @@ std::vector<LeftOutSample> Predict(const PreparedRig& rig, const Choice& choice,
   ParallelFor(static_cast<int64_t>(parts.size()), run.num_threads, [&](int64_t task) {
     const size_t k = static_cast<size_t>(task), w = k % num_windows;
     const Fold& fold = choice.folds[k / num_windows];
-    const WindowSolution solution = SolveWindow(rig, fold.windows[w], bones, fold.lengths[w], terms, kIterations);
+    const WindowSolution solution = SolveWindow(rig, fold.windows[w], bones, fold.lengths[w], terms, kIterations, run);
     size_t label = 0;
     for (size_t before = 0; before < w; ++before) label += choice.windows[before].cells.size();
     for (size_t i = 0; i < solution.points.size(); ++i, ++label) {

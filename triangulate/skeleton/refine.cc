@@ -217,7 +217,7 @@ std::vector<WindowSolution> SolvePersons(const PreparedRig& rig, const std::vect
     ParallelFor(static_cast<int64_t>(parts.size()), threads, [&](int64_t k) {
       const Stretch& s = (*stretches)[static_cast<size_t>(k)];
       const Window part = Part(persons[s.person], s.begin, s.end);
-      parts[static_cast<size_t>(k)] = SolveWindow(rig, part, bones, known[s.person], terms, kIterations);
+      parts[static_cast<size_t>(k)] = SolveWindow(rig, part, bones, known[s.person], terms, kIterations, run);
       stage.Advance();
     });
     *num_unrefined = stretches == &all ? 0 : *num_unrefined;

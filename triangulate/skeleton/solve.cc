@@ -21,9 +21,15 @@ Unknowns Moved(const SkeletonProblem& problem, const Unknowns& from, const Eigen
   return to;
 }
 
+/// A stretch takes seconds; its steps do not.
+void RequireGoOn(const RunContext& run) {
+  if (run.progress && run.progress->Cancelled()) throw CancelledError("interrupted");
+}
+
 /// Gauss-Newton on the reweighted problem, steps halved until the cost falls. False when the system is singular.
-bool Minimise(const SkeletonProblem& problem, int max_iterations, Equations* equations, Unknowns* at) {
+bool Minimise(const SkeletonProblem& problem, int max_iterations, const RunContext& run, Equations* equations, Unknowns* at) {
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    RequireGoOn(run);
     const double here = equations->Linearize(*at);
     if (!std::isfinite(here)) return false;
     const std::optional<Eigen::VectorXd> step = equations->Step();
@@ -104,7 +110,8 @@ std::vector<Point> ToPoints(const SkeletonProblem& problem, const Unknowns& at, 
 }  // namespace
 
 WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const Bones& bones,
-                           const std::vector<KnownLength>& known, const Terms& terms, int max_iterations) {
+                           const std::vector<KnownLength>& known, const Terms& terms, int max_iterations,
+                           const RunContext& run) {
   WindowSolution solution;
   for (const Cell& cell : window.cells) solution.points.push_back(cell.point);
   solution.lengths = known;
@@ -115,8 +122,9 @@ WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const B
   if (problem.num_positions == 0) return solution;
   Equations equations(problem);
   solution.solved =
-      Minimise(problem, max_iterations, &equations, &at) && std::isfinite(equations.Linearize(at)) && equations.Step();
+      Minimise(problem, max_iterations, run, &equations, &at) && std::isfinite(equations.Linearize(at)) && equations.Step();
   if (!solution.solved) return solution;
+  RequireGoOn(run);
   const std::vector<Eigen::Matrix3d> inverse = equations.InverseDiagonal();
   solution.points = ToPoints(problem, at, inverse);
   for (size_t b = 0; b < bones.size(); ++b) {

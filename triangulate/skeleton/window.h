@@ -58,8 +58,10 @@ struct WindowSolution {
 };
 
 /// `known`: (bones) initial lengths, which are also priors; sigma 0: the bone is never seen and has no term.
+/// Throws CancelledError between two steps.
 WindowSolution SolveWindow(const PreparedRig& rig, const Window& window, const Bones& bones,
-                           const std::vector<KnownLength>& known, const Terms& terms, int max_iterations);
+                           const std::vector<KnownLength>& known, const Terms& terms, int max_iterations,
+                           const RunContext& run = {});
 
 std::vector<Point> PointsOf(const Window& window);
 
