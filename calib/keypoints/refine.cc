@@ -229,10 +229,12 @@ std::string WithoutPrior(const geometry::Rig& given) {
          ": nothing but these points holds them";
 }
 
-/// Why the adjusted rigs are worse than the given one on what they did not see; empty: they are not.
-std::string WhyWorse(const Measured& measured, double scale_px) {
+/// Why the adjusted rigs are worse than the given one on what they did not see; empty: they are not. Distances have judged
+/// moved lenses already (VoteOnLenses).
+std::string WhyWorse(const Measured& measured, double scale_px, bool lenses_moved) {
   constexpr double kMoreScatter = 1.05;
   if (!(MeanCost(measured.after) < MeanCost(measured.before))) return "the adjusted rig explains the held-out frames no better";
+  if (lenses_moved) return "";
   const DistanceVote distances = CompareDistances(measured.before, measured.after, scale_px);
   if (distances.num == 0 || distances.scatter_ratio <= kMoreScatter) return "";
   return Format("distances that stay the same scatter %.0f %% more in held-out frames with the adjusted rig",
@@ -258,14 +260,7 @@ KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::
   Measured measured;
   if (!study.MeasureAll(local, options.holdout_scale_px, limbs, &report, &measured))
     return Failed(report.status, report.message);
-  const std::string worse = report.kept_input ? "" : WhyWorse(measured, options.holdout_scale_px);
-  if (!worse.empty() && report.plan.MovesLenses()) {
-    KeypointRefineOptions poses = options;
-    poses.lenses = false;
-    KeypointRefineReport held = RefineFromKeypoints(given, frames, limbs, train, test, poses, run);
-    held.lenses = "lenses stay as given: with them adjusted, " + worse;
-    return held;
-  }
+  const std::string worse = report.kept_input ? "" : WhyWorse(measured, options.holdout_scale_px, report.plan.MovesLenses());
   if (!worse.empty()) KeepInput(local, worse, &report);
   if (!report.kept_input && report.plan.MovesLenses()) report.lenses = WithoutPrior(given);
   if (report.kept_input) measured.after = measured.before;
