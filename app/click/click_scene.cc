@@ -124,7 +124,8 @@ std::string SceneJsonText(const ClickScene& scene, const calib::PointResectionOp
   }
   for (size_t p = 0; p < scene.names.size(); ++p) {
     const Eigen::Vector3d x = scene.x_in_world.col(static_cast<Eigen::Index>(p));
-    json["points"].push_back({{"name", scene.names[p]}, {"x", x.x()}, {"y", x.y()}, {"z", x.z()}});
+    json["points"].push_back(
+        {{"name", scene.names[p]}, {"x", FiniteOrNull(x.x())}, {"y", FiniteOrNull(x.y())}, {"z", FiniteOrNull(x.z())}});
   }
   json.update(ClicksJson(scene, options));
   return Dump(json);
@@ -158,6 +159,12 @@ ClickFit FitClicks(const ClickScene& scene, int camera_idx, const calib::PointRe
   }
   fit.num_clicks = static_cast<int>(clicks.size());
   constexpr int kLeast = 4;
+  if (!scene.x_in_world.array().isFinite().any()) {
+    fit.message =
+        "the points have no places: the cameras are placed by one another (calibrate, option 'scene-points', option "
+        "'length')";
+    return fit;
+  }
   if (!camera.lens) {
     fit.message = "its lens is not known: give option 'calib'";
     return fit;

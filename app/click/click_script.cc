@@ -81,7 +81,7 @@ constexpr char kScript[] = R"js('use strict';
       if (residual && residual[0] !== null) words += ': ' + Math.hypot(residual[0], residual[1]).toFixed(2) + ' px';
       else if (click) words += ': clicked';
       item.textContent = words;
-      item.appendChild(text(document.createElement('small'), [info.x, info.y, info.z].map(metres).join(', ') + ' m'));
+      if (info.x !== null) item.appendChild(text(document.createElement('small'), [info.x, info.y, info.z].map(metres).join(', ') + ' m'));
       item.className = (p === point ? 'chosen ' : '') + (click ? 'clicked ' : '') + (fit.rejected.indexOf(p) >= 0 ? 'off' : '');
       item.addEventListener('click', function () { point = p; show(); });
       items.appendChild(item);

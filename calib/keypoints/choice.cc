@@ -5,6 +5,7 @@
 #include <functional>
 #include <map>
 
+#include "calib/keypoints/lens_doubt.h"
 #include "calib/keypoints/lens_vote.h"
 #include "calib/keypoints/profile.h"
 #include "calib/keypoints/split.h"
@@ -127,10 +128,15 @@ class PlanJudge {
 
 double LengthOf(double cost, double cauchy_px) { return cauchy_px * std::sqrt(std::expm1(cost)); }
 
-std::string WhyRefused(const Candidate& base, const Candidate& candidate, double cauchy_px) {
-  return VoteOnLenses(base.rig, base.fits, candidate.fits, LengthOf(base.mean, cauchy_px), LengthOf(candidate.mean, cauchy_px),
-                      cauchy_px)
-      .refusal;
+/// A change that explains nothing more is not looked at in space.
+std::string WhyRefused(const geometry::Rig& given, const Candidate& base, const Candidate& candidate, double cauchy_px,
+                       int num_threads) {
+  const LensVote vote = VoteOnLenses(base.rig, base.fits, candidate.fits, LengthOf(base.mean, cauchy_px),
+                                     LengthOf(candidate.mean, cauchy_px), cauchy_px);
+  if (!vote.refusal.empty() || vote.by_distances || !(candidate.mean < base.mean)) return vote.refusal;
+  const KeypointFreedom freedom = FreedomOf(candidate.rig, candidate.plan);
+  const LensDoubt doubt = DoubtBySpace(candidate.rig, candidate.fits, freedom, cauchy_px, num_threads);
+  return WhyNotDetermined(doubt, vote.bend_px, vote.gain_px, given, freedom);
 }
 
 /// Whether a change lowers the held-out error by more than chance. Beside the best of its group alone, a change whose error
@@ -272,7 +278,7 @@ KeypointChoice ChooseKeypointPlan(const geometry::Rig& given, const geometry::Ri
       // Lenses are adjusted with all poses free: these answer at once.
       if (&group != &groups[0]) candidate.plan.free_poses = true, candidate.plan.fault = CameraFault::kNone;
       judge.Score(&candidate, num_threads);
-      if (&group != &groups[0]) candidate.refusal = WhyRefused(base, candidate, cauchy_px);
+      if (&group != &groups[0]) candidate.refusal = WhyRefused(given, base, candidate, cauchy_px, num_threads);
       candidates.push_back(std::move(candidate));
     }
     choice.plan = Decide(group.name, candidates, cauchy_px, options, &choice.decisions);

@@ -48,7 +48,7 @@ double PxPerMetre(const geometry::Rig& rig, const KeypointJoint& joint, const Ei
   return sum;
 }
 
-double BendPx(const geometry::Rig& rig, const Shared& shared) {
+double BendOf(const geometry::Rig& rig, const Shared& shared) {
   const geometry::Alignment alignment = geometry::AlignPoints(shared.after, shared.before, true);
   if (alignment.status != Status::kOk) return 0;
   std::vector<double> moved_px;
@@ -67,7 +67,7 @@ double RelativeScatter(const std::vector<double>& lengths) {
 }
 
 /// Distances of joints of a person that stay within a tenth under the rig before: their scatter under both.
-void CompareDistances(const Shared& shared, LensVote* vote) {
+DistanceVote VoteOfDistances(const Shared& shared) {
   constexpr double kRigid = 0.05;
   constexpr size_t kFewestFrames = 10, kMostJoints = 40;
   std::map<std::pair<int, int>, std::vector<size_t>> people;  // frame, person: joints
@@ -91,20 +91,31 @@ void CompareDistances(const Shared& shared, LensVote* vote) {
     const double before = RelativeScatter(both.first), after = RelativeScatter(both.second);
     if (before < kRigid && before > 0) ratios.push_back(after / before);
   }
-  vote->num_distances = static_cast<int>(ratios.size());
-  if (!ratios.empty()) vote->scatter_ratio = LinearQuantile(std::move(ratios), 0.5);
+  const auto num = static_cast<int>(ratios.size());
+  return {num, num > 0 ? LinearQuantile(std::move(ratios), 0.5) : 1};
 }
 
+constexpr double kBetter = 0.95;
+
 std::string Refusal(const LensVote& vote) {
-  constexpr double kWorse = 1.02, kBetter = 0.95, kMostBend = 3;
+  constexpr double kWorse = 1.02, kMostBend = 3;
   if (vote.num_distances > 0 && vote.scatter_ratio > kWorse)
     return Format("distances that stay the same scatter %.0f %% more with it", 100 * (vote.scatter_ratio - 1));
-  if (vote.num_distances > 0 && vote.scatter_ratio < kBetter) return "";
+  if (vote.by_distances) return "";
   if (vote.bend_px <= kMostBend * vote.gain_px) return "";
   return Format("it bends space by %.2f px to explain %.2f px: the points do not determine it", vote.bend_px, vote.gain_px);
 }
 
 }  // namespace
+
+DistanceVote CompareDistances(const std::vector<KeypointFit>& before, const std::vector<KeypointFit>& after, double cauchy_px) {
+  return VoteOfDistances(SharedPoints(before, after, cauchy_px));
+}
+
+double BendPx(const geometry::Rig& rig, const std::vector<KeypointFit>& before, const std::vector<KeypointFit>& after,
+              double cauchy_px) {
+  return BendOf(rig, SharedPoints(before, after, cauchy_px));
+}
 
 LensVote VoteOnLenses(const geometry::Rig& before, const std::vector<KeypointFit>& fits_before,
                       const std::vector<KeypointFit>& fits_after, double before_px, double after_px, double cauchy_px) {
@@ -112,8 +123,10 @@ LensVote VoteOnLenses(const geometry::Rig& before, const std::vector<KeypointFit
   LensVote vote;
   vote.gain_px = std::sqrt(std::max(0.0, before_px * before_px - after_px * after_px));
   if (shared.joints.size() < 10) return vote;
-  vote.bend_px = BendPx(before, shared);
-  CompareDistances(shared, &vote);
+  vote.bend_px = BendOf(before, shared);
+  const DistanceVote distances = VoteOfDistances(shared);
+  vote.num_distances = distances.num, vote.scatter_ratio = distances.scatter_ratio;
+  vote.by_distances = vote.num_distances > 0 && vote.scatter_ratio < kBetter;
   vote.refusal = Refusal(vote);
   return vote;
 }

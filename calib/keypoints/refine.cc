@@ -4,8 +4,11 @@
 #include <cmath>
 #include <deque>
 
+#include "calib/keypoints/lens_vote.h"
 #include "calib/keypoints/refine_steps.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/join.h"
 #include "core/parallel.h"
 #include "geometry/rig/rig_covariance.h"
 
@@ -216,6 +219,28 @@ class Study {
   std::deque<Refinement> parts_;  // one; or the whole take and its halves
 };
 
+/// Cameras that state how well they know their lenses hold the freed ones; the others are named.
+std::string WithoutPrior(const geometry::Rig& given) {
+  std::vector<std::string> names;
+  for (const geometry::RigCamera& camera : given.cameras)
+    if (!camera.params_covariance) names.push_back(camera.camera.name);
+  if (names.empty()) return "";
+  return "lenses are adjusted, and the calibration states no covariance of those of " + Join(names, ", ") +
+         ": nothing but these points holds them";
+}
+
+/// Why the adjusted rigs are worse than the given one on what they did not see; empty: they are not. Distances have judged
+/// moved lenses already (VoteOnLenses).
+std::string WhyWorse(const Measured& measured, double scale_px, bool lenses_moved) {
+  constexpr double kMoreScatter = 1.05;
+  if (!(MeanCost(measured.after) < MeanCost(measured.before))) return "the adjusted rig explains the held-out frames no better";
+  if (lenses_moved) return "";
+  const DistanceVote distances = CompareDistances(measured.before, measured.after, scale_px);
+  if (distances.num == 0 || distances.scatter_ratio <= kMoreScatter) return "";
+  return Format("distances that stay the same scatter %.0f %% more in held-out frames with the adjusted rig",
+                100 * (distances.scatter_ratio - 1));
+}
+
 }  // namespace
 
 KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::vector<triangulate::DetectedFrame>& frames,
@@ -235,8 +260,9 @@ KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::
   Measured measured;
   if (!study.MeasureAll(local, options.holdout_scale_px, limbs, &report, &measured))
     return Failed(report.status, report.message);
-  if (!report.kept_input && !(MeanCost(measured.after) < MeanCost(measured.before)))
-    KeepInput(local, "the adjusted rig explains the held-out frames no better", &report);
+  const std::string worse = report.kept_input ? "" : WhyWorse(measured, options.holdout_scale_px, report.plan.MovesLenses());
+  if (!worse.empty()) KeepInput(local, worse, &report);
+  if (!report.kept_input && report.plan.MovesLenses()) report.lenses = WithoutPrior(given);
   if (report.kept_input) measured.after = measured.before;
   report.before = ErrorOf(measured.before, limbs), report.after = ErrorOf(measured.after, limbs);
   DescribeCameras(local, study.whole().covariance(), measured, &report);

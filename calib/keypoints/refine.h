@@ -67,6 +67,7 @@ struct KeypointRefineReport {
   int num_gap_frames = 0;          ///< time steps between the halves that belong to neither
   std::string unsteady;            ///< one line where parts of the take ask for different rigs, or a camera fits none
   std::vector<std::string> notes;  ///< one line each: a half that cannot be adjusted to, and why
+  std::string lenses;              ///< one line: what does not hold freed lens terms
   LeftOutPersons left_out;
   double cauchy_px = 0;  ///< scale of the noise in the train frames
   double sigma_px = 0;   ///< standard deviation per coordinate of a normal variable with the same median length
@@ -84,7 +85,8 @@ struct KeypointRefineReport {
 /// Without `train` and `test` the take is cut into two halves with a gap (CutWithGaps). The whole procedure, decisions
 /// included, runs on each half alone and is measured on the other; these are the held-out figures. The rig of the report
 /// is adjusted to all frames. The input is kept when the halves' rigs do not explain the other halves better than the
-/// given one. A half that is too small for an adjustment gives no figure; at least one must.
+/// given one, or where poses alone were adjusted and distances between points that stay the same scatter more in them. A half
+/// that is too small for an adjustment gives no figure; at least one must.
 ///
 /// With `train` or `test`, decisions and rig use the train frames alone, and the figures the test frames alone, without
 /// gaps between them. Without `test` these are the frames that are not in `train`.

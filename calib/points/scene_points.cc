@@ -1,5 +1,6 @@
 #include "calib/points/scene_points.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -18,10 +19,11 @@ namespace {
 /// Collects points and clicks from tables.
 class Collector {
  public:
-  void Add(const CsvTable& table) {
+  /// `names_suffice`: a table of names alone is one of points.
+  void Add(const CsvTable& table, bool names_suffice = false) {
     const bool has_place = table.Find({"x"}) >= 0 && table.Find({"y"}) >= 0 && table.Find({"z"}) >= 0;
     const bool has_click = table.Find({"camera"}) >= 0;
-    if (!has_place && !has_click) {
+    if (!has_place && !has_click && !(names_suffice && table.Find({"point", "name"}) >= 0)) {
       throw FormatError(table.path(), "header", "neither the columns camera,point,x_px,y_px nor point,x,y,z are there");
     }
     for (size_t row = 0; row < table.num_rows(); ++row) {
@@ -32,6 +34,10 @@ class Collector {
     path_ = table.path();
   }
 
+  bool HasPlaces() const {
+    return std::any_of(places_.begin(), places_.end(), [](const Eigen::Vector3d& x) { return x.allFinite(); });
+  }
+
   ScenePoints Finish(bool needs_clicks, bool needs_places = true) {
     if (needs_clicks && out_.clicks.empty())
       throw FormatError(path_, "", "no camera sees a point: the columns camera,point,x_px,y_px are needed");
@@ -39,9 +45,11 @@ class Collector {
     for (size_t i = 0; i < places_.size(); ++i) out_.x_in_world.col(static_cast<Eigen::Index>(i)) = places_[i];
     for (const PointClick& click : out_.clicks) {
       if (!needs_places || places_[static_cast<size_t>(click.point_idx)].allFinite()) continue;
-      throw FormatError(path_, "",
-                        "the point '" + internal::Printable(out_.names[static_cast<size_t>(click.point_idx)]) +
-                            "' is clicked but has no place (point,x,y,z)");
+      throw FormatError(
+          path_, "",
+          "the point '" + internal::Printable(out_.names[static_cast<size_t>(click.point_idx)]) +
+              "' is clicked but has no place (point,x,y,z); clicks alone place cameras of known lenses where option 'length' "
+              "gives a distance of two points");
     }
     return out_;
   }
@@ -90,9 +98,9 @@ class Collector {
   std::string path_;
 };
 
-Collector Collect(const std::vector<std::string>& paths) {
+Collector Collect(const std::vector<std::string>& paths, bool names_suffice = false) {
   Collector collector;
-  for (const std::string& path : paths) collector.Add(CsvTable(path));
+  for (const std::string& path : paths) collector.Add(CsvTable(path), names_suffice);
   return collector;
 }
 
@@ -125,7 +133,10 @@ ScenePoints ReadScenePoints(const std::vector<std::string>& paths) {
   return Collect(paths).Finish(true);
 }
 
-ScenePoints ReadScenePlaces(const std::vector<std::string>& paths) { return Collect(paths).Finish(false); }
+ScenePoints ReadScenePlaces(const std::vector<std::string>& paths) {
+  Collector collector = Collect(paths, true);
+  return collector.Finish(false, collector.HasPlaces());
+}
 
 ScenePoints ReadMarks(const std::vector<std::string>& paths) { return Collect(paths).Finish(true, false); }
 

@@ -21,7 +21,8 @@ struct ScenePoints {
 /// point with two positions, a camera that sees a point twice, a clicked point without a position, or no clicks.
 ScenePoints ReadScenePoints(const std::vector<std::string>& paths);
 
-/// Same of tables that need not hold clicks.
+/// Same of tables that need not hold clicks. A table of names alone gives points whose places nobody knows; where one has a
+/// place, all that are clicked need one.
 ScenePoints ReadScenePlaces(const std::vector<std::string>& paths);
 
 /// Same of tables that hold clicks; their points need no place.

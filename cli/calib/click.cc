@@ -185,9 +185,9 @@ CommandResult RunClick(ClickArguments arguments, CommandContext& context) {
 void RegisterCalibClick(CLI::App& calib, Registry& registry) {
   const auto arguments = std::make_shared<ClickArguments>();
   CLI::App* sub = calib.add_subcommand(
-      "click",
-      "Click points with known places in the cameras' images, in a browser on this machine, for calibrate --scene-points");
-  AddOption(sub, "--points", arguments->points, "CSV name,x,y,z (metres): the points, in the order in which they are offered")
+      "click", "Click points in the cameras' images, in a browser on this machine, for calibrate --scene-points");
+  AddOption(sub, "--points", arguments->points,
+            "CSV name,x,y,z (metres), or names alone: the points, in the order in which they are offered")
       ->required();
   AddChoices(sub, "--camera", arguments->cameras,
              "NAME=PATH: an image, a video, a folder or a pattern in quotes; repeat for each camera")

@@ -265,6 +265,9 @@ void AddWarnings(const calib::KeypointRefineReport& report, size_t num_left_out,
     result->warnings.push_back(
         {"CAL-PERSONS-LEFT-OUT", LeftOutLine(report.left_out, max_persons),
          "--max-persons " + std::to_string(max_persons + report.left_out.num_persons) + " uses them too"});
+  if (!report.lenses.empty())
+    result->warnings.push_back(
+        {"CAL-LENSES", report.lenses, "boards determine lenses; --no-keypoint-lenses leaves them as given"});
   for (const std::string& note : report.notes)
     result->warnings.push_back({"CAL-HALF-UNSOLVED", note, "the held-out figures are those of the other half alone"});
 }

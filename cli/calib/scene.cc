@@ -8,11 +8,14 @@
 #include "app/calib/calibration_use.h"
 #include "app/input/calib_read.h"
 #include "calib/detect/detect_board.h"
+#include "calib/keypoints/place_marks.h"
+#include "cli/calib/stated_lengths.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/units.h"
 #include "dataset/footage/image_io.h"
+#include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 
 namespace mvstudio::cli {
@@ -51,12 +54,51 @@ CommandResult Failed(CommandResult result, Status status, const std::string& mes
   return result;
 }
 
+/// Marks without places: the cameras by one another, and the size by lengths. The world is that of the first camera.
+CommandResult RunMarks(const SceneArguments& arguments, const geometry::Rig& lenses, const std::string& out,
+                       CommandResult result) {
+  if (arguments.rigid) throw UsageError("--rigid needs marks with places, --length is for marks without: give one of them");
+  const calib::ScenePoints marks = calib::ReadMarks(arguments.scene_points);
+  result.inputs.insert(result.inputs.end(), arguments.scene_points.begin(), arguments.scene_points.end());
+  if (marks.x_in_world.cols() > 0 && marks.x_in_world.array().isFinite().any())
+    throw UsageError("--length is for marks without places, and these have some: they give the size, leave out --length");
+  const auto lengths = LengthsOf(calib::ParseStatedLengths(arguments.lengths), marks.names);
+  calib::MarkedRig placed = PlaceFromMarks(lenses, marks, arguments.points.click_sigma_px);
+  if (placed.status != Status::kOk) return Failed(std::move(result), placed.status, placed.message);
+  AddGross("click ", placed.gross, &result);
+  const calib::LengthScale scale = ScaleFromLengths(lengths, {placed.points});
+  DescribeLengths(scale, &result);
+  if (scale.status != Status::kOk) return result;
+  placed.rig = geometry::InWorld(placed.rig, {}, scale.scale);
+  placed.rig.gauge = GaugeWithLengths(placed.rig.gauge);
+  result.metrics["gauge"] = placed.rig.gauge;
+  result.metrics["rms_px"] = FiniteOrNull(placed.rms_px);
+  result.metrics["cameras"] = ordered_json::array();
+  std::string lines;
+  for (size_t c = 0; c < placed.rig.cameras.size(); ++c) {
+    ordered_json json = PoseMetrics(placed.rig.cameras[c]);
+    json["num_points"] = placed.num_clicks[c], json["num_used"] = placed.num_used[c];
+    lines +=
+        Format("%-16s %d of %d marks\n", placed.rig.cameras[c].camera.name.c_str(), placed.num_used[c], placed.num_clicks[c]);
+    result.metrics["cameras"].push_back(json);
+  }
+  result.text = lines +
+                Format("%zu marks, rms %.2f px, world: %s\n", placed.points.size(), placed.rms_px, placed.rig.gauge.c_str()) +
+                result.text;
+  result.warnings.push_back({"CAL-WORLD", "the world is that of " + placed.rig.cameras[0].camera.name,
+                             "mvstudio calib align --floor-joints, or --floor-board, sets the floor"});
+  WriteCalibration(placed.rig, out, &result);
+  app::WarnOfCovariance(placed.rig, &result);
+  return result;
+}
+
 CommandResult RunScenePoints(const SceneArguments& arguments, const geometry::Rig& lenses, const std::string& out,
                              CommandResult result) {
   if (lenses.cameras.empty())
     throw UsageError(
         "--scene-points places cameras whose lenses are known: give their calibration with --start, or --lenses of a "
         "--session");
+  if (!arguments.lengths.empty()) return RunMarks(arguments, lenses, out, std::move(result));
   const calib::ScenePoints points = calib::ReadScenePoints(arguments.scene_points);
   result.inputs.insert(result.inputs.end(), arguments.scene_points.begin(), arguments.scene_points.end());
   const calib::SceneResectionReport report = calib::ResectScene(points, lenses, arguments.rigid, arguments.points);
@@ -241,6 +283,8 @@ calib::CalibrateInput PointsAsBoard(const calib::ScenePoints& points, const std:
 
 CommandResult RunScene(const SceneArguments& arguments, const geometry::Rig& lenses, const std::vector<calib::Board>& boards,
                        const std::string& out, CommandContext& context, CommandResult result) {
+  if (!arguments.lengths.empty() && (arguments.scene_points.empty() || !arguments.from_scene.empty()))
+    throw UsageError("--length gives marks without places their size: it needs --scene-points alone");
   if (arguments.from_scene.empty() && !boards.empty())
     throw UsageError("--scene-points without --from-scene places cameras by their marks alone: leave out --board");
   if (arguments.from_scene.empty()) return RunScenePoints(arguments, lenses, out, std::move(result));

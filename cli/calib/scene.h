@@ -17,6 +17,7 @@ struct SceneArguments {
   std::string from_scene;                 ///< folder or pattern of images, one a camera, named by the camera
   std::vector<std::string> scene_points;  ///< one or two CSV files
   std::string camera_distance;            ///< "A:B:1.234m"
+  std::vector<std::string> lengths;       ///< of marks without places, see calib/points/stated_length.h
   bool rigid = false;                     ///< scene points: --start gives a rig whose cameras keep their relative poses
   calib::PointResectionOptions points;
   calib::FromSceneOptions scene;
@@ -28,7 +29,11 @@ void VisitFields(Visitor&& visit, SceneArguments& o) {
   visit("from-scene", o.from_scene,
         "images of the empty scene, one for each camera and named by it: a folder or a pattern in quotes");
   visit("scene-points", o.scene_points,
-        "CSV camera,point,x_px,y_px and CSV point,x,y,z (metres), in one file or two: marks with known places");
+        "CSV camera,point,x_px,y_px and CSV point,x,y,z (metres), in one file or two: marks with known places; with --length "
+        "the clicks suffice");
+  visit("length", o.lengths,
+        "--scene-points: POINT:POINT:LENGTH, e.g. door:lamp:1.25m: marks have no places, and this gives the rig its size; "
+        "repeatable");
   visit("camera-distance", o.camera_distance, "--from-scene: CAMERA:CAMERA:LENGTH gives the scale, e.g. left:right:1.234m");
   visit("rigid", o.rigid, "--scene-points: place the rig of --start as a rigid body");
   VisitFields(visit, o.points);

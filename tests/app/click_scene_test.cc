@@ -118,5 +118,25 @@ TEST(ClickScene, CamerasOfTwoSizesOrNamesAreRefused) {
               HasSubstr("its image is 10x10, the calibration says 640x480"));
 }
 
+TEST(ClickScene, PointsMayHaveNoPlaces) {
+  const TempDir folder;
+  Put(folder / "names.csv", "name\ndoor\nlamp\n");
+  ClickScene scene = WallScene();
+  EXPECT_THAT(AddPoints(calib::ReadScenePlaces({folder / "names.csv"}), &scene), IsEmpty());
+  EXPECT_THAT(scene.names, ElementsAre("door", "lamp"));
+  scene.clicks[{0, 1}] = {3, 4};
+  const ClickFit fit = FitClicks(scene, 0, {});
+  EXPECT_NE(fit.status, Status::kOk);
+  EXPECT_THAT(fit.message, HasSubstr("no places"));
+  EXPECT_TRUE(nlohmann::json::parse(SceneJsonText(scene, {}))["points"][0]["x"].is_null());
+
+  Put(folder / "some.csv", "name,x,y,z\ndoor,1,2,3\n");
+  Put(folder / "clicks.csv", "camera,point,x_px,y_px\na,lamp,3,4\n");
+  EXPECT_THAT(MessageOf<FormatError>([&] {
+                calib::ReadScenePlaces({folder / "some.csv", folder / "clicks.csv"});
+              }),
+              HasSubstr("'lamp' is clicked but has no place"));
+}
+
 }  // namespace
 }  // namespace mvstudio::app
