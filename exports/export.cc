@@ -9,6 +9,7 @@
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "dataset/panoptic/in_view.h"
 #include "exports/writers.h"
 
 namespace mvstudio::exports {
@@ -38,8 +39,8 @@ const std::vector<Writer>& Writers() {
       {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
         kPictures, !kRigOnly, kAlpha},
        WriteNerfstudio},
-      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/, mask_cihp/", LensNeed::kBrown5, !kInstant, !kOneSize, kPictures,
-        kRigOnly, !kAlpha, ".npy"},
+      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/, mask_cihp/", LensNeed::kBrown5, !kInstant, !kOneSize,
+        kPictures, kRigOnly, !kAlpha, ".npy"},
        WriteZju},
       {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
         !kOneSize, kPictures, !kRigOnly},
@@ -213,6 +214,7 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   ExportReport report;
   report.format = format;
   if (!IsDatasetFile(writer.info, out)) RequireFolderName(out);
+  if (writer.info.has_pictures && !dataset.root.empty()) dataset::RequireInView(dataset, true);
   const Take take = PrepareTake(dataset, writer.info, options, &report);
   if (IsDatasetFile(writer.info, out)) {
     WriteOneFile(writer, take, dataset.root, out, options, run, &report);
