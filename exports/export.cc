@@ -9,6 +9,7 @@
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "dataset/panoptic/in_view.h"
 #include "exports/writers.h"
 
 namespace mvstudio::exports {
@@ -213,6 +214,7 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   ExportReport report;
   report.format = format;
   if (!IsDatasetFile(writer.info, out)) RequireFolderName(out);
+  if (writer.info.has_pictures && !dataset.root.empty()) dataset::RequireInView(dataset, true);
   const Take take = PrepareTake(dataset, writer.info, options, &report);
   if (IsDatasetFile(writer.info, out)) {
     WriteOneFile(writer, take, dataset.root, out, options, run, &report);

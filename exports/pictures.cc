@@ -169,8 +169,9 @@ std::string Pictures::EncodedPicture(size_t view, int frame) {
   CountPicture(view, frame, from.empty());
   if (from.empty()) return "";
   ++contained_pictures_;
+  const Image image = LoadPicture(view, frame);  // a damaged file is refused here
   if (!take_.views[view].info.undistorted && !AsksForTurn(from)) return ReadFile(from);
-  return dataset::EncodeImage(LoadPicture(view, frame), "picture.jpg", options_.jpeg_quality);
+  return dataset::EncodeImage(image, "picture.jpg", options_.jpeg_quality);
 }
 
 std::string Pictures::EncodedMask(size_t view, int frame) {
@@ -194,6 +195,7 @@ bool Pictures::Make(const Task& task) const {
   const bool same_format = fs::path(task.from).extension() == fs::path(task.to).extension();
   const bool as_it_is = !task.mask || (task.values == MaskValues::k255 && IsPlain(task.from));
   if (!view.info.undistorted && same_format && as_it_is && !AsksForTurn(task.from)) {
+    if (!task.mask) RequireSize(dataset::ReadImage(task.from), view.source.camera, task.from);  // as IsPlain reads masks
     return LinkOrCopy(task.from, task.to, options_.pictures == ExportPictures::kLink);
   }
   Image image = task.mask ? dataset::ReadMask(task.from, dataset_.Masks()) : dataset::ReadImage(task.from);
@@ -211,14 +213,9 @@ bool Pictures::Make(const Task& task) const {
 
 void Pictures::Run(const RunContext& run, ExportReport* report) {
   std::set<std::string> folders;
-  std::set<size_t> checked;
   for (const Task& task : tasks_) {
     folders.insert(fs::path(task.to).parent_path().string());
     if (!task.also_to.empty()) folders.insert(fs::path(task.also_to).parent_path().string());
-    // Files that are linked are not decoded; the first of each camera stands for them.
-    if (!task.mask && checked.insert(task.view).second) {
-      RequireSize(dataset::ReadImage(task.from), take_.views[task.view].source.camera, task.from);
-    }
   }
   for (const std::string& folder : folders) MakeFolder(folder);
   ProgressStage stage(run, "pictures", static_cast<int64_t>(tasks_.size()));

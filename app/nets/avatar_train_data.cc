@@ -10,6 +10,9 @@
 #include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "core/log.h"
+#include "dataset/panoptic/in_view.h"
+#include "dataset/verify/image_mask.h"
 #include "dataset/views/split.h"
 
 namespace mvstudio::app {
@@ -146,6 +149,23 @@ avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, c
   if (!a.frames.empty()) KeepFrames(ChoiceOf(data, "option 'frames'", a.frames).frames, data.root, &split);
   if (!a.validate_camera.empty()) TakeValidationCamera(data, a.validate_camera, &split);
   return split;
+}
+
+std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split,
+                                        const RunContext& run) {
+  dataset::RequireInView(data, false);
+  dataset::CameraFrames frames;
+  for (const std::string& camera : split.train_cameras) frames[camera] = split.train_frames;
+  std::vector<dataset::Finding> found = dataset::CompareImagesWithMasks(data, data.Masks(), frames, run);
+  for (dataset::Finding& finding : dataset::CompareJointsWithMasks(data, data.Masks(), frames, run))
+    found.push_back(std::move(finding));
+  std::vector<Notice> notices;
+  for (const dataset::Finding& finding : found) {
+    notices.push_back({finding.code, finding.path + ": " + finding.text,
+                       "what is trained on these images is wrong; `mvstudio dataset verify " + data.root + "` checks all"});
+    Log(LogLevel::kWarning, finding.code + ": " + notices.back().text);
+  }
+  return notices;
 }
 
 void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& a, CommandResult* result) {

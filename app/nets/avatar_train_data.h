@@ -26,6 +26,11 @@ struct SplitArguments {
 /// KnownFrames does.
 avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, const SplitArguments& arguments);
 
+/// Before images are used: throws FormatError where no joint lies in any camera's image (of other units, mostly). Returns what
+/// says that training images, masks and joints do not belong together (DAT-IMAGE-MASK, DAT-COVER), and logs it at once.
+std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split,
+                                        const RunContext& run);
+
 /// Says which frames the arguments name that the dataset does not have.
 void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& arguments, CommandResult* result);
 

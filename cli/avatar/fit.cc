@@ -30,6 +30,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   avatar::PersonFitOptions options = arguments.options;
   options.templates = app::TemplatesOf(arguments.body_template);
   const OutputFolder place(arguments.out, {arguments.dataset}, BodyFolder::Names());
+  const std::vector<app::Notice> doubts = app::CheckTrainingImages(data, split, context.run);
   const BodyFolder folder(arguments.out, arguments.overwrite);
   const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
   CommandResult result;
@@ -39,6 +40,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   folder.Write(fit.result, arguments.frame_rate_hz, &result);
   result.text = app::ToTable(fit);
   app::AddFitWarnings(fit, &result);
+  result.warnings.insert(result.warnings.end(), doubts.begin(), doubts.end());
   app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }

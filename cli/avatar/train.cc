@@ -119,10 +119,18 @@ RunConfig ConfigOf(const TrainArguments& arguments, const dataset::PanopticDatas
   return config;
 }
 
-void TellFit(const std::optional<avatar::PersonFit>& fit, CommandResult* result) {
+void TellFit(const std::optional<avatar::PersonFit>& fit, const std::vector<app::Notice>& doubts, CommandResult* result) {
+  result->warnings.insert(result->warnings.end(), doubts.begin(), doubts.end());
   if (!fit) return;
   result->metrics["body"] = app::ToJson(*fit);
   app::AddFitWarnings(*fit, result);
+}
+
+/// The first of several processes tells.
+std::vector<app::Notice> DoubtsOf(const TrainArguments& arguments, const dataset::PanopticDataset& data,
+                                  const avatar::DatasetSplit& split, const RunContext& run) {
+  if (arguments.ranks.rank != 0) return {};
+  return app::CheckTrainingImages(data, split, run);
 }
 
 /// Removes an older run, and writes what a new one begins with.
@@ -148,6 +156,7 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
   app::AvatarRun files(arguments.out);
   files.RequireFree(arguments.overwrite);
   const OutputFolder place(arguments.out, {arguments.dataset, arguments.body}, app::AvatarRun::Names());
+  const std::vector<app::Notice> doubts = DoubtsOf(arguments, data, config.split, context.run);
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   config.pack.keep_views = true;
   const app::RunPacks packs = app::BuildPacks(data, avatar::ModelOptions{}, arguments.train, context.run, &config);
@@ -156,7 +165,7 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
       {arguments.gaussians, arguments.train, arguments.start.given, clock_s}, config, packs, files,
       [&] { BeginRun(config, nullptr, arguments.out, files); }, context.run);
   FillCommon(config, packs, arguments.out, SecondsSince(begin), &result);
-  TellFit(fit, &result);
+  TellFit(fit, doubts, &result);
   app::TellSplitFrames(data, arguments.split, &result);
   app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
@@ -195,6 +204,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   }
   RankProcesses ranks(arguments.ranks, context, arguments.out);
   context.run.num_threads = ranks.threads();
+  const std::vector<app::Notice> doubts = DoubtsOf(arguments, data, config.split, context.run);
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   const app::RunPacks packs = app::BuildPacks(data, model, options, context.run, &config);
   const auto net = PerceptualNet(&options);
@@ -215,7 +225,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
     result.text +=
         "no network: textured networks have added less than 0.01 of SSIM to fitted bodies, and no validation images are there "
         "to show that this one adds more (--validate-camera NAME trains and judges one, --steps 600 trains one)\n";
-  TellFit(fit, &result);
+  TellFit(fit, doubts, &result);
   app::TellSplitFrames(data, arguments.split, &result);
   app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;

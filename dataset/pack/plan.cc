@@ -13,6 +13,7 @@
 #include "core/statistics.h"
 #include "dataset/json/json_file.h"
 #include "dataset/pack/shard.h"
+#include "dataset/panoptic/in_view.h"
 #include "dataset/views/split.h"
 #include "geometry/rig/rig_io.h"
 
@@ -284,6 +285,7 @@ PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& option
   plan.options = options;
   plan.view = !options.full ? PackView::kCrop : options.undistort ? PackView::kUndistorted : PackView::kFull;
   plan.dataset = OpenPanopticDataset(dataset_root);
+  RequireInView(plan.dataset, true);
   plan.scene_paths = ListBody3dScenes(dataset_root);
   plan.masks = options.masks && fs::is_directory(dataset_root + "/masks");
   CheckPictureSizes(plan.dataset);

@@ -2,6 +2,7 @@
 #include <set>
 
 #include "dataset/json/json_file.h"
+#include "dataset/panoptic/in_view.h"
 #include "dataset/panoptic/panoptic_camera.h"
 #include "dataset/panoptic/panoptic_json.h"
 #include "dataset/verify/findings.h"
@@ -54,10 +55,7 @@ void CheckPlausible(const geometry::Rig& rig, const std::string& path, Findings*
 
 /// What only all cameras together show.
 void CheckPlaces(const geometry::Rig& rig, const std::string& path, Findings* findings) {
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  for (const auto& camera : rig.cameras) mean += camera.CenterInWorld() / static_cast<double>(rig.cameras.size());
-  double radius_m = 0;
-  for (const auto& camera : rig.cameras) radius_m = std::max(radius_m, (camera.CenterInWorld() - mean).norm());
+  const double radius_m = RigRadiusM(rig);
   if (rig.cameras.size() >= 3 && radius_m < 0.2) {
     findings->Warning("DAT-UNITS", path,
                       "all cameras are within " + NumberText(100 * radius_m) +

@@ -17,6 +17,7 @@ class Findings {
   void Warning(const std::string& code, const std::string& path, const std::string& text) {
     list_.push_back({Finding::Severity::kWarning, code, path, text});
   }
+  void Add(const Finding& finding) { list_.push_back(finding); }
   void Append(const Findings& other) { list_.insert(list_.end(), other.list_.begin(), other.list_.end()); }
   const std::vector<Finding>& list() const { return list_; }
 

@@ -40,33 +40,14 @@ std::set<std::string> ListMasks(const std::string& folder, const std::string& ca
   return names;
 }
 
-/// Pixels in the image of the valid joints.
-struct ProjectedJoints {
-  std::vector<Eigen::Vector2d> px;
-  int valid = 0;
-};
-
-ProjectedJoints ProjectJoints(const Body3dScene& scene, const geometry::RigCamera& camera,
-                              const geometry::Projector& projector) {
-  ProjectedJoints out;
-  for (const auto& [id, pose] : scene.people) {
-    for (int j = 0; j < 19; ++j) {
-      if (!pose.valid[j]) continue;
-      ++out.valid;
-      const auto projection = projector.Project(camera.cam_from_world * Eigen::Vector3d(pose.x_in_world.col(j)));
-      if (projection.status == Status::kOk && InImage(camera.camera, projection.px)) out.px.push_back(projection.px);
-    }
-  }
-  return out;
-}
-
 /// State of one camera's check.
 struct Checker {
   const geometry::RigCamera& camera;
   Findings* findings;
   geometry::Projector projector;
   FootageCheck counts;
-  int valid = 0, in_image = 0, on_mask = 0, on_some_mask = 0;
+  int valid = 0, in_image = 0;
+  MaskCover cover = {};
   const std::optional<MaskMeaning>& masks;
   std::vector<int> empty_masks = {};
   std::set<std::string> told = {};
@@ -116,12 +97,7 @@ struct Checker {
     if (!masks) return;
     const bool empty = std::all_of(mask.pixels.begin(), mask.pixels.end(), [](uint8_t p) { return p == 0; });
     if (empty && !joints.px.empty()) empty_masks.push_back(frame);
-    for (const Eigen::Vector2d& px : joints.px) {
-      const int x = std::clamp(int(std::lround(px.x())), 0, mask.width - 1),
-                y = std::clamp(int(std::lround(px.y())), 0, mask.height - 1);
-      ++on_some_mask;
-      on_mask += *mask.Pixel(x, y) > 127;
-    }
+    cover.Add(mask, joints);
   }
 };
 
@@ -144,15 +120,7 @@ void Summarise(const Checker& c, const std::string& images, const std::string& m
   }
   if (!c.empty_masks.empty())
     c.findings->Warning("DAT-MASK-EMPTY", masks, "the mask is empty though joints are in view in " + FramesText(c.empty_masks));
-  if (c.on_some_mask > 0 && c.on_mask < options.least_cover * c.on_some_mask) {
-    const std::string text = "only " + std::to_string(100 * c.on_mask / c.on_some_mask) +
-                             " % of the joints in view lie on the masks: wrong camera, wrong frame numbers or poor masks";
-    if (2 * c.on_mask < c.on_some_mask) {
-      c.findings->Error("DAT-COVER", masks, text);
-    } else {
-      c.findings->Warning("DAT-COVER", masks, text);
-    }
-  }
+  c.cover.Report(masks, options.least_cover, c.findings);
 }
 
 /// Every how-many-th frame gives a thumbnail: eight of those that are decoded.
@@ -172,6 +140,36 @@ void PicturesAlone(const PanopticFootage& footage, const VerifyOptions& options,
 }
 
 }  // namespace
+
+ProjectedJoints ProjectJoints(const std::map<int, Coco19Pose>& people, const geometry::RigCamera& camera,
+                              const geometry::Projector& projector) {
+  ProjectedJoints out;
+  for (const auto& [id, pose] : people) {
+    for (int j = 0; j < 19; ++j) {
+      if (!pose.valid[j]) continue;
+      ++out.valid;
+      const auto projection = projector.Project(camera.cam_from_world * Eigen::Vector3d(pose.x_in_world.col(j)));
+      if (projection.status == Status::kOk && InImage(camera.camera, projection.px)) out.px.push_back(projection.px);
+    }
+  }
+  return out;
+}
+
+void MaskCover::Add(const Image& mask, const ProjectedJoints& joints) {
+  for (const Eigen::Vector2d& px : joints.px) {
+    const int x = std::clamp(int(std::lround(px.x())), 0, mask.width - 1),
+              y = std::clamp(int(std::lround(px.y())), 0, mask.height - 1);
+    ++seen;
+    on_mask += *mask.Pixel(x, y) > 127;
+  }
+}
+
+void MaskCover::Report(const std::string& masks, double least_cover, Findings* findings) const {
+  if (seen == 0 || on_mask >= least_cover * seen) return;
+  const std::string text = "only " + std::to_string(100 * on_mask / seen) +
+                           " % of the joints in view lie on the masks: wrong camera, wrong frame numbers or poor masks";
+  2 * on_mask < seen ? findings->Error("DAT-COVER", masks, text) : findings->Warning("DAT-COVER", masks, text);
+}
 
 std::optional<MaskMeaning> VerifyMaskValues(const PanopticSequence& sequence, Findings* findings) {
   const std::string folder = sequence.root + "/masks";
@@ -194,7 +192,7 @@ FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::Ri
                             const VerifyOptions& options, Findings* findings) {
   const std::string& name = camera.camera.name;
   const std::string masks = sequence.root + "/masks/" + name;
-  Checker checker{camera, findings, geometry::Projector(camera.camera), {}, 0, 0, 0, 0, mask_values};
+  Checker checker{camera, findings, geometry::Projector(camera.camera), {}, 0, 0, {}, mask_values};
   checker.counts.frames = static_cast<int64_t>(footage.pictures.size());
   if (scenes.empty()) {
     PicturesAlone(footage, options, &checker);
@@ -206,7 +204,7 @@ FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::Ri
   std::vector<int> no_image, no_mask;
   int position = 0;
   for (const auto& [frame, scene] : scenes) {
-    const ProjectedJoints joints = ProjectJoints(scene, camera, checker.projector);
+    const ProjectedJoints joints = ProjectJoints(scene.people, camera, checker.projector);
     checker.valid += joints.valid;
     checker.in_image += static_cast<int>(joints.px.size());
     const bool decode = position % options.picture_step == 0, keep = position % sample == 0;

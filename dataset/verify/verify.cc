@@ -9,7 +9,9 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "dataset/json/json_file.h"
+#include "dataset/panoptic/in_view.h"
 #include "dataset/verify/findings.h"
+#include "dataset/verify/image_mask.h"
 #include "dataset/verify/verify_steps.h"
 
 namespace mvstudio::dataset {
@@ -128,6 +130,21 @@ std::vector<geometry::RigCamera> CamerasWithFootage(const PanopticSequence& sequ
   return cameras;
 }
 
+/// Of HD images alone: there are no masks of others.
+void CompareWithMasks(const PanopticSequence& sequence, const std::vector<geometry::RigCamera>& cameras,
+                      const MaskMeaning& masks, const RunContext& run, Findings* findings) {
+  CameraFrames frames;
+  for (const geometry::RigCamera& camera : cameras) {
+    const std::string& name = camera.camera.name;
+    const PanopticFootage& footage = sequence.footage.at(name);
+    if (footage.is_video || KindOf(name) != PanopticKind::kHd || !fs::is_directory(sequence.root + "/masks/" + name)) continue;
+    for (const auto& [frame, file] : footage.pictures) frames[name].push_back(frame);
+  }
+  PanopticDataset files;
+  files.root = sequence.root;
+  for (const Finding& found : CompareImagesWithMasks(files, masks, frames, run)) findings->Add(found);
+}
+
 std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const std::vector<geometry::RigCamera>& cameras,
                                        const std::map<int, Body3dScene>& hd, const std::map<int, Body3dScene>& vga,
                                        const VerifyOptions& options, const RunContext& run, Findings* findings) {
@@ -150,7 +167,18 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
   });
   for (const Findings& f : by_camera) findings->Append(f);
   internal::CompareCameras(cameras, checks, sequence, findings);
+  if (masks) CompareWithMasks(sequence, cameras, *masks, run, findings);
   return checks;
+}
+
+/// Each camera's own warning says little where it is all of them.
+void CheckInView(const PanopticSequence& sequence, const geometry::Rig& rig, const std::map<int, Body3dScene>& scenes,
+                 Findings* findings) {
+  std::map<int, std::map<int, Coco19Pose>> poses;
+  for (const auto& [frame, scene] : scenes) poses[frame] = scene.people;
+  const NotInView why = WhyNotInView(rig, poses);
+  const size_t colon = why.text.find(": ");
+  if (!why.text.empty()) findings->Error(why.text.substr(0, colon), sequence.calibration, why.text.substr(colon + 2));
 }
 
 std::string WhyUnusable(const geometry::Rig& rig, const VerifyReport& report) {
@@ -192,6 +220,7 @@ VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options
   ReportNames(sequence, &findings);
   CheckFolders(sequence, rig, &findings);
   CheckSidecar(root, rig, &findings);
+  CheckInView(sequence, rig, hd, &findings);
   const auto cameras = CamerasWithFootage(sequence, rig, &findings);
   report.cameras = static_cast<int>(cameras.size());
   const std::vector<FootageCheck> checks = CheckFootage(sequence, cameras, hd, vga, options, run, &findings);

@@ -45,6 +45,21 @@ struct FootageCheck {
   int no_picture = 0, no_mask = 0;              ///< frames with joints without a picture; with a picture and without a mask
   std::map<int, Thumbnail> thumbnails;          ///< of a few frames
 };
+/// Pixels in the image of the valid joints.
+struct ProjectedJoints {
+  std::vector<Eigen::Vector2d> px;
+  int valid = 0;
+};
+ProjectedJoints ProjectJoints(const std::map<int, Coco19Pose>& people, const geometry::RigCamera& camera,
+                              const geometry::Projector& projector);
+
+/// How many of a camera's joints lie on its masks.
+struct MaskCover {
+  int on_mask = 0, seen = 0;
+  void Add(const Image& mask, const ProjectedJoints& joints);
+  void Report(const std::string& masks, double least_cover, Findings* findings) const;  ///< DAT-COVER
+};
+
 /// Reports masks of other values than 0 and 255; null where they contradict each other or are no masks.
 std::optional<MaskMeaning> VerifyMaskValues(const PanopticSequence& sequence, Findings* findings);
 

@@ -93,7 +93,8 @@ void ChooseCameras(const PanopticDataset& dataset, const SplitOptions& options, 
                    (!options.test_cameras.empty() || !options.train_cameras.empty());
   if (ways != 1) {
     throw UsageError(ways ? "choose the cameras one way: by name, by their number, or every k-th"
-                          : "say which cameras are for test: a preset, names, a number of training cameras, or every k-th");
+                          : "say which cameras are for test: by option 'preset', by name (option 'test-cameras' or option "
+                            "'train-cameras'), by option 'train-count', or every k-th by option 'every-camera'");
   }
   const Names validation = Resolve(dataset, options.validation_cameras, "validation");
   Names train = Resolve(dataset, options.train_cameras, "training"), test = Resolve(dataset, options.test_cameras, "test");

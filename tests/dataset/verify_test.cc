@@ -10,6 +10,7 @@
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/panoptic/panoptic.h"
+#include "dataset/verify/image_mask.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {
@@ -191,6 +192,75 @@ TEST_F(VerifyTest, JointsOffTheMasks) {
   }
   EXPECT_EQ(Only("DAT-COVER"), 1);
   EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 1) << "none of them lies on one";
+}
+
+/// Images and masks of a box that moves, of two cameras in ten frames; `image_of` and `late` choose what the images show.
+class ImageMaskTest : public ::testing::Test {
+ protected:
+  std::vector<Finding> Found(const std::function<int(int)>& image_of, int late, int speed_px = 4) {
+    PanopticDataset data;
+    data.root = folder_.path();
+    CameraFrames frames;
+    for (int c = 0; c < 2; ++c) {
+      const std::string name = "00_0" + std::to_string(c);
+      for (int frame = 0; frame < 10; ++frame) {
+        frames[name].push_back(frame);
+        const std::string stem = name + "/" + name + "_0000000" + std::to_string(frame) + ".png";
+        Image image = SmoothImage(160, 120, c), mask(160, 120, 1);
+        Box(&image, image_of(c), speed_px * (frame - late), 250), Box(&mask, c, speed_px * frame, 255);
+        WriteImage(image, folder_ / ("hdImgs/" + stem)), WriteImage(mask, folder_ / ("masks/" + stem));
+      }
+    }
+    return CompareImagesWithMasks(data, {}, frames, {});
+  }
+  static void Box(Image* image, int camera, int x, uint8_t value) {
+    for (int y = 20 + 15 * camera; y < 90; ++y)
+      std::fill_n(image->Pixel(40 + x + 20 * camera, y), (20 + 9 * camera) * image->channels, value);
+  }
+  mvstudio::testing::TempDir folder_;
+};
+
+TEST_F(ImageMaskTest, WhatBelongsTogetherAndWhatStandsStillGivesNone) {
+  const auto own = [](int c) { return c; };
+  EXPECT_TRUE(Found(own, 0).empty());
+  EXPECT_TRUE(Found(own, 0, 0).empty());
+  EXPECT_TRUE(Found(own, 3, 0).empty()) << "nobody can tell";
+}
+
+TEST_F(ImageMaskTest, ImagesOfTwoCamerasAreExchanged) {
+  const std::vector<Finding> found = Found([](int c) { return 1 - c; }, 0);
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_EQ(found[0].code, "DAT-IMAGE-MASK");
+  EXPECT_EQ(found[0].severity, Finding::Severity::kError);
+  EXPECT_NE(found[0].text.find("fit the masks of 00_01, not those of 00_00"), std::string::npos) << found[0].text;
+  EXPECT_NE(found[1].text.find("fit the masks of 00_00, not those of 00_01"), std::string::npos) << found[1].text;
+}
+
+TEST_F(ImageMaskTest, ImagesAreLate) {
+  for (const int late : {3, -2}) {
+    const std::vector<Finding> found = Found([](int c) { return c; }, late);
+    ASSERT_EQ(found.size(), 2u);
+    const std::string want = late > 0 ? "masks of 3 frames earlier" : "masks of 2 frames later";
+    EXPECT_NE(found[0].text.find(want), std::string::npos) << found[0].text;
+  }
+}
+
+TEST_F(VerifyTest, CalibrationInMetresSeesNobody) {
+  EditJson(Path("calibration_t.json"), [](json& c) {
+    for (json& camera : c["cameras"]) {
+      for (json& row : camera["t"]) {
+        json& value = row.is_array() ? row[0] : row;
+        value = value.get<double>() / 100;
+      }
+    }
+  });
+  const VerifyReport report = VerifyDataset(folder_.path());
+  EXPECT_GE(report.num_errors(), 1);
+  const auto units = std::find_if(report.findings.begin(), report.findings.end(), [](const Finding& f) {
+    return f.code == "DAT-UNITS" && f.severity == Finding::Severity::kError;
+  });
+  ASSERT_NE(units, report.findings.end());
+  EXPECT_NE(units->text.find("Multiply each t by 100"), std::string::npos) << units->text;
 }
 
 TEST_F(VerifyTest, DuplicatedPerson) {

@@ -378,6 +378,10 @@ TEST(Export, DamagedOrMisfitPicturesLeaveNothingBehind) {
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
   dataset::WriteImage(Disc(50, 50, false), dataset.ImagePath("00_03", 245));
   EXPECT_THAT(MessageOf<FormatError>([&] { ExportDataset(dataset, "zju", folder / "out", {}); }), HasSubstr("50x50"));
+  WriteFileAtomic(dataset.ImagePath("00_03", 245), ReadFile(dataset.ImagePath("00_03", 246)).substr(0, 900));
+  for (const char* format : {"zju", "easymocap", "dynamic3dgs", "humman"})
+    EXPECT_THAT(MessageOf<FormatError>([&] { ExportDataset(dataset, format, folder / "out", {}); }),
+                HasSubstr("00_03_00000245"));
   WriteFileAtomic(dataset.ImagePath("00_03", 245), "no picture");
   EXPECT_THROW(ExportDataset(dataset, "zju", folder / "out", {}), FormatError);
   EXPECT_FALSE(fs::exists(folder / "out"));
