@@ -7,6 +7,7 @@
 
 #include "app/calib/calibration_use.h"
 #include "app/input/calib_read.h"
+#include "calib/board/sides.h"
 #include "calib/detect/detect_board.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
@@ -141,6 +142,7 @@ calib::KnownPoints FindBoard(const calib::Board& board, const std::vector<calib:
 
 calib::SceneScale FindScale(const SceneArguments& arguments, const std::vector<calib::Board>& boards,
                             const std::vector<calib::SceneImage>& images, CommandResult* result) {
+  calib::RequireThickness(boards);
   calib::SceneScale scale;
   if (!arguments.camera_distance.empty()) {
     scale.distance = calib::ParseCameraDistance(arguments.camera_distance);
