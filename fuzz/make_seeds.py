@@ -469,14 +469,14 @@ def seed_runs():
     def text(value):
         return struct.pack("<Q", len(value)) + value
 
-    def detection(status, corners):
+    def detection(status, corners, soft=False):
         points = struct.pack(f"<{2 * corners}d", *[1.5 * i for i in range(2 * corners)])
         return (struct.pack("<i", status) + text(b"why") + struct.pack("<idiBBd", corners, 0.1, 4, 1, 0, 0.5) +
                 struct.pack(f"<Q{corners}i", corners, *range(corners)) + struct.pack("<Q", 2 * corners) + points +
-                struct.pack(f"<Q{corners}d", corners, *[0.1] * corners))
+                struct.pack(f"<Q{corners}d", corners, *[0.1] * corners) + struct.pack("<B", soft) + (detection(0, corners) if soft else b""))
 
-    put("detection_cache", "one.bin", text(b"mvstudio detections 6") + struct.pack("<iiQ", 640, 480, 1) + struct.pack("<qQ", 7, 2) +
-        detection(0, 3) + detection(1, 0))
+    put("detection_cache", "one.bin", text(b"mvstudio detections 7") + struct.pack("<iiQ", 640, 480, 1) + struct.pack("<qQ", 7, 2) +
+        detection(0, 3) + detection(1, 2, True))
 
 
 def seed_scenes():

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "calib/board/board.h"
+#include "calib/board/sides.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/random.h"
@@ -111,7 +112,7 @@ void Validate(const SynthOptions& o) {
   Require(o.samples >= 1 && o.samples <= 8, "samples", "1 to 8");
   Require(o.texture_px >= 8 && o.texture_px <= 4096, "texture-px", "8 to 4096");
   Require(o.crf >= 0 && o.crf <= 51, "crf", "0 to 51");
-  calib::ParseBoard(o.board);
+  calib::RequireThickness({calib::ParseBoard(o.board)});
 }
 
 geometry::Rig MakeStudio(const SynthOptions& options, uint64_t seed) {

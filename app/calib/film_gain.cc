@@ -5,10 +5,9 @@
 #include <cmath>
 #include <map>
 #include <optional>
-#include <tuple>
+#include <utility>
 
-#include "calib/bundle/bundle.h"
-#include "calib/bundle/view.h"
+#include "app/calib/solved_state.h"
 #include "calib/covariance/projection_uncertainty.h"
 #include "calib/film_next.h"
 
@@ -22,25 +21,6 @@ using geometry::Rigid3;
 struct Third {
   int col = 0, row = 0;
 };
-
-/// Detections of the corners that were kept.
-std::vector<calib::Detection> KeptCorners(const calib::CalibrateReport& report) {
-  std::map<std::tuple<int64_t, int, int>, std::vector<const calib::CornerResidual*>> kept;
-  for (const calib::CornerResidual& corner : report.residuals)
-    if (!corner.rejected) kept[{corner.frame_idx, corner.camera_idx, corner.board_idx}].push_back(&corner);
-  std::vector<calib::Detection> detections;
-  for (const auto& [place, corners] : kept) {
-    calib::Detection detection;
-    std::tie(detection.frame_idx, detection.camera_idx, detection.board_idx) = place;
-    detection.points_px.resize(2, static_cast<Index>(corners.size()));
-    for (const calib::CornerResidual* corner : corners) {
-      detection.points_px.col(detection.num_corners()) = corner->px;
-      detection.corner_ids.push_back(corner->corner_id);
-    }
-    detections.push_back(std::move(detection));
-  }
-  return detections;
-}
 
 /// A board around the middle of a part of the image, as near to it as the whole board is in view; none: it is nowhere.
 std::optional<Rigid3> BoardAt(const geometry::Projector& projector, const geometry::Camera& camera,
@@ -125,27 +105,10 @@ calib::Detection SeenAt(const geometry::Camera& camera, int camera_idx, int64_t 
 /// Uncertainty at the corners of each camera's image by these detections, at the report's solution.
 std::vector<double> CornerPx(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards,
                              const std::vector<calib::Detection>& detections, std::map<int64_t, Rigid3> world_from_board) {
-  calib::RigState state;
-  calib::BundleOptions options;
-  const std::vector<calib::View> views = calib::MakeViews(boards, detections, &state.frames);
-  for (const int64_t frame : state.frames) state.world_from_board.push_back(world_from_board[frame]);
-  for (size_t c = 0; c < report.rig.cameras.size(); ++c) {
-    const geometry::Camera& lens = report.rig.cameras[c].camera;
-    state.cameras.push_back(lens), state.cam_from_world.push_back(report.rig.cameras[c].cam_from_world);
-    options.fix_lens.push_back(report.cameras[c].lens_held);
-    int group = static_cast<int>(c);
-    for (int other = group - 1; other >= 0; --other)
-      if (state.cameras[static_cast<size_t>(other)].params == lens.params) group = other;
-    state.lens_group.push_back(group);
-  }
-  state.rig_from_board = report.rig_from_board, state.board_warp_m = report.board_warp_m;
-  state.board_stretch = report.board_stretch;
-  options.refine_warp =
-      std::any_of(state.board_warp_m.begin(), state.board_warp_m.end(), [](const auto& w) { return w.norm() > 0; });
-  options.refine_stretch = !state.board_stretch.empty();
+  const SolvedState solved = StateOf(report, boards, detections, std::move(world_from_board));
   std::vector<double> px;
   for (const calib::CameraUncertainty& c :
-       calib::ProjectionUncertainty(views, state, options, report.sigma_px).Summarize().cameras)
+       calib::ProjectionUncertainty(solved.views, solved.state, solved.options, report.sigma_px).Summarize().cameras)
     px.push_back(c.corner_px);
   return px;
 }
@@ -154,14 +117,11 @@ std::vector<double> CornerPx(const calib::CalibrateReport& report, const std::ve
 
 std::vector<FilmGain> PredictGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards) {
   const size_t count = report.rig.cameras.size();
-  const bool late = std::any_of(report.cameras.begin(), report.cameras.end(),
-                                [](const calib::CameraReport& c) { return c.time_offset_frames != 0 || c.time_rate != 0; });
-  if (late || report.free_boards || report.components.empty() || report.uncertainty.cameras.size() != count) return {};
+  if (!IsWholeState(report) || report.components.empty() || report.uncertainty.cameras.size() != count) return {};
   std::vector<calib::Detection> detections = KeptCorners(report);
   std::vector<FilmGain> gains = Proposals(report, boards, detections);
   if (gains.empty()) return gains;
-  std::map<int64_t, Rigid3> poses;
-  for (size_t f = 0; f < report.frames.size(); ++f) poses[report.frames[f]] = report.world_from_board[f];
+  std::map<int64_t, Rigid3> poses = BoardPoses(report);
   const std::vector<double> before = CornerPx(report, boards, detections, poses);
   int64_t frame = poses.empty() ? 0 : poses.rbegin()->first + 1;
   for (const FilmGain& gain : gains) {

@@ -132,6 +132,11 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
   corners.found = calib::DetectFootage(boards, footage, arguments.footage, run);
   for (const calib::FootageDetections& camera : corners.found) {
     SayUnused(camera, corners.found.size() == 1, result);
+    for (const calib::SoftBoards& soft : camera.soft) {
+      const std::string text = "camera " + camera.camera.name + ": " + soft.text;
+      if (soft.many) result->warnings.push_back({"CAL-SOFT", text, "focus, light and a still board make corners sharp"});
+      if (!soft.many) result->text += text + "\n";
+    }
     for (const std::string& note : camera.notes) {
       result->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
     }

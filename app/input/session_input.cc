@@ -6,6 +6,7 @@
 
 #include "app/input/take_frames.h"
 #include "app/input/take_input.h"
+#include "calib/board/sets.h"
 #include "core/error.h"
 #include "dataset/footage/frames.h"
 #include "dataset/session/timeline_source.h"
@@ -98,6 +99,7 @@ std::vector<std::string> CamerasWithoutBoard(const SessionArguments& arguments) 
 
 void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result) {
   if (arguments.session.empty() && !arguments.take.empty()) throw UsageError("option 'take' needs option 'session'");
+  corners->boards = calib::SingleBoards(corners->boards);
   if (arguments.session.empty()) return;
   const dataset::Session session = dataset::ReadSession(arguments.session, arguments.allow_outside);
   AddWarnings(session, result);
@@ -107,6 +109,7 @@ void FillCorners(const SessionArguments& arguments, CornerArguments* corners, Co
     std::istringstream boards(session.board);
     for (std::string board; boards >> board;)
       corners->boards.push_back(calib::ParseBoard(dataset::BoardWithUnits(board, session.units)));
+    corners->boards = calib::SingleBoards(corners->boards);
   }
   if (!corners->cameras.empty() || !corners->corners.empty()) return;
   const dataset::SessionTake& take = BoardTake(session, arguments.take);

@@ -19,6 +19,8 @@
 #include <tuple>
 #include <utility>
 
+#include "calib/board/aruco.h"
+#include "calib/board/charuco_layout.h"
 #include "calib/board/pixel_origin.h"
 #include "core/check.h"
 #include "core/join.h"
@@ -148,19 +150,20 @@ std::string CanonicalTagFamily(const std::string& name) {
   for (const std::string& known : AllTagFamilies()) {
     if (plain(known) == plain(name)) return known;
   }
-  return name;
+  return CanonicalDictionary(name);
 }
 
 std::optional<TagFamily> FindTagFamily(const std::string& name) {
   const apriltag_family_t* family = AllFamilies().Get(name, 1);
-  if (!family) return std::nullopt;
+  if (!family) return FindArucoFamily(name);
   return TagFamily{name, static_cast<int>(family->ncodes), family->width_at_border, family->total_width,
                    family->reversed_border};
 }
 
 TagPattern PatternOf(const TagFamily& family, int id, int border) {
   MVS_CHECK(id >= 0 && id < family.num_tags, "tag " << id << " of family " << family.name);
-  MVS_CHECK(border == 1 || (border == 2 && !family.white_inside), "border = " << border);
+  MVS_CHECK(border == 1 || (border == 2 && !family.white_inside && !family.aruco), "border = " << border);
+  if (family.aruco) return ArucoPattern(family, id);
   apriltag_family_t* wide = AllFamilies().Get(family.name, border);
   image_u8_t* drawn = apriltag_to_image(wide, id);
   TagPattern pattern;
@@ -177,6 +180,7 @@ TagPattern PatternOf(const TagFamily& family, int id, int border) {
 std::vector<Tag> FindTags(const TagFamily& family, TagBorder border, const Image& grey) {
   MVS_CHECK(grey.channels == 1, grey.channels << " channels");
   if (std::min(grey.width, grey.height) < kMinImagePx) return {};
+  if (family.aruco) return Distinct(FindArucoTags(family, grey));
   const std::unique_ptr<apriltag_detector_t, void (*)(apriltag_detector_t*)> detector(apriltag_detector_create(),
                                                                                       &Families::Release);
   detector->quad_decimate = 1;

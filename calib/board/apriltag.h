@@ -10,19 +10,22 @@
 
 namespace mvstudio::calib {
 
-/// One of the tag families of the AprilTag library (Krogius, Haggenmiller, Olson, "Flexible layouts for fiducial tags", IROS
-/// 2019). Cells are the squares of one bit.
+/// One of the tag families of the AprilTag library, or one of OpenCV's dictionaries of ArUco markers (Krogius, Haggenmiller,
+/// Olson, "Flexible layouts for fiducial tags", IROS 2019). Cells are the squares of one bit.
 struct TagFamily {
   std::string name;           ///< without "tag": 36h11, 25h9, 16h5, Circle21h7, Circle49h12, Custom48h12, Standard41h12, …
   int num_tags = 0;           ///< ids are 0 to num_tags - 1
   int border_cells = 0;       ///< cells along the side of the square whose corners are found
   int total_cells = 0;        ///< cells along the side of the whole print
   bool white_inside = false;  ///< the found square is white inside and black outside (newer families), else the reverse
+  bool aruco = false;         ///< a dictionary of ArUco markers: name 4x4_50, …, aruco_original
 };
 
-/// The family that `name` means in any case and with or without `tag` before it; `name` itself for none.
+/// The family that `name` means in any case and with or without `tag` before it, or the dictionary of ArUco markers; `name`
+/// itself for none.
 std::string CanonicalTagFamily(const std::string& name);
 std::optional<TagFamily> FindTagFamily(const std::string& name);
+/// Those of the AprilTag library.
 const std::vector<std::string>& AllTagFamilies();
 /// All names, separated by ", ".
 std::string TagFamilyNames();

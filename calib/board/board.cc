@@ -4,14 +4,16 @@
 #include <string>
 
 #include "calib/board/charuco_layout.h"
+#include "calib/board/sets.h"
 
 namespace mvstudio::calib {
 namespace {
 
-/// Tags have families of their own; a smaller dictionary of ArUco markers is the beginning of a larger one (4x4_50, 4x4_1000).
+/// A smaller dictionary of ArUco markers is the beginning of a larger one (4x4_50, 4x4_1000); others are AprilTag's families.
 std::string FamilyOf(const Board& board) {
-  const bool numbered = !board.has_tags() && board.dictionary.find('x') != std::string::npos;
-  return numbered ? board.dictionary.substr(0, board.dictionary.find('_')) : board.dictionary;
+  const std::string& name = board.dictionary;
+  if (name.rfind("apriltag_", 0) == 0) return name.substr(name.find('_') + 1);
+  return name.find('x') != std::string::npos ? name.substr(0, name.find('_')) : name;
 }
 
 int NumMarks(const Board& board) {
@@ -78,10 +80,20 @@ Board FrontOf(Board board) {
   return board;
 }
 
+std::vector<Board> SingleBoards(const std::vector<Board>& boards) {
+  std::vector<Board> singles;
+  for (const Board& board : boards) {
+    Board single = board;
+    if (IsSet(board)) single.cols = 1;
+    for (int n = 0; n < (IsSet(board) ? board.cols : 1); ++n, ++single.first_tag) singles.push_back(single);
+  }
+  return singles;
+}
+
 std::string SharedMarks(const Board& a, const Board& b) {
+  const auto marked = [](const Board& board) { return board.has_tags() || board.kind == Board::Kind::kCharuco; };
   const bool tags = a.has_tags() && b.has_tags();
-  const bool markers = a.kind == Board::Kind::kCharuco && b.kind == Board::Kind::kCharuco;
-  if (!tags && !markers) return a.kind == b.kind && ToString(a) == ToString(b) ? "everything" : "";
+  if (!marked(a) || !marked(b)) return a.kind == b.kind && ToString(a) == ToString(b) ? "everything" : "";
   if (FamilyOf(a) != FamilyOf(b)) return "";
   const int first = std::max(a.first_tag, b.first_tag);
   const int last = std::min(a.first_tag + NumMarks(a), b.first_tag + NumMarks(b)) - 1;

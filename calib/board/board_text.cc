@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <map>
 #include <opencv2/aruco.hpp>
 #include <optional>
@@ -12,6 +13,8 @@
 #include "calib/board/board_points.h"
 #include "calib/board/charuco_layout.h"
 #include "calib/board/circles.h"
+#include "calib/board/sets.h"
+#include "calib/board/sides.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -23,11 +26,11 @@ const char* const kBoardForms =
     "chessboard:COLSxROWS:SQUARE[:inverted] (INNER corners), "
     "charuco:COLSxROWS:SQUARE:MARKER[:DICTIONARY][:legacy][:inverted][:first=ID] (squares), "
     "aprilgrid:COLSxROWS:SIDE:GAP/SIDE[:FAMILY][:first=ID][:border=CELLS] (tags, Kalibr's layout), "
-    "tag:FAMILY:ID:SIDE[:border=CELLS] (one AprilTag), "
+    "tag:FAMILY:ID[-LAST]:SIDE[:border=CELLS] (AprilTags or ArUco markers, each a board of its own), "
     "circles:COLSxROWS:STEP[:DIAMETER][:inverted], acircles:COLSxROWS:STEP[:DIAMETER][:inverted] (OpenCV's asymmetric grid), "
     "grid:COLSxROWS:STEP (points, for corner files) or "
     "points:FILE (a table id,x,y,z, for corner files); a SQUARE or STEP of two lengths, 22.5x24.5mm, is along the columns and "
-    "the rows; charuco and aprilgrid with the same print in a mirror on the back: [:two-sided=THICKNESS]; "
+    "the rows; charuco and aprilgrid with the same print in a mirror on the back: [:two-sided[=THICKNESS]]; "
     "e.g. chessboard:9x6:25mm, charuco:8x6:60mm:45mm:4x4_1000, aprilgrid:6x6:88mm:0.3:36h11, tag:36h11:7:100mm";
 
 namespace {
@@ -44,7 +47,8 @@ constexpr Form kForms[] = {
     {"aprilgrid",
      "aprilgrid:COLSxROWS:SIDE:GAP/SIDE[:FAMILY][:first=ID][:border=CELLS][:two-sided=THICKNESS] (tags, Kalibr's layout)",
      "aprilgrid:6x6:88mm:0.3:36h11"},
-    {"tag", "tag:FAMILY:ID:SIDE[:border=CELLS] (one AprilTag)", "tag:36h11:7:100mm"},
+    {"tag", "tag:FAMILY:ID[-LAST]:SIDE[:border=CELLS] (AprilTags or ArUco markers: FAMILY 36h11, 4x4_50, …)",
+     "tag:36h11:7:100mm"},
     {"circles", "circles:COLSxROWS:STEP[:DIAMETER][:inverted] (STEP also WIDTHxHEIGHT)", "circles:7x6:30mm"},
     {"acircles", "acircles:COLSxROWS:STEP[:DIAMETER][:inverted] (OpenCV's asymmetric grid; STEP from row to row)",
      "acircles:4x11:20mm"},
@@ -57,7 +61,7 @@ const Form* FormOf(const std::string& text) {
   if (kind == "checkerboard" || kind == "checker" || kind == "chess") kind = "chessboard";
   if (kind == "charucoboard") kind = "charuco";
   if (kind == "apriltaggrid" || kind == "aprilboard") kind = "aprilgrid";
-  if (kind == "apriltag") kind = "tag";
+  if (kind == "apriltag" || kind == "tags" || kind == "marker" || kind == "markers" || kind == "aruco") kind = "tag";
   if (kind == "circlegrid" || kind == "circlesgrid" || kind == "symmetriccircles") kind = "circles";
   if (kind == "acirclesgrid" || kind == "asymmetriccircles" || kind == "asymmetriccirclesgrid") kind = "acircles";
   for (const Form& form : kForms) {
@@ -146,8 +150,9 @@ bool ParseMarkerPart(const std::string& part, const std::string& text, Board* bo
   const char* back = ValueOf(part, "two-sided");
   if (first) board->first_tag = ParseCount(first, text, 0, 99999);
   if (back) board->back_m = ParseDistance(back, text);
-  if (part == "two-sided") Fail(text, "how thick is it? two-sided=3mm, or two-sided=0mm when it is printed through");
-  return first || back;
+  const bool unknown = part == "two-sided";
+  if (unknown) board->back_m = std::numeric_limits<double>::quiet_NaN();
+  return first || back || unknown;
 }
 
 void CheckMarkers(const Board& board, const std::string& text) {
@@ -184,12 +189,18 @@ Board ParseCharuco(const Parts& parts, const std::string& text) {
 
 void CheckTags(const Board& board, const std::string& text) {
   const auto family = FindTagFamily(board.dictionary);
-  if (!family) Fail(text, "unknown AprilTag family '" + board.dictionary + "'; known: " + TagFamilyNames());
-  const int num_tags = board.kind == Board::Kind::kTag ? 1 : board.cols * board.rows;
+  if (!family)
+    Fail(text, "unknown family '" + board.dictionary + "'; known: " + TagFamilyNames() + ", and of ArUco markers " +
+                   DictionaryNames());
+  if (family->aruco && board.kind == Board::Kind::kAprilGrid)
+    Fail(text, "an AprilGrid has AprilTags; ArUco markers are single ones, tag:" + board.dictionary + ":0-" +
+                   std::to_string(board.cols * board.rows - 1) + ":SIDE, or those of a ChArUco board");
+  const int num_tags = board.cols * board.rows;
   if (board.first_tag + num_tags > family->num_tags) {
     Fail(text, "family " + family->name + " has only the tags 0 to " + std::to_string(family->num_tags - 1));
   }
-  if (family->white_inside && board.tag_border != 1) Fail(text, "the border of family " + family->name + " cannot be changed");
+  if ((family->white_inside || family->aruco) && board.tag_border != 1)
+    Fail(text, "the border of family " + family->name + " cannot be changed");
   const double outside = family->white_inside ? (family->total_cells - family->border_cells) / (2.0 * family->border_cells) : 0;
   if (board.kind == Board::Kind::kAprilGrid && !(board.tag_spacing >= 2 * outside)) {
     Fail(text, "the tags of family " + family->name + " reach beyond their border and would overlap with this gap");
@@ -227,8 +238,11 @@ Board ParseTag(const Parts& parts, const std::string& text) {
   board.kind = Board::Kind::kTag;
   board.cols = board.rows = 1;
   if (parts.size() < 4 || parts.size() > 5) Fail(text, "a tag has 4 or 5 parts");
-  board.dictionary = CanonicalTagFamily(parts[1]);
-  board.first_tag = ParseCount(parts[2], text, 0, 99999);
+  board.dictionary = CanonicalTagFamily(parts[1].rfind("apriltag_", 0) == 0 ? parts[1].substr(9) : parts[1]);
+  const size_t dash = parts[2].find('-');
+  board.first_tag = ParseCount(parts[2].substr(0, dash), text, 0, 99999);
+  if (dash != std::string::npos)
+    board.cols = ParseCount(parts[2].substr(dash + 1), text, board.first_tag, 99999) - board.first_tag + 1;
   board.square_m = ParseLength(parts[3], text);
   if (parts.size() == 5) {
     const char* width = ValueOf(parts[4], "border");
@@ -349,7 +363,8 @@ std::string ToString(const Board& board) {
   const std::string border = ":border=" + std::to_string(board.tag_border);
   const std::string first = board.first_tag ? ":first=" + std::to_string(board.first_tag) : "";
   const std::string inverted = board.inverted ? ":inverted" : "";
-  const std::string back = board.back_m ? ":two-sided=" + Millimetres(*board.back_m) : "";
+  const std::string thickness = ThicknessUnknown(board) ? "" : "=" + Millimetres(board.back_m.value_or(0));
+  const std::string back = board.back_m ? ":two-sided" + thickness : "";
   switch (board.kind) {
     case Board::Kind::kCharuco:
       return "charuco:" + Size(board.cols + 1, board.rows + 1) + ":" + Millimetres(board.square_m) + ":" +
@@ -361,7 +376,8 @@ std::string ToString(const Board& board) {
              ":" + board.dictionary + first + (board.tag_border == usual ? "" : border) + back;
     }
     case Board::Kind::kTag:
-      return "tag:" + board.dictionary + ":" + std::to_string(board.first_tag) + ":" + Millimetres(board.square_m) +
+      return "tag:" + board.dictionary + ":" + std::to_string(board.first_tag) +
+             (IsSet(board) ? "-" + std::to_string(board.first_tag + board.cols - 1) : "") + ":" + Millimetres(board.square_m) +
              (board.tag_border == 1 ? "" : border);
     case Board::Kind::kPoints:
       return "points:" + std::to_string(board.num_corners());

@@ -16,11 +16,11 @@ namespace mvstudio::calib {
 namespace {
 
 constexpr int kMaxCols = 30;
-constexpr int kLeastMarkers = 5;       // of an image, for its layout to be told
-constexpr double kMaxMisplaced = 0.2;  // of a marker's side
-constexpr double kMaxSideRatio = 1.4;  // of a marker's side to the median of its image, on the board
-constexpr int kLeastSeenShare = 4;     // one marker of so many must be seen, or the board is larger than anybody saw
-constexpr int kLargestPx = 1600;
+constexpr int kLeastMarkers = 5;               // of an image, for its layout to be told
+constexpr double kMaxMisplaced = 0.2;          // of a marker's side
+constexpr double kMaxSideRatio = 1.4;          // of a marker's side to the median of its image, on the board
+constexpr int kLeastSeenShare = 4;             // one marker of so many must be seen, or the board is larger than anybody saw
+constexpr int kSidesPx[] = {800, 1600, 3200};  // longer side of the image, coarse to fine
 
 using CentreOf = std::function<Eigen::Vector2d(int)>;
 
@@ -213,14 +213,21 @@ std::optional<Board> GuessAprilGrid(const std::string& family, const std::vector
 }
 
 std::optional<std::pair<int, int>> GuessChessboard(const Image& grey) {
-  cv::Mat image(grey.height, grey.width, CV_8UC1, const_cast<uint8_t*>(grey.pixels.data())), smaller = image;
-  const double scale = static_cast<double>(kLargestPx) / std::max(grey.width, grey.height);
-  if (scale < 1) cv::resize(image, smaller, {}, scale, scale, cv::INTER_AREA);
-  std::vector<cv::Point2f> corners;
-  cv::Mat meta;
+  const cv::Mat image(grey.height, grey.width, CV_8UC1, const_cast<uint8_t*>(grey.pixels.data()));
   const int flags = cv::CALIB_CB_LARGER | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE;
-  if (!cv::findChessboardCornersSB(smaller, {3, 3}, corners, flags, meta) || meta.empty()) return std::nullopt;
-  return std::make_pair(meta.cols, meta.rows);
+  std::optional<std::pair<int, int>> largest;
+  double last_scale = 0;
+  for (const int side_px : kSidesPx) {  // at one resolution the search often ends with a part of the board
+    const double scale = std::min(1.0, static_cast<double>(side_px) / std::max(grey.width, grey.height));
+    if (scale == last_scale) break;
+    last_scale = scale;
+    cv::Mat smaller = image, meta;
+    if (scale < 1) cv::resize(image, smaller, {}, scale, scale, cv::INTER_AREA);
+    std::vector<cv::Point2f> corners;
+    if (!cv::findChessboardCornersSB(smaller, {3, 3}, corners, flags, meta) || meta.empty()) continue;
+    if (!largest || meta.cols * meta.rows > largest->first * largest->second) largest = std::make_pair(meta.cols, meta.rows);
+  }
+  return largest;
 }
 
 }  // namespace mvstudio::calib

@@ -7,6 +7,7 @@
 
 #include "calib/board/apriltag.h"
 #include "calib/board/charuco_layout.h"
+#include "calib/board/sets.h"
 #include "core/check.h"
 #include "core/error.h"
 
@@ -151,6 +152,7 @@ BoardPrint PrintOf(const Board& board) {
   if (board.kind == Board::Kind::kGrid || board.kind == Board::Kind::kPoints) {
     throw UsageError("board " + ToString(board) + " has no print: it stands for corners that another program found");
   }
+  if (IsSet(board)) throw UsageError("board " + ToString(board) + " is a set of tags: draw each by itself, with one id");
   if (board.is_round()) return CirclesPrint(board);
   return board.has_tags() ? TagsPrint(board) : SquaresPrint(board);
 }

@@ -16,7 +16,7 @@
 namespace mvstudio::calib {
 namespace {
 
-constexpr int kChessboardLooks = 5;   // images in which the size of a chessboard is searched
+constexpr size_t kFewImages = 5;      // that are looked at first
 constexpr int kFewTags = 100;         // families with so few tags match clutter: they count only on request
 constexpr int kLeastMarkersSeen = 3;  // in all images together, for a dictionary to count as seen
 
@@ -24,6 +24,11 @@ constexpr int kLeastMarkersSeen = 3;  // in all images together, for a dictionar
 constexpr const char* kWholeDictionaries[] = {"4x4_1000",      "5x5_1000",       "6x6_1000",
                                               "7x7_1000",      "aruco_original", "apriltag_16h5",
                                               "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
+
+/// The position of the `i`-th of `looks` images evenly spread.
+size_t At(int64_t i, int64_t looks, const Pictures& pictures) {
+  return static_cast<size_t>(i) * pictures.grey.size() / static_cast<size_t>(looks);
+}
 
 Image Negative(Image grey) {
   for (uint8_t& value : grey.pixels) value = 255 - value;
@@ -170,6 +175,18 @@ Pictures Prepare(const std::vector<Image>& images) {
   return pictures;
 }
 
+Pictures AFew(const Pictures& pictures) {
+  const auto looks = static_cast<int64_t>(std::min(kFewImages, pictures.grey.size()));
+  Pictures few;
+  for (int64_t i = 0; i < looks; ++i) {
+    const size_t at = At(i, looks, pictures);
+    few.grey.push_back(pictures.grey[at]);
+    few.mirrored.push_back(pictures.mirrored[at]);
+    few.negative.push_back(pictures.negative[at]);
+  }
+  return few;
+}
+
 /// Rows and columns exchanged; squares counted for corners (or the reverse), and both.
 void AddMiscounts(const Board& given, Candidates* candidates) {
   const bool in_squares = given.kind == Board::Kind::kChessboard || given.kind == Board::Kind::kCharuco;
@@ -227,25 +244,29 @@ void AddTagGuesses(const std::optional<Board>& given, const Pictures& pictures, 
   }
 }
 
-void AddChessboardGuesses(const Pictures& pictures, int num_threads, Candidates* candidates) {
-  const int looks = std::min<int>(kChessboardLooks, static_cast<int>(pictures.grey.size()));
+std::vector<Board> GuessChessboards(const Pictures& pictures, int num_threads) {
+  const int looks = static_cast<int>(std::min(kFewImages, pictures.grey.size()));
   std::vector<std::optional<std::pair<int, int>>> sizes(looks);
-  ParallelFor(looks, num_threads,
-              [&](int64_t i) { sizes[i] = GuessChessboard(pictures.grey[i * pictures.grey.size() / looks]); });
+  ParallelFor(looks, num_threads, [&](int64_t i) { sizes[i] = GuessChessboard(pictures.grey[At(i, looks, pictures)]); });
+  const auto area = [](const auto& size) { return size ? size->first * size->second : 0; };
+  std::stable_sort(sizes.begin(), sizes.end(), [&](const auto& a, const auto& b) { return area(a) > area(b); });
+  std::vector<Board> boards;
   for (const auto& size : sizes) {
     if (!size) continue;
     Board board;
     board.cols = std::max(size->first, size->second);
     board.rows = std::min(size->first, size->second);
-    candidates->AddGuess(board, false);
+    board.square_m = 1;
+    boards.push_back(board);
   }
+  return boards;
 }
 
 void AddCircleGuesses(const Pictures& pictures, int num_threads, Candidates* candidates) {
-  const int looks = std::min<int>(kChessboardLooks, static_cast<int>(pictures.grey.size()));
+  const int looks = static_cast<int>(std::min(kFewImages, pictures.grey.size()));
   std::vector<std::optional<Board>> boards(static_cast<size_t>(looks));
   ParallelFor(looks, num_threads, [&](int64_t i) {
-    const size_t at = static_cast<size_t>(i) * pictures.grey.size() / static_cast<size_t>(looks);
+    const size_t at = At(i, looks, pictures);
     for (const bool inverted : {false, true}) {
       for (const SpotLattice& lattice : FindLattices(FindSpots(inverted ? pictures.negative[at] : pictures.grey[at]))) {
         auto board = GuessCircles(lattice);

@@ -41,6 +41,8 @@ class Candidates {
 };
 
 Pictures Prepare(const std::vector<Image>& images);
+/// A few of them, evenly spread.
+Pictures AFew(const Pictures& pictures);
 
 /// Rows and columns exchanged; squares counted for corners (or the reverse), and both.
 void AddMiscounts(const Board& given, Candidates* candidates);
@@ -54,7 +56,8 @@ void AddCharucoGuesses(const std::optional<Board>& given, const Pictures& pictur
 void AddTagGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
                    std::vector<SeenTag>* tags);
 
-void AddChessboardGuesses(const Pictures& pictures, int num_threads, Candidates* candidates);
+/// Chessboards in a few images, with squares of 1 m, the largest first; smaller ones may be parts of them.
+std::vector<Board> GuessChessboards(const Pictures& pictures, int num_threads);
 
 /// Grids of circles, dark or light.
 void AddCircleGuesses(const Pictures& pictures, int num_threads, Candidates* candidates);

@@ -35,10 +35,10 @@ BoardTrial Try(const Candidate& candidate, const Pictures& pictures, Detector de
     trial.mirrored = candidate.mirrored;
     std::vector<double> sigmas;
     for (const auto& detections : found) {
-      if (detections[l].status != Status::kOk) continue;
+      if (!detections[l].seen()) continue;
       ++trial.num_images;
-      trial.num_corners += detections[l].detection.num_corners();
-      sigmas.push_back(detections[l].sigma_px);
+      trial.num_corners += NumCornersSeen(detections[l]);
+      sigmas.push_back((detections[l].soft.empty() ? detections[l] : detections[l].soft[0]).sigma_px);
     }
     if (!sigmas.empty()) trial.residual_px = UpperMedian(sigmas);
     if (l == 0 || trial.num_corners > best.num_corners) best = trial;
@@ -69,15 +69,44 @@ std::string RelationOf(const Board& board, bool mirrored, const std::optional<Bo
   return parts.empty() ? "as given" : Join(parts, ", ");
 }
 
-/// Tries the candidates that were added since the last time.
-void TryNew(const Candidates& candidates, const std::optional<Board>& given, const Pictures& pictures, int num_threads,
-            BoardCheckReport* report) {
-  for (size_t i = report->trials.size(); i < candidates.list().size(); ++i) {
-    BoardTrial trial = Try(candidates.list()[i], pictures, Detector::kFast, num_threads);
-    trial.relation = RelationOf(trial.board, trial.mirrored, given);
-    report->trials.push_back(std::move(trial));
+/// Candidates tried in a few images first: a search for a chessboard that is not there takes seconds where another one is.
+class Trials {
+ public:
+  Trials(const std::optional<Board>& given, const Pictures& all, const Pictures& few, int num_threads, BoardCheckReport* report)
+      : given_(given), all_(all), few_(few), num_threads_(num_threads), report_(report) {}
+
+  /// Those that were added since the last time: in all images when the few show them.
+  void TryNew(const Candidates& candidates) {
+    for (size_t i = report_->trials.size(); i < candidates.list().size(); ++i) {
+      report_->trials.emplace_back();
+      in_few_alone_.push_back(all_.grey.size() > few_.grey.size());
+      if (in_few_alone_[i]) Put(i, candidates.list()[i], few_, Detector::kFast);
+      if (!in_few_alone_[i] || report_->trials[i].num_images > 0) TryInAll(i, candidates.list()[i]);
+    }
   }
-}
+  /// Those that the few did not show.
+  void TryRest(const Candidates& candidates) {
+    for (size_t i = 0; i < report_->trials.size(); ++i) {
+      if (in_few_alone_[i]) TryInAll(i, candidates.list()[i]);
+    }
+  }
+  void Put(size_t i, const Candidate& candidate, const Pictures& pictures, Detector detector) {
+    report_->trials[i] = Try(candidate, pictures, detector, num_threads_);
+    report_->trials[i].relation = RelationOf(report_->trials[i].board, candidate.mirrored, given_);
+  }
+
+ private:
+  void TryInAll(size_t i, const Candidate& candidate) {
+    Put(i, candidate, all_, Detector::kFast);
+    in_few_alone_[i] = false;
+  }
+
+  const std::optional<Board>& given_;
+  const Pictures &all_, &few_;
+  int num_threads_;
+  BoardCheckReport* report_;
+  std::vector<bool> in_few_alone_;
+};
 
 void Sort(BoardCheckReport* report) {
   std::stable_sort(report->trials.begin(), report->trials.end(), [](const BoardTrial& a, const BoardTrial& b) {
@@ -97,41 +126,54 @@ bool Fits(const BoardCheckReport& report, double share) {
 }
 
 /// The slow search for the chessboard that came out best, unless it is in all images already.
-void TryHarder(const std::optional<Board>& given, const Pictures& pictures, int num_threads, BoardCheckReport* report) {
+void TryHarder(const Pictures& pictures, Trials* trials, BoardCheckReport* report) {
   if (!report->best || report->trials[0].board.kind != Board::Kind::kChessboard) return;
   if (report->trials[0].num_images == report->num_images) return;
-  BoardTrial trial = Try({report->trials[0].board, report->trials[0].mirrored}, pictures, Detector::kExact, num_threads);
-  trial.relation = RelationOf(trial.board, trial.mirrored, given);
-  report->trials[0] = std::move(trial);
+  trials->Put(0, {report->trials[0].board, report->trials[0].mirrored}, pictures, Detector::kExact);
 }
 
 }  // namespace
 
 BoardCheckReport CheckBoard(const std::optional<Board>& given, const std::vector<Image>& images, const RunContext& run) {
   MVS_CHECK(!images.empty(), "no images");
-  const Pictures pictures = Prepare(images);
+  const Pictures pictures = Prepare(images), few = AFew(pictures);
   const int num_threads = run.num_threads;
   BoardCheckReport report;
   report.num_images = static_cast<int>(images.size());
   report.scale_known = given.has_value();
   Candidates candidates(given);
+  Trials trials(given, pictures, few, num_threads, &report);
   ProgressStage stage(run, "looking for boards", 4);
   if (given) AddMiscounts(*given, &candidates);
-  TryNew(candidates, given, pictures, num_threads, &report);
+  trials.TryNew(candidates);
   stage.Advance(1, "the given board");
-  const bool tags_asked = given && given->has_tags();
-  if (!Fits(report, 0.8) || tags_asked) AddTagGuesses(given, pictures, num_threads, &candidates, &report.tags);
-  stage.Advance(1, "AprilTag families");
-  if (!Fits(report, 0.8) && !tags_asked) AddCharucoGuesses(given, pictures, num_threads, &candidates, &report.markers);
-  TryNew(candidates, given, pictures, num_threads, &report);
-  stage.Advance(1, "ArUco dictionaries");
-  const bool circles_asked = given && given->is_round();
-  if (!Fits(report, 0.5) && !tags_asked && !circles_asked) AddChessboardGuesses(pictures, num_threads, &candidates);
-  TryNew(candidates, given, pictures, num_threads, &report);
+  const bool tags_asked = given && given->has_tags(), circles_asked = given && given->is_round();
+  const auto add_marked = [&](const Pictures& where, Candidates* to) {
+    report.tags.clear(), report.markers.clear();
+    if (!Fits(report, 0.8) || tags_asked) AddTagGuesses(given, where, num_threads, to, &report.tags);
+    if (!Fits(report, 0.8) && !tags_asked) AddCharucoGuesses(given, where, num_threads, to, &report.markers);
+    return !report.tags.empty() || !report.markers.empty() || to->list().size() > report.trials.size();
+  };
+  const auto try_chessboards = [&] {
+    if (Fits(report, 0.5) || tags_asked || circles_asked) return;
+    for (const Board& board : GuessChessboards(few, num_threads)) {
+      candidates.AddGuess(board, false);
+      trials.TryNew(candidates);
+      if (Fits(report, 0.8)) return;
+    }
+  };
+  Candidates scratch = candidates;  // a chessboard with markers in its squares is no chessboard
+  if (few.grey.size() < pictures.grey.size() && !add_marked(few, &scratch)) try_chessboards();
+  stage.Advance(1, "chessboards in a few images");
+  add_marked(pictures, &candidates);
+  trials.TryNew(candidates);
+  stage.Advance(1, "AprilTag families and ArUco dictionaries");
+  try_chessboards();
   if (!Fits(report, 0.5) && !tags_asked) AddCircleGuesses(pictures, num_threads, &candidates);
-  TryNew(candidates, given, pictures, num_threads, &report);
+  trials.TryNew(candidates);
+  if (!Fits(report, 0.5)) trials.TryRest(candidates);
   Sort(&report);
-  TryHarder(given, pictures, num_threads, &report);
+  TryHarder(pictures, &trials, &report);
   stage.Advance(1, "chessboards and circles");
   return report;
 }

@@ -8,6 +8,7 @@
 
 #include "calib/board/charuco_layout.h"
 #include "calib/board/homography.h"
+#include "calib/board/sets.h"
 #include "calib/detect/corner_search.h"
 #include "calib/detect/locate_board.h"
 #include "core/check.h"
@@ -97,7 +98,7 @@ std::vector<BoardDetection> DetectLayouts(const Board& board, const DetectOption
       continue;
     }
     result.push_back(DetectAmongMarkers(layout, image->For(layout), image->Markers(layout), options));
-    found = found || result.back().status == Status::kOk;
+    found = found || result.back().seen();
     num_agreeing = std::max(num_agreeing, result.back().num_markers);
   }
   if (!found && options.check_mirror && SeenInMirror(board, image->For(board), num_agreeing)) {
@@ -137,16 +138,17 @@ std::vector<BoardDetection> DetectCircles(const Board& board, const DetectOption
     result.push_back(found ? NotDetected(Status::kTooFewViews, "black and white are not exchanged")
                            : DetectCircleGrid(layout, image->For(layout), options));
     result.back().inverted = layout.inverted;
-    found |= result.back().status == Status::kOk;
+    found |= result.back().seen();
   }
   if (!found && result.size() > 1 && result[0].status == Status::kTooFewViews) result[0].reason = result[1].reason;
   return result;
 }
 
 /// A corner of the image in a mirror as one of the back in the image itself.
-void MoveToBack(const Board& board, int width_px, Detection* detection) {
-  for (int& id : detection->corner_ids) id += board.num_side_corners();
-  detection->points_px.row(0) = width_px - 1.0 - detection->points_px.row(0).array();
+void MoveToBack(const Board& board, int width_px, BoardDetection* found) {
+  for (int& id : found->detection.corner_ids) id += board.num_side_corners();
+  found->detection.points_px.row(0) = width_px - 1.0 - found->detection.points_px.row(0).array();
+  for (BoardDetection& soft : found->soft) MoveToBack(board, width_px, &soft);
 }
 
 /// The front, or where it is not there the back.
@@ -154,12 +156,12 @@ std::vector<BoardDetection> DetectSides(const Board& board, const DetectOptions&
                                         MarkedImage* mirror) {
   DetectOptions options = given;
   options.check_mirror = false;
-  const auto seen = [](const BoardDetection& d) { return d.status == Status::kOk; };
+  const auto seen = [](const BoardDetection& d) { return d.seen(); };
   std::vector<BoardDetection> front = DetectLayouts(FrontOf(board), options, image);
   if (std::any_of(front.begin(), front.end(), seen)) return front;
   std::vector<BoardDetection> back = DetectLayouts(FrontOf(board), options, mirror);
   if (std::none_of(back.begin(), back.end(), seen)) return front;
-  for (BoardDetection& layout : back) MoveToBack(board, mirror->grey().width, &layout.detection);
+  for (BoardDetection& layout : back) MoveToBack(board, mirror->grey().width, &layout);
   return back;
 }
 
@@ -217,16 +219,22 @@ std::vector<Board> LayoutsOf(const Board& board) {
   return layouts;
 }
 
+int NumCornersSeen(const BoardDetection& found) {
+  const BoardDetection& more = found.soft.empty() ? found : found.soft[0];
+  return more.status == Status::kOk ? more.detection.num_corners() : 0;
+}
+
 size_t BetterLayout(const std::vector<BoardDetection>& layouts) {
-  const auto score = [](const BoardDetection& d) { return d.status == Status::kOk ? d.detection.num_corners() : 0; };
   size_t best = 0;
   for (size_t l = 1; l < layouts.size(); ++l) {
-    if (score(layouts[l]) > score(layouts[best])) best = l;
+    if (NumCornersSeen(layouts[l]) > NumCornersSeen(layouts[best])) best = l;
   }
   return best;
 }
 
 void RequireSearchable(const Board& board) {
+  if (IsSet(board))
+    throw UsageError("board " + ToString(board) + " is a set of tags, and one board is wanted here: name one of them");
   if (board.kind == Board::Kind::kGrid || board.kind == Board::Kind::kPoints)
     throw UsageError("board " + ToString(board) + " cannot be searched in images: its corners come from files");
   const bool alike = board.kind == Board::Kind::kCircles || (board.kind == Board::Kind::kChessboard && board.cols % 2 == 0);
@@ -259,7 +267,8 @@ std::vector<std::vector<BoardDetection>> DetectBoards(const std::vector<Board>& 
 
 BoardDetection DetectBoard(const Board& board, const Image& image, const DetectOptions& options) {
   const auto layouts = DetectBoards({board}, image, options)[0];
-  return layouts[BetterLayout(layouts)];
+  const BoardDetection& best = layouts[BetterLayout(layouts)];
+  return best.status != Status::kOk && best.seen() ? best.soft[0] : best;
 }
 
 }  // namespace mvstudio::calib

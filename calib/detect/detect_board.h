@@ -20,10 +20,16 @@ enum class Detector {
 std::string_view ToString(Detector detector);
 void FromString(const std::string& text, Detector* detector);
 
+constexpr double kSharpMisfit = 0.2;  ///< of the contrast: corners of sharp images lie far below
+/// Of soft, noisy or interlaced images, and of markers whose white rim is thinner than the blur.
+constexpr double kSoftMisfit = 0.5;
+
 struct DetectOptions {
   Detector detector = Detector::kFast;
-  int min_corners = 8;       ///< boards with fewer good corners are dropped; a single tag needs its 4
-  double max_misfit = 0.2;   ///< rms grey-value misfit of a corner over its contrast
+  int min_corners = 8;  ///< boards with fewer good corners are dropped; a single tag needs its 4
+  /// rms grey-value misfit of a corner over its contrast; 0: kSharpMisfit, and what kSoftMisfit gives besides as
+  /// BoardDetection::soft.
+  double max_misfit = 0;
   bool check_mirror = true;  ///< if no marker is found, also search the mirrored image, to report a mirrored board
 };
 
@@ -31,7 +37,10 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, DetectOptions& o) {
   visit("detector", o.detector, "fast, or exact: slower search for chessboards that are hard to see");
   visit("min-corners", o.min_corners, "boards with fewer good corners are dropped; a single tag needs its 4");
-  visit("max-misfit", o.max_misfit, "grey-value misfit of a corner over its contrast above which it is dropped");
+  visit("max-misfit", o.max_misfit,
+        "grey-value misfit of a corner over its contrast above which it is dropped; 0: 0.2, or 0.5 for a camera that loses "
+        "most of "
+        "its boards at 0.2");
 }
 
 struct BoardDetection {
@@ -43,6 +52,11 @@ struct BoardDetection {
   double sigma_px = 0;          ///< robust distance from the smooth image of a plane, per coordinate
   int num_markers = 0;          ///< markers or tags at their positions on the board; 0 for a chessboard
   bool legacy = false, inverted = false;  ///< the layout that fits, see LayoutsOf
+  /// One entry where kSharpMisfit leaves less than half of the corners of a board that kSoftMisfit finds: that board. To be
+  /// taken where it goes for most boards of a camera; a single blurred board is better lost.
+  std::vector<BoardDetection> soft;
+
+  bool seen() const { return status == Status::kOk || !soft.empty(); }
 };
 
 /// Detects the board in a grey or RGB image. Every corner is located by RefineCorner and checked against the smooth image
@@ -65,6 +79,9 @@ std::vector<Board> LayoutsOf(const Board& board);
 /// otherwise.
 std::vector<std::vector<BoardDetection>> DetectBoards(const std::vector<Board>& boards, const Image& image,
                                                       const DetectOptions& options = {});
+
+/// Corners of the board, of its `soft` where there is one.
+int NumCornersSeen(const BoardDetection& found);
 
 /// Index of the layout that fits better; the first one when both fit equally.
 size_t BetterLayout(const std::vector<BoardDetection>& layouts);

@@ -17,19 +17,8 @@ double NearestPx(const Eigen::Matrix2Xd& px, Eigen::Index at) {
   return nearest;
 }
 
-}  // namespace
-
-BoardDetection DetectCircleGrid(const Board& board, const Image& grey, const DetectOptions& options) {
-  const std::vector<Spot> seen = FindSpots(grey);
-  const std::vector<SpotLattice> lattices = FindLattices(seen);
-  std::vector<int> circles;
-  for (size_t l = 0; l < lattices.size() && circles.empty(); ++l) circles = CirclesInLattice(board, lattices[l], seen);
-  if (circles.empty()) {
-    if (lattices.empty()) return NotDetected(Status::kTooFewViews, "no grid of circles found");
-    const bool fewer = lattices[0].size() < static_cast<size_t>(board.num_corners());
-    return NotDetected(Status::kDegenerate, fewer ? "not all circles of the board are in sight, or it has fewer"
-                                                  : "the circles in sight are more than the board's, or in other rows");
-  }
+BoardDetection FitCircles(const Board& board, const Image& grey, const std::vector<Spot>& seen, const std::vector<int>& circles,
+                          const DetectOptions& options) {
   Located located(board);
   std::vector<Spot> spots;
   for (int id = 0; id < board.num_corners(); ++id) {
@@ -49,6 +38,23 @@ BoardDetection DetectCircleGrid(const Board& board, const Image& grey, const Det
     located.square_px.push_back(NearestPx(centres, i));
   }
   return CheckLocated(board, located, options);
+}
+
+}  // namespace
+
+BoardDetection DetectCircleGrid(const Board& board, const Image& grey, const DetectOptions& options) {
+  const std::vector<Spot> seen = FindSpots(grey);
+  const std::vector<SpotLattice> lattices = FindLattices(seen);
+  std::vector<int> circles;
+  for (size_t l = 0; l < lattices.size() && circles.empty(); ++l) circles = CirclesInLattice(board, lattices[l], seen);
+  if (circles.empty()) {
+    if (lattices.empty()) return NotDetected(Status::kTooFewViews, "no grid of circles found");
+    const bool fewer = lattices[0].size() < static_cast<size_t>(board.num_corners());
+    return NotDetected(Status::kDegenerate, fewer ? "not all circles of the board are in sight, or it has fewer"
+                                                  : "the circles in sight are more than the board's, or in other rows");
+  }
+  return SharpAndSoft(options, circles.size(),
+                      [&](const DetectOptions& limited) { return FitCircles(board, grey, seen, circles, limited); });
 }
 
 }  // namespace mvstudio::calib

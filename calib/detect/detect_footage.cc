@@ -7,6 +7,7 @@
 #include <set>
 #include <utility>
 
+#include "calib/detect/collect_boards.h"
 #include "calib/detect/detection_cache.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -33,13 +34,6 @@ class SharedStage {
   std::mutex mutex_;
   ProgressStage stage_;
 };
-
-/// Empty for a frame that belongs to no time step.
-std::optional<int64_t> StepOf(const Footage& footage, int64_t frame_idx) {
-  if (footage.step_of_frame.empty()) return frame_idx;
-  const auto found = footage.step_of_frame.find(frame_idx);
-  return found == footage.step_of_frame.end() ? std::nullopt : std::optional<int64_t>(found->second);
-}
 
 /// Whether a frame is searched. Without thinning all are, so that what is cached does not depend on the time steps.
 bool IsSearched(const Footage& footage, int64_t frame_idx, int stride) {
@@ -112,12 +106,6 @@ std::string NeverSeen(const std::vector<Board>& boards, const Footage& footage, 
          " images" + (why.empty() ? "" : " (" + why + ")") + "; check " + HintFor(boards.front(), detector) +
          ", or let `mvstudio board check` find out what fits";
 }
-
-/// A searched image: what DetectBoards gave.
-struct Searched {
-  int64_t frame_idx = 0;
-  std::vector<std::vector<BoardDetection>> boards;
-};
 
 /// Hands out the frames of one camera, to one thread at a time.
 class FrameQueue {
@@ -215,15 +203,6 @@ void SearchAll(const std::vector<Board>& boards, std::vector<std::unique_ptr<Fra
   ParallelFor(num_threads, num_threads, work);
 }
 
-/// Everything known of one camera's footage, from the cache or from the search.
-struct CameraResults {
-  CameraInput camera;
-  std::vector<Searched> pictures;
-  std::optional<std::string> digest;
-  bool cached = false;
-  std::string failure;
-};
-
 bool LoadCamera(const DetectionCache& cache, const std::vector<Board>& boards, const DetectOptions& options, int stride,
                 CameraResults* results) {
   for (const Board& board : boards) {
@@ -284,58 +263,6 @@ std::vector<CameraResults> LoadOrSearch(const std::vector<Board>& boards, std::v
   return results;
 }
 
-/// The layout of board `b` that most corners in all footage agree with.
-size_t CommonLayout(const std::vector<CameraResults>& results, size_t b, size_t num_layouts) {
-  std::vector<int64_t> corners(num_layouts, 0);
-  for (const CameraResults& camera : results) {
-    for (const Searched& picture : camera.pictures) {
-      for (size_t l = 0; l < num_layouts; ++l) {
-        const BoardDetection& d = picture.boards[b][l];
-        if (d.status == Status::kOk) corners[l] += d.detection.num_corners();
-      }
-    }
-  }
-  return std::max_element(corners.begin(), corners.end()) - corners.begin();
-}
-
-/// Adds what was found of board `b` in the chosen layout.
-void Collect(const CameraResults& results, const Footage& footage, size_t b, size_t layout, const std::string& prefix,
-             int camera_idx, FootageDetections* found) {
-  for (const Searched& picture : results.pictures) {
-    const std::optional<int64_t> step = StepOf(footage, picture.frame_idx);
-    if (!step) {
-      ++found->reasons["no time step"];
-      continue;
-    }
-    BoardDetection result = picture.boards[b][layout];
-    if (result.status != Status::kOk) {
-      ++found->reasons[prefix + result.reason];
-      if (b == 0) found->unused[result.reason].push_back(*step);
-      continue;
-    }
-    result.detection.camera_idx = camera_idx;
-    result.detection.frame_idx = *step;
-    result.detection.board_idx = static_cast<int>(b);
-    found->num_corners_dropped += result.num_found - result.detection.num_corners();
-    found->detections.push_back(std::move(result.detection));
-  }
-}
-
-/// Leaves the time steps without a detection.
-void DropUsed(FootageDetections* found) {
-  std::set<int64_t> used;
-  for (const Detection& detection : found->detections) used.insert(detection.frame_idx);
-  for (auto& [reason, steps] : found->unused)
-    steps.erase(std::remove_if(steps.begin(), steps.end(), [&](int64_t step) { return used.count(step) > 0; }), steps.end());
-}
-
-std::string LayoutNote(const Board& board, const Board& layout) {
-  std::string how;
-  if (layout.legacy != board.legacy) how = "in the legacy layout";
-  if (layout.inverted != board.inverted) how += std::string(how.empty() ? "" : " and ") + "with black and white exchanged";
-  return "board " + ToString(board) + " is printed " + how + ": " + ToString(layout);
-}
-
 }  // namespace
 
 std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, std::vector<Footage>& footage,
@@ -350,7 +277,7 @@ std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, s
     size_t num_seen = 0;
     for (size_t c = 0; c < footage.size(); ++c) {
       const size_t before = found[c].detections.size();
-      Collect(results[c], footage[c], b, layout, prefix, static_cast<int>(c), &found[c]);
+      Collect({results[c], footage[c], b, layout, prefix}, static_cast<int>(c), &found[c]);
       const bool seen = found[c].detections.size() > before;
       num_seen += seen;
       if (layout > 0 && seen) found[c].notes.push_back(LayoutNote(boards[b], layouts[layout]));

@@ -54,6 +54,13 @@ void VisitFields(Visitor&& visit, FootageOptions& o) {
   VisitFields(visit, o.detect);
 }
 
+/// Boards that keep few of their corners at kSharpMisfit.
+struct SoftBoards {
+  std::string text;    ///< one line: how many, and what was done
+  bool taken = false;  ///< they are most of the camera's boards, and were taken at kSoftMisfit
+  bool many = false;   ///< more than a tenth of the camera's boards
+};
+
 /// Detections in one camera's footage.
 struct FootageDetections {
   CameraInput camera;
@@ -65,6 +72,7 @@ struct FootageDetections {
   std::map<std::string, std::vector<int64_t>> unused;  ///< reason -> time steps whose image shows no board, in order; the first
                                                        ///< board's reason
   std::vector<std::string> notes;                      ///< one line each: a layout that was determined, a board never seen
+  std::vector<SoftBoards> soft;                        ///< at most one a board
   std::string failure;  ///< why there are no detections (FootageOptions::all_cameras); empty: there are some
   bool cached = false;  ///< read from the cache without a search
 };

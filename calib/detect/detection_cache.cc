@@ -21,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 /// To be raised whenever detection gives other results than before.
-constexpr char kDetectorVersion[] = "mvstudio detections 6";
+constexpr char kDetectorVersion[] = "mvstudio detections 7";
 constexpr size_t kDigestSize = 64;
 constexpr uint64_t kMaxCount = 1u << 26;
 
@@ -112,9 +112,11 @@ void PutDetection(const BoardDetection& d, Writer* out) {
   for (int id : d.detection.corner_ids) out->Put<int32_t>(id);
   out->Put(d.detection.points_px.data(), d.detection.points_px.size());
   out->Put(d.detection.sigmas_px.data(), d.detection.sigmas_px.size());
+  out->Put<uint8_t>(!d.soft.empty());
+  if (!d.soft.empty()) PutDetection(d.soft[0], out);
 }
 
-BoardDetection GetDetection(Reader* in) {
+BoardDetection GetDetection(Reader* in, bool is_soft = false) {
   BoardDetection d;
   const int32_t status = in->Get<int32_t>();
   if (status < 0 || status > static_cast<int32_t>(Status::kNotConverged)) throw Damaged();
@@ -132,6 +134,9 @@ BoardDetection GetDetection(Reader* in) {
   d.detection.points_px = Eigen::Map<const Eigen::Matrix2Xd>(points.data(), 2, points.size() / 2);
   d.detection.sigmas_px = in->Values();
   if (d.detection.sigmas_px.size() > 0 && d.detection.sigmas_px.size() != points.size() / 2) throw Damaged();
+  const bool has_soft = in->Get<uint8_t>() != 0;
+  if (has_soft && is_soft) throw Damaged();
+  if (has_soft) d.soft.push_back(GetDetection(in, true));
   return d;
 }
 

@@ -131,8 +131,25 @@ BoardDetection CheckLocated(const Board& board, const Located& located, const De
   return result;
 }
 
-BoardDetection LocateBoard(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses,
-                           const DetectOptions& options) {
+BoardDetection SharpAndSoft(const DetectOptions& options, size_t num_guesses,
+                            const std::function<BoardDetection(const DetectOptions&)>& locate) {
+  constexpr int kEnoughToCheck = 8;  // corners that a smooth image of a plane judges
+  if (options.max_misfit > 0) return locate(options);
+  DetectOptions limited = options;
+  limited.max_misfit = kSharpMisfit;
+  BoardDetection sharp = locate(limited);
+  const auto count = [](const BoardDetection& d) { return d.status == Status::kOk ? d.detection.num_corners() : 0; };
+  if (2 * static_cast<size_t>(count(sharp)) >= num_guesses) return sharp;
+  limited.max_misfit = kSoftMisfit;
+  BoardDetection soft = locate(limited);
+  if (count(soft) >= kEnoughToCheck && count(soft) > 2 * count(sharp)) sharp.soft.push_back(std::move(soft));
+  return sharp;
+}
+
+namespace {
+
+BoardDetection LocateWithin(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses,
+                            const DetectOptions& options) {
   RefineOptions refine;
   refine.max_misfit = options.max_misfit;
   Located located(board);
@@ -151,6 +168,14 @@ BoardDetection LocateBoard(const Board& board, const Image& grey, const std::vec
                        "only " + std::to_string(located.ids.size()) + " sharp corners (" + std::to_string(needed) + " needed)");
   }
   return CheckLocated(board, located, options);
+}
+
+}  // namespace
+
+BoardDetection LocateBoard(const Board& board, const Image& grey, const std::vector<CornerGuess>& guesses,
+                           const DetectOptions& options) {
+  return SharpAndSoft(options, guesses.size(),
+                      [&](const DetectOptions& limited) { return LocateWithin(board, grey, guesses, limited); });
 }
 
 }  // namespace mvstudio::calib

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -36,6 +37,11 @@ struct Located {
 
 /// A board that is not there.
 BoardDetection NotDetected(Status status, const std::string& reason);
+
+/// What `locate` finds at the options' limit of misfit; where they leave it open, at both limits (BoardDetection::soft).
+/// `num_guesses`: corners that were tried.
+BoardDetection SharpAndSoft(const DetectOptions& options, size_t num_guesses,
+                            const std::function<BoardDetection(const DetectOptions&)>& locate);
 
 /// Keeps the corners that lie on the smooth image of a plane.
 BoardDetection CheckLocated(const Board& board, const Located& located, const DetectOptions& options);

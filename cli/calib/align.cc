@@ -10,6 +10,7 @@
 #include "app/input/session_input.h"
 #include "app/people/feet_floor.h"
 #include "app/people/human_shape.h"
+#include "calib/board/sides.h"
 #include "calib/check/seen_corners.h"
 #include "calib/keypoints/moments.h"
 #include "calib/points/align_rig.h"
@@ -70,6 +71,7 @@ RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandConte
   app::FillCorners(arguments.session, &arguments.corners, result);
   app::FillTimeline(&arguments.corners, result);
   const app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, result);
+  calib::RequireThickness(corners.input.boards);
   calib::CornerFindings found;
   const calib::CalibrateInput seen = SeenCorners(rig, corners.input, calib::CameraParts::kByFrame, &found);
   SayFound(found, result);

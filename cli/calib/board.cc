@@ -120,8 +120,9 @@ std::string KnownText(const std::vector<calib::SeenMarkers>& seen) {
   if (most == seen.end()) return "the board must be sharp and flat; a chessboard must be visible as a whole";
   return Format(
       "%d markers of %s were seen (ids %d to %d, in %d images), too few in one image or in no known layout: show all "
-      "of the board, near and sharp, or write it down with --board",
-      most->num_ids, most->dictionary.c_str(), most->smallest_id, most->largest_id, most->num_images);
+      "of the board, near and sharp, or write it down with --board; single markers of one side are --board tag:%s:%d-%d:SIDE",
+      most->num_ids, most->dictionary.c_str(), most->smallest_id, most->largest_id, most->num_images, most->dictionary.c_str(),
+      most->smallest_id, most->largest_id);
 }
 
 void AddVerdict(const calib::BoardCheckReport& report, CommandResult* result) {

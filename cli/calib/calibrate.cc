@@ -16,6 +16,7 @@
 #include "app/input/corner_input.h"
 #include "app/input/session_input.h"
 #include "app/people/human_shape.h"
+#include "calib/board/sides.h"
 #include "calib/corners/corner_files.h"
 #include "calib/solvable.h"
 #include "cli/calib/calib.h"
@@ -246,6 +247,14 @@ void WriteBoardPoses(const calib::CalibrateReport& report, const std::string& fo
   result->outputs.push_back({path, "board poses"});
 }
 
+void AddBoardPlaces(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards,
+                    const std::vector<int>& front_of, CommandResult* result) {
+  if (boards.size() < 2) return;
+  const app::PlacedBoards placed = {boards, report.rig_from_board, app::BehindSigmasMm(report, boards), front_of};
+  result->metrics["boards"] = app::BoardPlacesJson(placed);
+  result->text += app::BoardPlacesText(placed);
+}
+
 std::vector<std::string> InputsOf(const Arguments& arguments) {
   return Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners, arguments.start, arguments.scene.from_scene});
 }
@@ -271,6 +280,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
       from_points ? PointsAsCorners(&arguments, &result) : app::ReadCornerInput(arguments.corners, context.run, &result);
   RequireSizes(corners, from_points ? arguments.scene.scene_points[0] : arguments.corners.corners);
   if (!arguments.save_corners.empty()) SaveCorners(corners, arguments.save_corners, &result);
+  const std::vector<int> front_of = calib::PartSides(&corners.input);
   FillStart(&arguments, &corners.input, &result);
   FillWorld(corners, &arguments, &result);
   calib::SolvableCalibration solved = CalibrateSolvable(corners.input, arguments.calibrate, context.run);
@@ -296,9 +306,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   if (report.rig.cameras.size() > 1) result.text += app::PairingText(arguments.corners.timeline.get());
   result.text += app::CalibrateSummary(report);
   if (!from_points) AddFilmGain(report, corners.input.boards, &result);
-  if (corners.input.boards.size() > 1)
-    result.metrics["boards"] = app::BoardPlacesJson(corners.input.boards, report.rig_from_board);
-  result.text += app::BoardPlacesText(corners.input.boards, report.rig_from_board);
+  AddBoardPlaces(report, corners.input.boards, front_of, &result);
   for (const auto& reason : report.verdict.reasons)
     result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments), reason.fails});
   if (report.verdict.status == "fail") result.exit = kExitQualityGate;

@@ -7,6 +7,7 @@
 #include "app/input/calib_read.h"
 #include "app/input/corner_input.h"
 #include "app/input/session_input.h"
+#include "calib/board/sides.h"
 #include "calib/check/rig_check.h"
 #include "cli/calib/calib.h"
 #include "cli/program/arguments.h"
@@ -197,6 +198,7 @@ CommandResult Eval(Arguments arguments, CommandContext& context) {
   app::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
   const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
+  calib::RequireThickness(input.boards);
   RequireKnownCamera(imported.rig, arguments.calibration, input);
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
   ReportLeftOut(check.found.unknown, arguments.calibration, &result);

@@ -7,6 +7,7 @@
 
 #include "app/calib/calibration_use.h"
 #include "app/input/calib_read.h"
+#include "calib/board/sides.h"
 #include "calib/detect/detect_board.h"
 #include "calib/keypoints/place_marks.h"
 #include "cli/calib/stated_lengths.h"
@@ -183,6 +184,7 @@ calib::KnownPoints FindBoard(const calib::Board& board, const std::vector<calib:
 
 calib::SceneScale FindScale(const SceneArguments& arguments, const std::vector<calib::Board>& boards,
                             const std::vector<calib::SceneImage>& images, CommandResult* result) {
+  calib::RequireThickness(boards);
   calib::SceneScale scale;
   if (!arguments.camera_distance.empty()) {
     scale.distance = calib::ParseCameraDistance(arguments.camera_distance);

@@ -8,6 +8,7 @@
 
 #include "app/input/corner_input.h"
 #include "app/study/tradeoff.h"
+#include "calib/board/sides.h"
 #include "cli/program/commands.h"
 #include "cli/program/flag_text.h"
 #include "cli/program/input_flags.h"
@@ -109,6 +110,7 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
     if (!file) FromString(detector, &corners.footage.detect.detector);
     const double start = Now();
     calib::CalibrateInput input = app::ReadCornerInput(corners, context.run, result).input;
+    calib::PartSides(&input);
     sources.push_back({detector, std::move(input), file ? 0 : Now() - start});
   }
   return sources;

@@ -305,7 +305,9 @@ std::string BoardWithUnits(const std::string& board, const std::string& units) {
   if (parts.empty()) return board;
   std::vector<size_t> lengths = {2};
   if (parts[0] == "charuco") lengths = {2, 3};
-  if (parts[0] == "tag") lengths = {3};
+  for (const char* marker : {"tag", "tags", "apriltag", "marker", "markers", "aruco"}) {
+    if (parts[0] == marker) lengths = {3};
+  }
   for (const size_t i : lengths) {
     if (i < parts.size() && !parts[i].empty() && std::isdigit(static_cast<unsigned char>(parts[i].back()))) parts[i] += units;
   }

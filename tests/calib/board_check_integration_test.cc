@@ -60,6 +60,28 @@ TEST(CheckBoard, ChessboardCounts) {
   EXPECT_EQ(Check("chessboard:7x5:30mm", "chessboard:11x4:30mm").text, "chessboard:7x5:30mm");
 }
 
+/// Parts of a board of many squares look like boards, and a search for one of those takes seconds an image.
+TEST(CheckBoard, ManySquaresInManyImages) {
+  const std::vector<Image> two = Photos("chessboard:24x17:10mm");
+  std::vector<Image> images;
+  for (int i = 0; i < 12; ++i) images.push_back(two[i % 2]);
+  const BoardCheckReport report = CheckBoard(std::nullopt, images, RunContext());
+  ASSERT_TRUE(report.best);
+  EXPECT_EQ(BoardText(report.trials[*report.best].board, false), "chessboard:24x17:SQUARE");
+  EXPECT_EQ(report.trials[*report.best].num_images, 12);
+  EXPECT_EQ(report.trials.size(), 1u) << "the parts are not tried";
+}
+
+/// The board is in none of the images that are looked at first.
+TEST(CheckBoard, ABoardInOneOfManyImages) {
+  std::vector<Image> images(9, Image(640, 480, 1, 128));
+  images[2] = Photos("chessboard:7x5:30mm")[0];
+  const BoardCheckReport report = CheckBoard(ParseBoard("chessboard:7x5:30mm"), images, RunContext());
+  ASSERT_TRUE(report.best);
+  EXPECT_EQ(report.trials[*report.best].relation, "as given");
+  EXPECT_EQ(report.trials[*report.best].num_images, 1);
+}
+
 TEST(CheckBoard, CharucoMistakes) {
   const std::string printed = "charuco:7x6:40mm:30mm:5x5_250:legacy";
   const Outcome exchanged = Check(printed, "charuco:6x7:40mm:30mm:5x5_250");

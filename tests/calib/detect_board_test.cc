@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "calib/board/sets.h"
 #include "calib/rig/numbering.h"
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
@@ -82,6 +83,33 @@ TEST(DetectBoard, TagsOfEveryFamily) {
     ExpectAccurate("tag:" + std::string(family) + ":7:300mm", {0.3, -0.4, 0.3}, 3);
   }
   ExpectAccurate("tag:36h11:7:300mm:border=2", {0.3, -0.4, 2.3}, 3);
+}
+
+TEST(DetectBoard, SingleArucoMarkers) {
+  for (const char* dictionary : {"4x4_50", "5x5_100", "6x6_250", "7x7_1000", "aruco_original"})
+    ExpectAccurate("tag:" + std::string(dictionary) + ":7:300mm", {0.3, -0.4, 2.3}, 3);
+  EXPECT_EQ(ToString(ParseBoard("markers:DICT_4X4_50:7:60mm")), "tag:4x4_50:7:60mm");
+  EXPECT_EQ(ToString(ParseBoard("tag:apriltag_36h11:7:60mm")), "tag:36h11:7:60mm");
+  EXPECT_THROW(ParseBoard("tag:4x4_50:50:60mm"), UsageError);
+  EXPECT_THROW(ParseBoard("tag:4x4_50:7:60mm:border=2"), UsageError);
+  EXPECT_THROW(ParseBoard("aprilgrid:6x6:88mm:0.3:4x4_50"), UsageError);
+  const auto shared = [](const char* a, const char* b) { return SharedMarks(ParseBoard(a), ParseBoard(b)); };
+  EXPECT_EQ(shared("tag:4x4_50:7:60mm", "charuco:6x5:30mm:20mm:4x4_1000"), "markers 7 to 7 of 4x4");
+  EXPECT_EQ(shared("tag:4x4_50:15:60mm", "charuco:6x5:30mm:20mm:4x4_1000"), "");
+  EXPECT_EQ(shared("tag:36h11:3:60mm", "charuco:6x5:30mm:20mm:apriltag_36h11"), "markers 3 to 3 of 36h11");
+}
+
+TEST(SingleBoards, ASetIsItsTags) {
+  const Board set = ParseBoard("tags:4x4_50:3-5:60mm");
+  EXPECT_EQ(ToString(set), "tag:4x4_50:3-5:60mm");
+  const std::vector<Board> singles = SingleBoards({ParseBoard("chessboard:9x6:25mm"), set});
+  ASSERT_EQ(singles.size(), 4u);
+  EXPECT_EQ(ToString(singles[1]), "tag:4x4_50:3:60mm");
+  EXPECT_EQ(ToString(singles[3]), "tag:4x4_50:5:60mm");
+  for (const char* wrong : {"tag:4x4_50:5-3:60mm", "tag:4x4_50:45-50:60mm", "tag:4x4_50:3-:60mm", "tag:4x4_50:-3:60mm"})
+    EXPECT_THROW(ParseBoard(wrong), UsageError) << wrong;
+  EXPECT_THROW(RequireSearchable(set), UsageError);
+  EXPECT_THROW(DrawBoard(set, 10, 1), UsageError);
 }
 
 TEST(DetectBoard, TagsOfFifteenPixels) { ExpectAccurate("tag:36h11:7:300mm", {0.1, 0.2, 0.3}, 12); }

@@ -142,6 +142,58 @@ TEST(DetectFootage, LayoutIsDecidedForAllImagesTogether) {
   }
 }
 
+/// A twelfth of the contrast left, and noise.
+Image Dim(const Image& image, uint64_t seed) {
+  Image dim = image;
+  Rng rng(seed);
+  for (uint8_t& value : dim.pixels)
+    value = static_cast<uint8_t>(std::lround(std::clamp(60 + (value - 128) * 0.12 + 3.6 * rng.Normal(), 0.0, 255.0)));
+  return dim;
+}
+
+TEST(DetectFootage, SoftImagesAreTakenWhereTheyAreMost) {
+  const Board board = ParseBoard("charuco:7x5:140mm:105mm");
+  const std::vector<Image> sharp = Waving(board, 6);
+  const auto found = [&](size_t num_dim, double max_misfit) {
+    std::vector<Image> images = sharp;
+    for (size_t i = 0; i < num_dim; ++i) images[i] = Dim(sharp[i], i + 1);
+    std::vector<Footage> footage = {FootageOf("one", images)};
+    FootageOptions options = Uncached();
+    options.detect.max_misfit = max_misfit;
+    options.all_cameras = false;
+    return DetectFootage(board, footage, options, RunContext())[0];
+  };
+  const FootageDetections clean = found(0, 0);
+  EXPECT_TRUE(clean.soft.empty());
+  const FootageDetections most = found(5, 0);
+  ASSERT_EQ(most.soft.size(), 1u);
+  EXPECT_TRUE(most.soft[0].taken && most.soft[0].many);
+  EXPECT_NE(most.soft[0].text.find("5 of 6 boards"), std::string::npos) << most.soft[0].text;
+  ASSERT_EQ(most.detections.size(), 6u);
+  for (size_t i = 0; i < 6; ++i) {
+    const Detection &soft = most.detections[i], &truth = clean.detections[i];
+    EXPECT_GE(soft.num_corners(), 20) << i;
+    if (i < 5) {
+      EXPECT_GT(soft.sigma_px, 1.5) << "beside a sharp board";
+    } else {
+      EXPECT_EQ(soft.sigma_px, 1);
+    }
+    for (int k = 0; k < soft.num_corners(); ++k) {
+      const auto same = std::find(truth.corner_ids.begin(), truth.corner_ids.end(), soft.corner_ids[static_cast<size_t>(k)]);
+      if (same == truth.corner_ids.end()) continue;
+      EXPECT_LT((soft.points_px.col(k) - truth.points_px.col(same - truth.corner_ids.begin())).norm(), 1) << i;
+    }
+  }
+  const FootageDetections few = found(2, 0);
+  ASSERT_EQ(few.soft.size(), 1u);
+  EXPECT_FALSE(few.soft[0].taken);
+  EXPECT_NE(few.soft[0].text.find("2 of 6 boards"), std::string::npos) << few.soft[0].text;
+  EXPECT_EQ(few.detections.size(), 4u);
+  EXPECT_EQ(found(2, kSoftMisfit).detections.size(), 6u) << "as the text says";
+  EXPECT_TRUE(found(5, kSharpMisfit).soft.empty());
+  EXPECT_EQ(found(5, kSharpMisfit).detections.size(), 1u);
+}
+
 TEST(DetectFootage, SaysWhenTheImagesAreMirrored) {
   const Board board = ParseBoard("charuco:7x5:140mm:105mm");
   std::vector<Image> images = Waving(board, 2);

@@ -28,6 +28,7 @@ StoredFootage Example(int pictures) {
     missing.reason = "no marker of the board found";
     StoredFootage::Picture picture;
     picture.frame_idx = int64_t{1} << (40 + i);
+    missing.soft.push_back(found);
     picture.layouts.push_back(found);
     picture.layouts.push_back(missing);
     footage.pictures.push_back(picture);
@@ -52,6 +53,9 @@ void ExpectEqual(const StoredFootage& a, const StoredFootage& b) {
       EXPECT_EQ(x.num_markers, y.num_markers);
       EXPECT_EQ(x.sigma_px, y.sigma_px);
       EXPECT_EQ(x.legacy, y.legacy);
+      ASSERT_EQ(x.soft.size(), y.soft.size());
+      if (x.soft.empty()) continue;
+      EXPECT_EQ(x.soft[0].detection.points_px, y.soft[0].detection.points_px);
     }
   }
 }

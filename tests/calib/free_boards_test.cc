@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <functional>
 
+#include "calib/board/sets.h"
 #include "calib/calibrate.h"
+#include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {
@@ -53,6 +55,62 @@ TEST(FreeBoards, BoardsThatMoveAgainstEachOtherAreSolvedAndNamed) {
   const CalibrateReport forced = Calibrate(input, rigid, {});
   EXPECT_FALSE(forced.free_boards);
   EXPECT_NE(forced.verdict.status, "pass");
+}
+
+/// What a marker's place is to be, apart from the first.
+geometry::Rigid3 PlaceOnBody(size_t marker, Rng* rng) {
+  geometry::Rigid3 place;
+  if (marker == 0) return place;
+  place.translation << 0.15 * static_cast<double>(marker % 3), 0.16 * static_cast<double>(marker / 3),
+      rng->Uniform(-0.05, 0.05);
+  place.rotation =
+      geometry::RotationExp(Eigen::Vector3d(rng->Uniform(-0.3, 0.3), rng->Uniform(-0.3, 0.3), rng->Uniform(-3, 3)));
+  return place;
+}
+
+/// Markers glued onto a body, of which nobody measured more than the side.
+TEST(FreeBoards, MarkersOfOneBodyFindTheirPlaces) {
+  testing::SceneOptions options;
+  options.num_cameras = 3, options.num_frames = 20, options.model = geometry::LensModel::kPinhole;
+  Scene scene = testing::MakeScene(options);
+  CalibrateInput input = testing::ToInput(scene);
+  input.boards = SingleBoards({ParseBoard("tag:4x4_50:0-5:120mm")});
+  std::vector<geometry::Rigid3> places;
+  Rng rng(3);
+  scene.board.kind = Board::Kind::kPoints;
+  scene.board.points.resize(3, 4 * static_cast<Eigen::Index>(input.boards.size()));
+  for (size_t b = 0; b < input.boards.size(); ++b) {
+    places.push_back(PlaceOnBody(b, &rng));
+    for (int k = 0; k < 4; ++k)
+      scene.board.points.col(4 * static_cast<Eigen::Index>(b) + k) =
+          places[b] * Eigen::Vector3d(CornersInBoard(input.boards[b]).col(k));
+  }
+  testing::ObserveAll(&scene, 0.05, 5);
+  input.detections.clear();
+  for (const Detection& seen : scene.detections) {
+    for (size_t b = 0; b < input.boards.size(); ++b) {
+      Detection marker = seen;
+      marker.board_idx = static_cast<int>(b), marker.corner_ids.clear();
+      std::vector<int> kept;
+      for (int i = 0; i < seen.num_corners(); ++i) {
+        const int id = seen.corner_ids[static_cast<size_t>(i)];
+        if (id / 4 == marker.board_idx) marker.corner_ids.push_back(id % 4), kept.push_back(i);
+      }
+      marker.points_px = seen.points_px(Eigen::all, kept).eval();
+      if (marker.num_corners() == 4) input.detections.push_back(marker);
+    }
+  }
+  CalibrateOptions plain = testing::PlainOptions();
+  plain.model = geometry::LensModel::kPinhole;
+  const CalibrateReport report = Calibrate(input, plain, {});
+  ASSERT_EQ(report.status, Status::kOk) << report.message;
+  EXPECT_FALSE(report.free_boards);
+  for (size_t b = 1; b < places.size(); ++b) {
+    const geometry::Rigid3 error = geometry::Inverse(places[b]) * report.rig_from_board[b];
+    EXPECT_LT(error.translation.norm(), 1e-3) << b;
+    EXPECT_LT(error.rotation.angularDistance(Eigen::Quaterniond::Identity()), 0.01) << b;
+  }
+  EXPECT_LT(geometry::CompareRigs(report.rig, testing::TruthRig(scene)).max_translation_m, 3e-3);
 }
 
 TEST(FreeBoards, RigidBoardsStayRigid) {

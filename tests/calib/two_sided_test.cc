@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "calib/board/sides.h"
 #include "calib/calibrate.h"
 #include "calib/corners/corner_files.h"
 #include "calib/detect/detect_footage.h"
@@ -102,11 +103,32 @@ TEST(TwoSidedBoard, TextAndCorners) {
   for (int i = 0; i < 20; ++i) EXPECT_EQ(corners.col(20 + i), corners.col(i) + Eigen::Vector3d(0, 0, 0.003));
   EXPECT_EQ(ToString(ParseBoard("aprilgrid:4x3:60mm:0.3:36h11:first=12:two-sided=0mm")),
             "aprilgrid:4x3:60mm:0.3:36h11:first=12:two-sided=0mm");
-  const std::string thickness = MessageOf<UsageError>([] { ParseBoard("charuco:6x5:40mm:30mm:two-sided"); });
+  const Board unknown = ParseBoard("charuco:6x5:40mm:30mm:two-sided");
+  EXPECT_EQ(ToString(unknown), "charuco:6x5:40mm:30mm:4x4_1000:two-sided");
+  EXPECT_EQ(unknown.num_corners(), 40);
+  const std::string thickness = MessageOf<UsageError>([&] { RequireThickness({unknown}); });
   EXPECT_NE(thickness.find("how thick"), std::string::npos) << thickness;
   for (const char* wrong : {"charuco:6x5:40mm:30mm:two-sided=3", "charuco:6x5:40mm:30mm:two-sided=-1mm",
                             "chessboard:9x6:25mm:two-sided=3mm", "tag:36h11:1:60mm:two-sided=1mm"})
     EXPECT_THROW(ParseBoard(wrong), UsageError) << wrong;
+}
+
+TEST(TwoSidedBoard, AnUnknownBackIsABoardOfItsOwn) {
+  CalibrateInput input;
+  input.boards = {ParseBoard("charuco:6x5:40mm:30mm:5x5_250:first=20"), ParseBoard("charuco:6x5:40mm:30mm:two-sided"),
+                  ParseBoard("charuco:6x5:40mm:30mm:6x6_50:two-sided=2mm")};
+  for (const auto& [board, id] : {std::pair{0, 19}, {1, 19}, {1, 23}, {2, 23}}) {
+    Detection seen;
+    seen.board_idx = board, seen.corner_ids = {id}, seen.points_px = Eigen::Vector2d(id, board);
+    input.detections.push_back(seen);
+  }
+  EXPECT_EQ(PartSides(&input), (std::vector<int>{-1, -1, -1, 1}));
+  ASSERT_EQ(input.boards.size(), 4u);
+  EXPECT_EQ(ToString(input.boards[3]), "charuco:6x5:40mm:30mm:4x4_1000");
+  const auto is = [&](size_t i, int board, int id) {
+    return input.detections[i].board_idx == board && input.detections[i].corner_ids[0] == id;
+  };
+  EXPECT_TRUE(is(0, 0, 19) && is(1, 1, 19) && is(2, 3, 3) && is(3, 2, 23));
 }
 
 TEST(TwoSidedBoard, MarkersBeginWhereTold) {
