@@ -11,6 +11,7 @@
 #include "calib/bundle/mrcal_engine.h"
 #include "calib/bundle/view_clusters.h"
 #include "calib/calibrate_steps.h"
+#include "calib/covariance/board_errors.h"
 #include "calib/covariance/omitted_terms.h"
 #include "calib/covariance/uncertainty.h"
 #include "calib/held_doubt.h"
@@ -113,13 +114,14 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
   return Keep(solved, report);
 }
 
-/// Boards that were held still count for what they are worth.
+/// Boards that were held still count for what they are worth, and so do corners whose errors their board has in common.
 void DiscountHeldBoards(Work* work, CalibrateReport* report) {
   const size_t cameras = work->state.cameras.size();
   const std::vector<int> of_view = ClusterViews(work->views);
   const std::vector<int> of_frame = ClusterFrames(work->views, of_view, work->state.frames.size());
   const auto correlation = RepeatCorrelation(work->views, of_frame, BundleResiduals(work->views, work->state), cameras);
   work->evidence = DiscountRepeats(work->views, of_frame, correlation);
+  DiscountByBoards(VarianceByBoards(work->evidence, of_view, work->state, work->bundle.fix_lens), &work->evidence);
   std::vector<std::set<int>> places(cameras);
   for (size_t v = 0; v < work->views.size(); ++v) {
     if ((work->views[v].weights.array() > 0).any()) places[work->views[v].camera_idx].insert(of_view[v]);

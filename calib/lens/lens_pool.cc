@@ -19,13 +19,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr int kMinCorners = 4;
 
 Status SolvePool(const BundleOptions& options, LensPool* pool) {
-  BundleOptions bundle = options;
-  bundle.gauge = {Gauge::Kind::kNone, 0};
-  bundle.refine_cameras = bundle.refine_boards = bundle.refine_time = false;
-  bundle.refine_warp = pool->config.warp;
-  bundle.refine_stretch = pool->config.stretch;
-  bundle.fix_lens.clear(), bundle.fix_camera.clear();
-  pool->bundle = SolveBundle(&pool->views, &pool->state, bundle);
+  pool->bundle = SolveBundle(&pool->views, &pool->state, PoolBundle(pool->config, options));
   pool->status = pool->bundle.status;
   pool->message = pool->bundle.message;
   return pool->status;
@@ -47,8 +41,8 @@ std::vector<int> Spread(const LensPool& pool, int camera_idx, int max_views) {
 constexpr int kNotScored = -1;
 constexpr int kMinClusters = 3;  // of a camera whose boards are held out
 
-/// Fold of every view that is scored; the views of a cluster are held out together, cameras with too few clusters are trained on
-/// in every fold. Returns the number of folds, 0 when no camera has enough.
+/// Fold of every view that is scored; the views of a cluster are held out together, cameras with too few clusters are trained
+/// on in every fold. Returns the number of folds, 0 when no camera has enough.
 int AssignFolds(const LensPool& fit, int num_folds, int max_views, std::vector<int>* fold_of) {
   fold_of->assign(fit.views.size(), kNotScored);
   int fewest = std::numeric_limits<int>::max();
@@ -94,6 +88,15 @@ int NumLensParams(const LensConfig& config, int num_cameras) {
   const int one =
       config.model == geometry::LensModel::kSplined ? config.spline.NumControlParams() : geometry::NumParams(config.model);
   return config.shared ? one : one * num_cameras;
+}
+
+BundleOptions PoolBundle(const LensConfig& config, const BundleOptions& options) {
+  BundleOptions bundle = options;
+  bundle.gauge = {Gauge::Kind::kNone, 0};
+  bundle.refine_cameras = bundle.refine_boards = bundle.refine_time = false;
+  bundle.refine_warp = config.warp, bundle.refine_stretch = config.stretch;
+  bundle.fix_lens.clear(), bundle.fix_camera.clear();
+  return bundle;
 }
 
 LensPool MakePool(const std::vector<MonoSolution>& monos, const std::vector<int>& cameras, int boards) {

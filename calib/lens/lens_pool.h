@@ -40,6 +40,9 @@ struct LensPool {
 /// the number of boards.
 LensPool MakePool(const std::vector<MonoSolution>& monos, const std::vector<int>& cameras, int boards);
 
+/// The options of an adjustment of a pool: every board has a pose of its own.
+BundleOptions PoolBundle(const LensConfig& config, const BundleOptions& options);
+
 /// Adjusts all lenses (and warps) of the pool under another configuration.
 LensPool FitPool(const LensPool& start, const LensConfig& config, const BundleOptions& options);
 
@@ -50,8 +53,8 @@ struct PoolHoldout {
 };
 
 /// K-fold cross-validation over the clusters of views: lenses from the other folds, errors as from AppendHeldOutErrors.
-/// Corners that a solution rejected count too. At most `max_views` views per camera, evenly spaced, are held out and have errors;
-/// the others are trained on, unless one of the same cluster is held out.
+/// Corners that a solution rejected count too. At most `max_views` views per camera, evenly spaced, are held out and have
+/// errors; the others are trained on, unless one of the same cluster is held out.
 PoolHoldout HoldoutErrors(const LensPool& fit, int num_folds, int max_views, const BundleOptions& options);
 
 /// The same errors with the lenses of the fit, which the boards took part in: less than held out, at no cost.
