@@ -9,7 +9,7 @@
 namespace mvstudio::calib {
 namespace {
 
-constexpr double kSignificant = 2;  // standard deviations
+constexpr double kSignificant = 2.5;  // standard deviations
 constexpr double kMinEigenvalue = 1e-10;
 constexpr size_t kMinUnits = 3;
 

@@ -14,7 +14,7 @@ namespace mvstudio::calib {
 /// with independent corners (H the sum of the information H_k, s^2 the mean square of the residuals). The ratio is that of the
 /// traces of sum g_k g_k^T and of its expectation, in units of H: the estimate by units (Liang and Zeger, "Longitudinal data
 /// analysis using generalized linear models", 1986) with the leverage of few units as by Bell and McCaffrey, "Bias reduction in
-/// standard errors for linear regression with multi-stage samples", 2002. It is 1 unless it exceeds 1 by two standard
+/// standard errors for linear regression with multi-stage samples", 2002. It is 1 unless it exceeds 1 by 2.5 standard
 /// deviations. Cameras of one lens have one ratio. Splined lenses, held lenses (`fixed`) and fewer than three units have 1.
 std::vector<double> VarianceByBoards(const std::vector<View>& views, const std::vector<int>& cluster_of_view,
                                      const RigState& state, const std::vector<bool>& fixed = {});

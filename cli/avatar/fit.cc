@@ -30,7 +30,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   avatar::PersonFitOptions options = arguments.options;
   options.templates = app::TemplatesOf(arguments.body_template);
   const OutputFolder place(arguments.out, {arguments.dataset}, BodyFolder::Names());
-  const std::vector<app::Notice> doubts = app::CheckTrainingImages(data, split, context.run);
+  const std::vector<Notice> doubts = app::CheckTrainingImages(data, split, context.run);
   const BodyFolder folder(arguments.out, arguments.overwrite);
   const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
   CommandResult result;

@@ -119,7 +119,7 @@ RunConfig ConfigOf(const TrainArguments& arguments, const dataset::PanopticDatas
   return config;
 }
 
-void TellFit(const std::optional<avatar::PersonFit>& fit, const std::vector<app::Notice>& doubts, CommandResult* result) {
+void TellFit(const std::optional<avatar::PersonFit>& fit, const std::vector<Notice>& doubts, CommandResult* result) {
   result->warnings.insert(result->warnings.end(), doubts.begin(), doubts.end());
   if (!fit) return;
   result->metrics["body"] = app::ToJson(*fit);
@@ -127,7 +127,7 @@ void TellFit(const std::optional<avatar::PersonFit>& fit, const std::vector<app:
 }
 
 /// The first of several processes tells.
-std::vector<app::Notice> DoubtsOf(const TrainArguments& arguments, const dataset::PanopticDataset& data,
+std::vector<Notice> DoubtsOf(const TrainArguments& arguments, const dataset::PanopticDataset& data,
                                   const avatar::DatasetSplit& split, const RunContext& run) {
   if (arguments.ranks.rank != 0) return {};
   return app::CheckTrainingImages(data, split, run);
@@ -156,7 +156,7 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
   app::AvatarRun files(arguments.out);
   files.RequireFree(arguments.overwrite);
   const OutputFolder place(arguments.out, {arguments.dataset, arguments.body}, app::AvatarRun::Names());
-  const std::vector<app::Notice> doubts = DoubtsOf(arguments, data, config.split, context.run);
+  const std::vector<Notice> doubts = DoubtsOf(arguments, data, config.split, context.run);
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   config.pack.keep_views = true;
   const app::RunPacks packs = app::BuildPacks(data, avatar::ModelOptions{}, arguments.train, context.run, &config);
@@ -204,7 +204,7 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
   }
   RankProcesses ranks(arguments.ranks, context, arguments.out);
   context.run.num_threads = ranks.threads();
-  const std::vector<app::Notice> doubts = DoubtsOf(arguments, data, config.split, context.run);
+  const std::vector<Notice> doubts = DoubtsOf(arguments, data, config.split, context.run);
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   const app::RunPacks packs = app::BuildPacks(data, model, options, context.run, &config);
   const auto net = PerceptualNet(&options);

@@ -53,7 +53,7 @@ TEST(VarianceByBoards, IndependentCornersKeepTheirs) {
     larger += ratio > 1;
     EXPECT_LT(ratio, 2.5) << seed;
   }
-  EXPECT_LE(larger, 3) << "two standard deviations";
+  EXPECT_LE(larger, 3) << "2.5 standard deviations";
 }
 
 /// The errors of the focal length in their own standard deviations, over many recordings of bent boards.
