@@ -1,7 +1,7 @@
+#include "avatar/metrics/ssim.h"
 #include "bench/requests.h"
 #include "core/disk/npy.h"
 #include "core/image.h"
-#include "metrics/ssim.h"
 
 /// bench_metrics: the timed side of bench/metrics_beside_peers.py. Its requests:
 ///   load A.npy B.npy            two pictures (H, W, C) of 8 bits; answers "ok"

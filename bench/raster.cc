@@ -4,7 +4,7 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "body/mesh_raster.h"
+#include "avatar/body/mesh_raster.h"
 #include "tests/body/plain_z_buffer.h"
 
 /// Parts and coordinates of a body in an image beside a z-buffer without tricks: seconds, and pixels that differ.

@@ -1,6 +1,8 @@
 // Rigs adjusted to people (RefineFromKeypoints): seconds and errors against the truth, on a synthetic take.
 //   bench_refine [SEED] [OUT.json or -] [POINTS] [CAMERAS] [FOLDER]
 // With FOLDER the take is written there, so that any build's `mvstudio calib refine` can be timed on it.
+#include "calib/keypoints/refine.h"
+
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -8,13 +10,12 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/quality.h"
-#include "body/skeleton.h"
 #include "calib/keypoints/bundle.h"
-#include "calib/keypoints/refine.h"
 #include "core/disk/files.h"
 #include "dataset/pose/pose2d.h"
 #include "geometry/rig/alignment.h"
 #include "geometry/rig/rig_io.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/calib/keypoint_support.h"
 
 namespace mvstudio::bench {

@@ -3,7 +3,7 @@
 // A figure moves in front of six cameras, with noise and gaps; each combination of terms is forced on, the others are off.
 // Choosing the weights takes the same time for all lengths and is part of the figures.
 
-#include "body/skeleton.h"
+#include "geometry/skeleton/skeleton.h"
 
 #include <sys/resource.h>
 
@@ -26,7 +26,7 @@ namespace {
 using triangulate::Observation;
 
 /// Every joint at a fixed distance from the one before it in the skeleton, in a direction that swings.
-std::vector<Eigen::Vector3d> Pose(const body::Skeleton& skeleton, int frame) {
+std::vector<Eigen::Vector3d> Pose(const geometry::Skeleton& skeleton, int frame) {
   const double t = frame / 30.0;
   std::vector<Eigen::Vector3d> x(skeleton.joints.size(), {0.4 * std::sin(0.3 * t), 0.4 * std::cos(0.23 * t), 0});
   std::vector<bool> placed(x.size(), false);
@@ -48,8 +48,8 @@ std::vector<Eigen::Vector3d> Pose(const body::Skeleton& skeleton, int frame) {
 }
 
 /// 2 px of noise; each joint is unseen in 4 % of the stretches of 12 frames.
-triangulate::TakeResult Film(const geometry::Rig& rig, const triangulate::PreparedRig& prepared, const body::Skeleton& skeleton,
-                             int num_frames, uint64_t seed) {
+triangulate::TakeResult Film(const geometry::Rig& rig, const triangulate::PreparedRig& prepared,
+                             const geometry::Skeleton& skeleton, int num_frames, uint64_t seed) {
   const size_t joints = skeleton.joints.size();
   triangulate::TakeResult take;
   take.num_persons = 1, take.sigma_px = 2;
@@ -80,7 +80,8 @@ struct Row {
   double wall_s = 0, peak_mb = 0, limb_std_mm = 0;
 };
 
-Row Measure(const geometry::Rig& rig, const body::Skeleton& skeleton, int frames, unsigned terms, uint64_t seed, int threads) {
+Row Measure(const geometry::Rig& rig, const geometry::Skeleton& skeleton, int frames, unsigned terms, uint64_t seed,
+            int threads) {
   const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
   const triangulate::TakeResult take = Film(rig, prepared, skeleton, frames, seed);
   const auto on = [terms](unsigned bit) { return terms & bit ? AutoOnOff::kOn : AutoOnOff::kOff; };
@@ -104,7 +105,7 @@ Row Measure(const geometry::Rig& rig, const body::Skeleton& skeleton, int frames
 int Main(int argc, char** argv) {
   const uint64_t seed = argc > 1 ? std::strtoull(argv[1], nullptr, 10) : 1;
   const int largest = argc > 3 ? std::atoi(argv[3]) : 1000;
-  const body::Skeleton skeleton = body::SkeletonByName(argc > 4 ? argv[4] : "body25");
+  const geometry::Skeleton skeleton = geometry::SkeletonByName(argc > 4 ? argv[4] : "body25");
   const geometry::Rig rig = MakeTriangulationProblem("ring", 6, 1, false, 0, seed).rig;
   nlohmann::json rows = nlohmann::json::array();
   std::printf("%7s %9s %9s %9s  %s\n", "frames", "s", "peak MB", "limbs mm", "terms");

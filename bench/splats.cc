@@ -9,10 +9,10 @@
 #include <memory>
 #include <vector>
 
-#include "splats/render.h"
-#include "splats/train/adam.h"
-#include "splats/train/initial.h"
-#include "splats/train/train_step.h"
+#include "avatar/splats/render.h"
+#include "avatar/splats/train/adam.h"
+#include "avatar/splats/train/initial.h"
+#include "avatar/splats/train/train_step.h"
 
 namespace mvstudio {
 namespace {

@@ -4,7 +4,10 @@ set(MVSTUDIO_PACKAGE lib/cmake/mvstudio)
 
 function(mvstudio_install)
   mvstudio_modules(modules)
-  list(FILTER modules EXCLUDE REGEX "/|^cli$")
+  list(REMOVE_ITEM modules cli)
+  if(MVSTUDIO_AVATAR)
+    list(FILTER modules EXCLUDE REGEX "/")  # their folders hold them
+  endif()
   install(CODE "set(MVSTUDIO_SOURCE \"${CMAKE_SOURCE_DIR}\")\nset(MVSTUDIO_MODULES \"${modules}\")")
   install(SCRIPT ${CMAKE_SOURCE_DIR}/cmake/InstallHeaders.cmake)
   install(TARGETS mvstudio_warnings EXPORT mvstudio-targets)

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <limits>
 
-#include "body/surface_nets.h"
+#include "avatar/body/surface_nets.h"
 #include "core/check.h"
 #include "core/error.h"
 

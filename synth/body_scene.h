@@ -3,8 +3,8 @@
 #include <array>
 #include <memory>
 
-#include "body/body_template.h"
-#include "body/mesh_raster.h"
+#include "avatar/body/body_template.h"
+#include "avatar/body/mesh_raster.h"
 #include "core/image.h"
 #include "geometry/rig/rig.h"
 #include "synth/lens_rays.h"

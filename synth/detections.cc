@@ -4,7 +4,7 @@
 
 namespace mvstudio::synth {
 
-dataset::Person2d DetectJoints(const BodyScene& scene, const geometry::RigCamera& camera, const body::Skeleton& skeleton,
+dataset::Person2d DetectJoints(const BodyScene& scene, const geometry::RigCamera& camera, const geometry::Skeleton& skeleton,
                                const Eigen::Matrix3Xd& joints_in_world, double noise_px, uint64_t seed) {
   constexpr double kFaceDepth = 0.05, kLimbDepth = 0.16;  // m of body that may cover a joint that is still visible
   const geometry::Projector projector(camera.camera);

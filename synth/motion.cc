@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "body/role_bones.h"
+#include "avatar/body/role_bones.h"
 #include "core/check.h"
 #include "core/random.h"
 #include "core/units.h"
@@ -173,7 +173,7 @@ body::BodyPose TurnPose(const body::BodyTemplate& body, double time_s, double du
   return OnFloor(body, {TurnZ(heading), Vector3d(0.015 * s(41, time_s), 0.015 * s(42, time_s), 0)}, turns);
 }
 
-Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPose& pose, const body::Skeleton& skeleton) {
+Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPose& pose, const geometry::Skeleton& skeleton) {
   const Eigen::Matrix3Xd coco19 = body::PosedCoco19(body, pose);
   const double scale = body.coco19(2, 0) / 1.43;  // the neck of a person of 1.75 m rests at 1.43 m
   const std::pair<const char*, Vector3d> foot_points[] = {
@@ -181,7 +181,7 @@ Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPo
   const body::RoleBones bones = body::FindRoleBones(body);
   Eigen::Matrix3Xd joints(3, skeleton.joints.size());
   for (size_t j = 0; j < skeleton.joints.size(); ++j) {
-    const int panoptic = body::Coco19().Find(skeleton.joints[j]);
+    const int panoptic = geometry::Coco19().Find(skeleton.joints[j]);
     if (panoptic >= 0) {
       joints.col(j) = coco19.col(panoptic);
       continue;

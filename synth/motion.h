@@ -3,10 +3,10 @@
 #include <Eigen/Core>
 #include <cstdint>
 
-#include "body/body_template.h"
-#include "body/skeleton.h"
+#include "avatar/body/body_template.h"
 #include "calib/board/board.h"
 #include "geometry/rigid/rigid3.h"
+#include "geometry/skeleton/skeleton.h"
 
 namespace mvstudio::synth {
 
@@ -17,7 +17,7 @@ geometry::Rigid3 BoardPose(const calib::Board& board, int frame_idx, int num_fra
 
 /// Pose of the person at `time_s`: walks on the spot and about, turns, bends and waves. Sums of sinusoids with
 /// incommensurable frequencies, so poses do not repeat. The lowest point of the body touches the floor. The roles of the body's
-/// bones must be complete (body/role_bones.h); bones of role kOther keep their rest pose.
+/// bones must be complete (avatar/body/role_bones.h); bones of role kOther keep their rest pose.
 body::BodyPose PersonPose(const body::BodyTemplate& body, double time_s, uint64_t seed);
 
 /// Once around on the spot in `duration_s`, counter-clockwise from facing -y, arms 45 degrees off the body. As a real person
@@ -26,6 +26,6 @@ body::BodyPose TurnPose(const body::BodyTemplate& body, double time_s, double du
 
 /// Joints of `skeleton` (body25) in world, (3, J): the Panoptic joints plus toes and heels that follow the feet, in a person's
 /// usual proportions.
-Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPose& pose, const body::Skeleton& skeleton);
+Eigen::Matrix3Xd PersonJoints(const body::BodyTemplate& body, const body::BodyPose& pose, const geometry::Skeleton& skeleton);
 
 }  // namespace mvstudio::synth

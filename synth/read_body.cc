@@ -2,19 +2,19 @@
 
 #include <filesystem>
 
-#include "body/files/npz.h"
-#include "body/files/person_file.h"
-#include "body/files/textured_person.h"
-#include "body/role_bones.h"
-#include "body/templates/read.h"
+#include "avatar/body/files/person_file.h"
+#include "avatar/body/files/textured_person.h"
+#include "avatar/body/role_bones.h"
+#include "avatar/body/templates/read.h"
 #include "core/error.h"
+#include "dataset/arrays/npz.h"
 
 namespace mvstudio::synth {
 namespace {
 
 bool IsPersonFile(const std::string& path) {
   return std::filesystem::is_regular_file(path) && std::filesystem::path(path).extension() == ".npz" &&
-         body::ReadNpzMembers(path).count("schema") > 0;
+         dataset::ReadNpzMembers(path).count("schema") > 0;
 }
 
 GivenBody FromPersonFile(const std::string& path) {

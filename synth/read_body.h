@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "body/body_template.h"
+#include "avatar/body/body_template.h"
 #include "core/image.h"
 
 namespace mvstudio::synth {

@@ -127,7 +127,7 @@ class Take {
   Take(const Studio& studio, std::string name, Subject* subject)
       : studio_(studio),
         name_(std::move(name)),
-        skeleton_(body::SkeletonByName("body25")),
+        skeleton_(geometry::SkeletonByName("body25")),
         subject_(*subject),
         surface_truth_(studio.Path("truth"), subject_.surface(), subject_.dressed()),
         detections_(studio.num_cameras(), std::vector<dataset::Person2d>(studio.options.all_take_frames())) {
@@ -199,7 +199,7 @@ class Take {
 
   const Studio& studio_;
   const std::string name_;
-  const body::Skeleton& skeleton_;
+  const geometry::Skeleton& skeleton_;
   Subject& subject_;
   SurfaceTruth surface_truth_;
   std::vector<std::vector<dataset::Person2d>> detections_;  // [camera][frame]

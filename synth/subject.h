@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "body/body_template.h"
+#include "avatar/body/body_template.h"
 #include "core/status.h"
 #include "synth/cloth/cloth_subject.h"
 #include "synth/studio.h"

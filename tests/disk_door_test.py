@@ -32,7 +32,7 @@ FORBIDDEN = {
 }
 # What has a reason: (file, pattern in the line).
 ALLOWED = [
-    ("dataset/pack/hdf5_write.cc", r'H5Fcreate\("in memory"'),  # the core driver without a backing file
+    ("dataset/arrays/hdf5_write.cc", r'H5Fcreate\("in memory"'),  # the core driver without a backing file
     ("dataset/footage/video_writer.cc", r"avio_open\(&format->pb, Url\(\)"),  # the temporary of an AtomicFile
     ("core/process.cc", r"O_WRONLY"),  # a child's output, into a work folder: RunProcess checks it
     (None, r'"/dev/null"'),

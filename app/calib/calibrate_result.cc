@@ -7,7 +7,7 @@
 
 #include "app/calib/film_gain.h"
 #include "app/input/calib_read.h"
-#include "calib/film_next.h"
+#include "calib/verdict/film_next.h"
 #include "core/format.h"
 #include "core/statistics.h"
 #include "core/units.h"

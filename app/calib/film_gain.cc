@@ -9,7 +9,7 @@
 
 #include "app/calib/solved_state.h"
 #include "calib/covariance/projection_uncertainty.h"
-#include "calib/film_next.h"
+#include "calib/verdict/film_next.h"
 
 namespace mvstudio::app {
 namespace {

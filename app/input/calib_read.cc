@@ -8,9 +8,9 @@
 
 #include "core/error.h"
 #include "core/units.h"
+#include "dataset/exports/read/layout_read.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/panoptic_files.h"
-#include "exports/read/layout_read.h"
 #include "geometry/rig/lenses_only.h"
 #include "geometry/rig/meeting.h"
 #include "geometry/rig/plausible.h"

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "avatar/metrics/scores.h"
 #include "core/image.h"
 #include "core/progress.h"
 #include "dataset/footage/mask_io.h"
-#include "metrics/scores.h"
 
 /// Pictures of two folders with the same name, and their similarity. Needs no network and no libtorch.
 namespace mvstudio::app {

@@ -155,10 +155,10 @@ PixelChange PixelChangeOf(const PoseChanges& changes, const geometry::Camera& ca
   return change;
 }
 
-void SwapSides(const body::Skeleton& skeleton, Pose2dTrack* track) {
+void SwapSides(const geometry::Skeleton& skeleton, Pose2dTrack* track) {
   for (auto& [frame, people] : track->frames) {
     for (Person2d& person : people) {
-      for (const auto& group : body::MirrorGroups(skeleton)) {
+      for (const auto& group : geometry::MirrorGroups(skeleton)) {
         for (const auto& [left, right] : group)
           std::swap(person.keypoints.at(static_cast<size_t>(left)), person.keypoints.at(static_cast<size_t>(right)));
       }
@@ -262,7 +262,7 @@ void FromString(const std::string& text, const std::string& option, CameraValue*
   if (value->value.empty() || equal == 0) throw UsageError("option '" + option + "' " + text + ": give VALUE or CAMERA=VALUE");
 }
 
-void ApplyChanges(const PoseChanges& changes, const geometry::Rig& rig, const body::Skeleton& skeleton,
+void ApplyChanges(const PoseChanges& changes, const geometry::Rig& rig, const geometry::Skeleton& skeleton,
                   std::vector<Pose2dTrack>* tracks) {
   SwapCameras(changes.swap_cameras, tracks);
   CheckNames(changes, *tracks);

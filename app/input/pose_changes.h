@@ -5,9 +5,9 @@
 
 #include "app/result.h"
 #include "app/words.h"
-#include "body/skeleton.h"
 #include "dataset/pose/pose2d.h"
 #include "geometry/rig/rig.h"
+#include "geometry/skeleton/skeleton.h"
 
 /// 2D joints whose numbers mean something else than pixels of the calibrated image, from its top-left corner, by frames of one
 /// rate. Every command that reads 2D joints takes these changes.
@@ -59,7 +59,7 @@ double StepRateHz(const PoseChanges& changes);
 
 /// Changes the tracks, which must be whole takes where rates are given. Time steps then count at the rate that is given for all
 /// cameras, else at the lowest. Throws UsageError for cameras without 2D joints and for values that make no sense.
-void ApplyChanges(const PoseChanges& changes, const geometry::Rig& rig, const body::Skeleton& skeleton,
+void ApplyChanges(const PoseChanges& changes, const geometry::Rig& rig, const geometry::Skeleton& skeleton,
                   std::vector<dataset::Pose2dTrack>* tracks);
 
 /// Throws FormatError where two cameras at different places have the same detections: one file was given for both.

@@ -7,10 +7,10 @@
 #include "app/input/calib_read.h"
 #include "app/input/take_frames.h"
 #include "app/input/tracker_input.h"
-#include "body/skeleton_text.h"
 #include "core/error.h"
 #include "core/some_of.h"
 #include "geometry/rig/lenses_only.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::app {
 namespace {
@@ -36,14 +36,14 @@ std::string SkeletonNameOf(const PoseArguments& arguments) {
   return std::filesystem::is_regular_file(beside, error) ? beside.string() : "body25";
 }
 
-body::Skeleton SkeletonOf(const PoseArguments& arguments) { return body::SkeletonFrom(SkeletonNameOf(arguments)); }
+geometry::Skeleton SkeletonOf(const PoseArguments& arguments) { return geometry::SkeletonFrom(SkeletonNameOf(arguments)); }
 
 PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
   if (arguments.pose2d.empty() == arguments.points2d.empty())
     throw UsageError("give either option 'pose2d' or option 'points2d'");
   PoseInput input;
   result->inputs.push_back(arguments.calib);
-  if (body::IsSkeletonFile(SkeletonNameOf(arguments))) result->inputs.push_back(SkeletonNameOf(arguments));
+  if (geometry::IsSkeletonFile(SkeletonNameOf(arguments))) result->inputs.push_back(SkeletonNameOf(arguments));
   CalibReadOptions read;
   if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "unit", &read.unit);
   read.invert = arguments.invert, read.mirror = arguments.mirror;
@@ -92,8 +92,8 @@ void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range
 /// Takes the detections of joints out, as if nobody had seen them.
 void LeaveOutJoints(const std::vector<std::string>& names, PoseInput* input) {
   for (const std::string& name : names) {
-    const int joint = body::FindJoint(input->skeleton, name);
-    if (joint < 0) throw UsageError("option 'without-joint': " + body::UnknownJoint(input->skeleton, name));
+    const int joint = geometry::FindJoint(input->skeleton, name);
+    if (joint < 0) throw UsageError("option 'without-joint': " + geometry::UnknownJoint(input->skeleton, name));
     for (dataset::Pose2dTrack& track : input->tracks) {
       for (auto& [frame, people] : track.frames) {
         for (dataset::Person2d& person : people) person.keypoints.at(static_cast<size_t>(joint)).score = 0;
@@ -201,7 +201,7 @@ PoseInput ReadWholeTracks(const PoseArguments& arguments, CommandResult* result)
 
 }  // namespace
 
-std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton) {
+std::vector<std::pair<int, int>> LimbsOf(const geometry::Skeleton& skeleton) {
   if (!skeleton.human && !skeleton.bones.empty()) return skeleton.bones;
   std::vector<std::pair<int, int>> limbs;
   for (const std::string side : {"L", "R"}) {
@@ -213,8 +213,8 @@ std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton) {
   return limbs;
 }
 
-triangulate::TakeBody BodyOf(const body::Skeleton& skeleton) {
-  triangulate::TakeBody body{static_cast<int>(skeleton.joints.size()), body::MirrorGroups(skeleton)};
+triangulate::TakeBody BodyOf(const geometry::Skeleton& skeleton) {
+  triangulate::TakeBody body{static_cast<int>(skeleton.joints.size()), geometry::MirrorGroups(skeleton)};
   if (skeleton.human) {
     body.sides = {skeleton.Find("Nose"), skeleton.Find("LShoulder"), skeleton.Find("RShoulder"), skeleton.Find("LHip"),
                   skeleton.Find("RHip")};

@@ -8,9 +8,9 @@
 #include "app/input/pose_changes.h"
 #include "app/result.h"
 #include "app/words.h"
-#include "body/skeleton.h"
 #include "dataset/pose/pose2d.h"
 #include "geometry/rig/rig.h"
+#include "geometry/skeleton/skeleton.h"
 #include "triangulate/take/take.h"
 
 /// A calibration and its cameras' 2D joints of people: the input of every command that works on 2D joints.
@@ -32,7 +32,7 @@ struct PoseArguments {
 
 struct PoseInput {
   geometry::Rig rig;
-  body::Skeleton skeleton;
+  geometry::Skeleton skeleton;
   std::vector<std::pair<int, int>> limbs;          ///< LimbsOf the skeleton
   std::vector<std::string> cameras;                ///< cameras with data, by name
   std::vector<dataset::Pose2dTrack> tracks;        ///< one per camera
@@ -41,10 +41,10 @@ struct PoseInput {
 
 /// Bones whose lengths are measured: of people, and of joints without bones, the upper arms, forearms, thighs and shanks by
 /// their names; of any other skeleton all.
-std::vector<std::pair<int, int>> LimbsOf(const body::Skeleton& skeleton);
+std::vector<std::pair<int, int>> LimbsOf(const geometry::Skeleton& skeleton);
 
 /// The properties of the skeleton that triangulation uses.
-triangulate::TakeBody BodyOf(const body::Skeleton& skeleton);
+triangulate::TakeBody BodyOf(const geometry::Skeleton& skeleton);
 
 /// Reads everything; the files become inputs of `result`. Unreadable parts are listed in its warnings and make it partial
 /// (exit 6). Throws UsageError for fewer than two cameras or one given twice.

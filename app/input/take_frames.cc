@@ -45,7 +45,7 @@ std::vector<triangulate::DetectedFrame> ToFrames(const std::vector<dataset::Pose
   return list;
 }
 
-dataset::Pose3d ToPose3d(const triangulate::TakeResult& take, const body::Skeleton& skeleton) {
+dataset::Pose3d ToPose3d(const triangulate::TakeResult& take, const geometry::Skeleton& skeleton) {
   dataset::Pose3d pose{skeleton.name, {}};
   pose.definition = skeleton;
   pose.rows.reserve(take.points.size());

@@ -3,10 +3,10 @@
 #include <string>
 #include <vector>
 
-#include "body/skeleton.h"
 #include "dataset/pose/pose2d.h"
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig.h"
+#include "geometry/skeleton/skeleton.h"
 #include "triangulate/take/take.h"
 
 /// Converts between the files of dataset/ and the arrays of triangulate/.
@@ -17,6 +17,6 @@ namespace mvstudio::app {
 std::vector<triangulate::DetectedFrame> ToFrames(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Rig& rig,
                                                  const std::string& calib_path, const dataset::FrameRange& range = {});
 
-dataset::Pose3d ToPose3d(const triangulate::TakeResult& take, const body::Skeleton& skeleton);
+dataset::Pose3d ToPose3d(const triangulate::TakeResult& take, const geometry::Skeleton& skeleton);
 
 }  // namespace mvstudio::app

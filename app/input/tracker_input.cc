@@ -41,7 +41,7 @@ void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>&
 using NamedBones = std::vector<std::pair<std::string, std::string>>;
 
 /// Adds the bones whose joints exist, each once.
-void AddBones(const NamedBones& bones, body::Skeleton* skeleton) {
+void AddBones(const NamedBones& bones, geometry::Skeleton* skeleton) {
   for (const auto& [from, to] : bones) {
     const int a = skeleton->Find(from), b = skeleton->Find(to);
     const auto same = [a = a, b = b](const std::pair<int, int>& bone) {
@@ -53,9 +53,9 @@ void AddBones(const NamedBones& bones, body::Skeleton* skeleton) {
 }
 
 /// Joints with the bones that files state between them, else those of their project.
-body::Skeleton JoinedSkeleton(const std::vector<TrackedPoints>& cameras, const std::vector<std::string>& joints,
-                              const NamedBones& of_project) {
-  body::Skeleton skeleton = body::PointsSkeleton(joints);
+geometry::Skeleton JoinedSkeleton(const std::vector<TrackedPoints>& cameras, const std::vector<std::string>& joints,
+                                  const NamedBones& of_project) {
+  geometry::Skeleton skeleton = geometry::PointsSkeleton(joints);
   for (const TrackedPoints& camera : cameras) AddBones(camera.bones, &skeleton);
   if (skeleton.bones.empty()) AddBones(of_project, &skeleton);
   return skeleton;
@@ -81,15 +81,15 @@ dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, CommandResul
   const std::vector<std::string> joints = dataset::UnitedJoints(cameras);
   for (const TrackedPoints& camera : cameras) SayWhatDiffers(camera, joints, result);
   dataset::Pose2dSet set;
-  set.skeleton =
-      arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones) : body::SkeletonFrom(arguments.skeleton);
+  set.skeleton = arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones)
+                                            : geometry::SkeletonFrom(arguments.skeleton);
   set.tracks = dataset::ToSkeleton(std::move(cameras), set.skeleton);
   return set;
 }
 
 dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& skeleton, CommandResult* result) {
-  const body::Skeleton given = skeleton.empty() ? body::Skeleton() : body::SkeletonFrom(skeleton);
-  const body::Skeleton* named = skeleton.empty() ? nullptr : &given;
+  const geometry::Skeleton given = skeleton.empty() ? geometry::Skeleton() : geometry::SkeletonFrom(skeleton);
+  const geometry::Skeleton* named = skeleton.empty() ? nullptr : &given;
   const TrackerKind kind = KindOf(path);
   if (kind == TrackerKind::kNone) return dataset::ReadPose2dCsv(path, named);
   if (kind != TrackerKind::kCaliscopeCsv) {

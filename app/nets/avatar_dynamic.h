@@ -3,7 +3,7 @@
 #include <string>
 
 #include "app/result.h"
-#include "body/dynamic/dynamic_fit.h"
+#include "avatar/body/dynamic/dynamic_fit.h"
 
 /// What the fit says of a surface that moves with the pose.
 namespace mvstudio::app {

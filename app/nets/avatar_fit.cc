@@ -10,7 +10,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "core/statistics.h"
-#include "detect/models/models.h"
+#include "dataset/detect/models/models.h"
 
 namespace mvstudio::app {
 namespace {

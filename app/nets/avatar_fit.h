@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "app/result.h"
-#include "avatar/io/pack/person_fit.h"
-#include "avatar/io/pack/run_config.h"
+#include "avatar/run/pack/person_fit.h"
+#include "avatar/run/pack/run_config.h"
 #include "core/progress.h"
 
 /// The person's own body, fitted before a network is trained.

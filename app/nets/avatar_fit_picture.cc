@@ -5,7 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include "body/texture/surface_picture.h"
+#include "avatar/body/texture/surface_picture.h"
 #include "core/check.h"
 #include "core/statistics.h"
 

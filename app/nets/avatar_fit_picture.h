@@ -1,7 +1,7 @@
 #pragma once
 
 #include "app/result.h"
-#include "body/files/textured_person.h"
+#include "avatar/body/files/textured_person.h"
 #include "core/image.h"
 
 namespace mvstudio::app {

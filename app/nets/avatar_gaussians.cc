@@ -4,14 +4,14 @@
 
 #include <cmath>
 
+#include "avatar/splats/files/cloud_file.h"
+#include "avatar/splats/files/player_file.h"
+#include "avatar/splats/files/ply.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
-#include "splats/files/cloud_file.h"
-#include "splats/files/player_file.h"
-#include "splats/files/ply.h"
 
 namespace mvstudio::app {
 namespace {

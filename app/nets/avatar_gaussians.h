@@ -5,7 +5,7 @@
 
 #include "app/nets/avatar_run.h"
 #include "app/nets/avatar_train_data.h"
-#include "avatar/io/gaussians/gaussian_training.h"
+#include "avatar/run/gaussians/gaussian_training.h"
 
 /// A run of Gaussians: gaussians.npz, gaussians.ply, history.csv and samples beside the configuration.
 namespace mvstudio::app {

@@ -8,7 +8,7 @@
 #include <sstream>
 
 #include "app/nets/avatar_run.h"
-#include "avatar/io/pretrain/label_score.h"
+#include "avatar/run/pretrain/label_score.h"
 #include "avatar/train/train.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"

@@ -6,7 +6,7 @@
 
 #include "app/nets/pretrain_input.h"
 #include "app/result.h"
-#include "avatar/io/pretrain/pretrain_samples.h"
+#include "avatar/run/pretrain/pretrain_samples.h"
 #include "avatar/settings/options.h"
 #include "core/choice/option_group.h"
 #include "core/fields.h"

@@ -8,11 +8,12 @@
 #include <sstream>
 
 #include "app/nets/pretrain_input.h"
-#include "avatar/io/evaluate/evaluation_protocol.h"
-#include "avatar/io/evaluate/strips.h"
-#include "avatar/io/references/reference_views.h"
 #include "avatar/maps/bones.h"
 #include "avatar/maps/camera_tensor.h"
+#include "avatar/run/evaluate/evaluation_protocol.h"
+#include "avatar/run/evaluate/strips.h"
+#include "avatar/run/references/reference_views.h"
+#include "avatar/splats/files/player_file.h"
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"
@@ -20,7 +21,6 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
-#include "splats/files/player_file.h"
 
 namespace mvstudio::app {
 namespace {

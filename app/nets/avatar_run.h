@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "app/result.h"
-#include "avatar/io/pack/run_config.h"
+#include "avatar/run/pack/run_config.h"
 #include "avatar/train/train.h"
 
 namespace mvstudio::app {

@@ -4,9 +4,9 @@
 
 #include "app/frame_notice.h"
 #include "app/words.h"
-#include "avatar/io/pack/frame_runs.h"
-#include "avatar/io/pack/split_side.h"
 #include "avatar/nets/generator.h"
+#include "avatar/run/pack/frame_runs.h"
+#include "avatar/run/pack/split_side.h"
 #include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/join.h"

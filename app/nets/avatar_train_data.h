@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "app/result.h"
-#include "avatar/io/pack/run_config.h"
-#include "avatar/io/references/references.h"
+#include "avatar/run/pack/run_config.h"
+#include "avatar/run/references/references.h"
 #include "avatar/settings/options.h"
 #include "core/progress.h"
 #include "dataset/panoptic/missing.h"

@@ -12,11 +12,11 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "dataset/detect/models/models.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/masks/size_rule.h"
 #include "dataset/panoptic/panoptic.h"
-#include "detect/models/models.h"
 
 namespace mvstudio::app {
 namespace fs = std::filesystem;
@@ -108,8 +108,8 @@ geometry::Rig FootageRig(const MaskJob& job) {
 }
 
 void AddKeypoints(const MaskArguments& arguments, MaskJob* job, CommandResult* result) {
-  const body::Skeleton skeleton = body::SkeletonFrom(arguments.skeleton);
-  if (body::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
+  const geometry::Skeleton skeleton = geometry::SkeletonFrom(arguments.skeleton);
+  if (geometry::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
   std::vector<dataset::Pose2dTrack> tracks;
   for (const NamedPath& named : arguments.pose2d) {
     const auto& [name, path] = named;

@@ -11,10 +11,10 @@
 #include "app/input/take_input.h"
 #include "app/result.h"
 #include "core/progress.h"
+#include "dataset/detect/segment/segment.h"
 #include "dataset/masks/mask_take.h"
 #include "dataset/masks/size_rule.h"
 #include "dataset/masks/visual_hull.h"
-#include "detect/segment/segment.h"
 
 /// The work of `mvstudio mask`, without parsing and printing.
 namespace mvstudio::app {

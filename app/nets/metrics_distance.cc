@@ -10,15 +10,15 @@
 #include <optional>
 
 #include "avatar/data/safetensors.h"
-#include "avatar/io/evaluate/posenet_features.h"
+#include "avatar/run/evaluate/posenet_features.h"
 #include "avatar/scores/set_distance.h"
-#include "body/files/npz.h"
 #include "core/disk/files.h"
 #include "core/disk/npy.h"
 #include "core/disk/npy_write.h"
 #include "core/error.h"
 #include "core/join.h"
 #include "core/parallel.h"
+#include "dataset/arrays/npz.h"
 
 namespace mvstudio::app {
 namespace {
@@ -100,7 +100,7 @@ Features StatisticsOf(const std::map<std::string, std::string>& members, const s
 }
 
 Features ReadNpzFeatures(const std::string& path) {
-  const std::map<std::string, std::string> members = body::ReadNpzMembers(path);
+  const std::map<std::string, std::string> members = dataset::ReadNpzMembers(path);
   if (members.count("mu") && members.count("sigma")) return StatisticsOf(members, path);
   if (!members.count("features"))
     throw FormatError(path, "", "holds " + KindOfNpz(members) + " (" + Join(members, ", ", [](const auto& member) {

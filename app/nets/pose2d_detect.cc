@@ -7,9 +7,9 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "dataset/detect/joints/pose_overlay.h"
+#include "dataset/detect/models/models.h"
 #include "dataset/footage/frames.h"
-#include "detect/joints/pose_overlay.h"
-#include "detect/models/models.h"
 
 namespace mvstudio::app {
 

@@ -8,9 +8,9 @@
 #include "app/input/take_input.h"
 #include "app/result.h"
 #include "core/progress.h"
+#include "dataset/detect/joints/joint_net.h"
+#include "dataset/detect/joints/pose_tracker.h"
 #include "dataset/pose/pose2d.h"
-#include "detect/joints/joint_net.h"
-#include "detect/joints/pose_tracker.h"
 
 /// Keypoints of a take's footage.
 namespace mvstudio::app {

@@ -52,7 +52,7 @@ int FramesOf(const dataset::CameraFootage& footage) {
 }
 
 std::vector<CameraPoses> ReadExistingPoses(const std::string& folder, const std::vector<dataset::CameraFootage>& footage,
-                                           const body::Skeleton& skeleton, CommandResult* result) {
+                                           const geometry::Skeleton& skeleton, CommandResult* result) {
   if (!fs::is_directory(folder)) throw UsageError("option 'backend' openpose:" + folder + ": there is no such folder");
   std::vector<CameraPoses> cameras;
   for (const std::string& name : CamerasOf(folder, footage)) {

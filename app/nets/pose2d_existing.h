@@ -15,6 +15,6 @@ int FramesOf(const dataset::CameraFootage& footage);
 /// scores above 1 count as 1. Unreadable files are listed as damage. Throws like dataset::ReadOpenPoseFolder, UsageError
 /// for a missing folder.
 std::vector<CameraPoses> ReadExistingPoses(const std::string& folder, const std::vector<dataset::CameraFootage>& footage,
-                                           const body::Skeleton& skeleton, CommandResult* result);
+                                           const geometry::Skeleton& skeleton, CommandResult* result);
 
 }  // namespace mvstudio::app

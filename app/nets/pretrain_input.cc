@@ -6,7 +6,7 @@
 
 #include "app/nets/avatar_fit.h"
 #include "app/words.h"
-#include "body/templates/read.h"
+#include "avatar/body/templates/read.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/disk/place.h"

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "app/result.h"
-#include "avatar/io/pack/run_config.h"
-#include "avatar/io/pretrain/pretrain_samples.h"
+#include "avatar/run/pack/run_config.h"
+#include "avatar/run/pretrain/pretrain_samples.h"
 
 /// The motions and bodies that a generic network learns from.
 namespace mvstudio::app {

@@ -7,8 +7,8 @@
 #include "core/disk/files.h"
 #include "core/format.h"
 #include "core/statistics.h"
-#include "markers/gait_events.h"
-#include "markers/joint_angles.h"
+#include "dataset/markers/gait_events.h"
+#include "dataset/markers/joint_angles.h"
 
 namespace mvstudio::app {
 namespace {

@@ -41,7 +41,8 @@ TakeResult WithoutCameraOf(const PreparedRig& rig, const TakeResult& take, const
   return without;
 }
 
-std::map<Key, Eigen::Vector3d> Filtered(const TakeResult& take, const body::Skeleton& skeleton, const MarkerOptions& options) {
+std::map<Key, Eigen::Vector3d> Filtered(const TakeResult& take, const geometry::Skeleton& skeleton,
+                                        const MarkerOptions& options) {
   std::map<Key, Eigen::Vector3d> positions;
   const dataset::Pose3d pose = ToPose3d(take, skeleton);
   for (const markers::MarkerTake& before : markers::MarkersOf(pose, options.rate_hz)) {
@@ -62,7 +63,7 @@ struct Pair {
 };
 
 void Predict(const PreparedRig& rig, const TakeResult& take, const TakeResult& without,
-             const std::map<Key, Eigen::Vector3d>& filtered, const body::Skeleton& skeleton, int camera, Pair* pair) {
+             const std::map<Key, Eigen::Vector3d>& filtered, const geometry::Skeleton& skeleton, int camera, Pair* pair) {
   for (size_t i = 0; i < take.points.size(); ++i) {
     const triangulate::TakePoint& at = take.points[i];
     triangulate::Point smooth = without.points[i].point;
@@ -97,7 +98,8 @@ bool FilterCheck::Hurts() const {
 }
 
 FilterCheck CheckFilter(const PreparedRig& rig, const TakeResult& take, const triangulate::PointSolver& solve,
-                        const body::Skeleton& skeleton, const MarkerOptions& options, const RunContext& run, int max_cameras) {
+                        const geometry::Skeleton& skeleton, const MarkerOptions& options, const RunContext& run,
+                        int max_cameras) {
   FilterCheck check;
   Pair pair;
   for (const int camera : CamerasWithSamples(rig, take, max_cameras)) {

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "app/people/marker_export.h"
-#include "body/skeleton.h"
+#include "geometry/skeleton/skeleton.h"
 #include "triangulate/point/holdout.h"
 #include "triangulate/take/take.h"
 
@@ -21,7 +21,7 @@ struct FilterCheck {
 /// At most `max_cameras` cameras, evenly spread over those with detections. `solve` triangulated the take, single points before
 /// any refinement.
 FilterCheck CheckFilter(const triangulate::PreparedRig& rig, const triangulate::TakeResult& take,
-                        const triangulate::PointSolver& solve, const body::Skeleton& skeleton, const MarkerOptions& options,
+                        const triangulate::PointSolver& solve, const geometry::Skeleton& skeleton, const MarkerOptions& options,
                         const RunContext& run, int max_cameras = 5);
 
 /// Adds metrics `filter_holdout` and a line of text; a warning where the filter hurts.

@@ -35,7 +35,7 @@ std::vector<Ratio> Ratios() {
   return ratios;
 }
 
-std::map<int, LimbMeans> MeansOf(const std::vector<TakePoint>& points, const body::Skeleton& skeleton) {
+std::map<int, LimbMeans> MeansOf(const std::vector<TakePoint>& points, const geometry::Skeleton& skeleton) {
   const auto limbs = LimbsOf(skeleton);
   std::map<int, LimbMeans> persons;
   for (const triangulate::LimbLength& length : triangulate::MeasureLimbs(points, limbs)) {
@@ -55,7 +55,7 @@ std::vector<std::string> ImpossibleLimbsOf(const std::map<int, LimbMeans>& perso
 }
 
 /// How much the limbs' lengths vary, over their mean; infinity without limbs.
-double Variation(const std::vector<TakePoint>& points, const body::Skeleton& skeleton) {
+double Variation(const std::vector<TakePoint>& points, const geometry::Skeleton& skeleton) {
   double sum = 0;
   int count = 0;
   for (const triangulate::LimbLength& length : triangulate::MeasureLimbs(points, LimbsOf(skeleton))) {
@@ -106,7 +106,7 @@ Eigen::Vector3d MeanOf(const Body& body, const std::vector<int>& joints) {
 }
 
 /// Joints between which the trunk rises: as the skeleton states, else the hips and the shoulders.
-std::pair<std::vector<int>, std::vector<int>> TrunkOf(const body::Skeleton& skeleton) {
+std::pair<std::vector<int>, std::vector<int>> TrunkOf(const geometry::Skeleton& skeleton) {
   if (!skeleton.up_from.empty()) return {skeleton.up_from, skeleton.up_to};
   if (!skeleton.human && !skeleton.bones.empty()) return {};
   return {{skeleton.Find("LHip"), skeleton.Find("RHip")}, {skeleton.Find("LShoulder"), skeleton.Find("RShoulder")}};
@@ -127,10 +127,10 @@ std::vector<std::string> ImpossibleLimbs(const LimbMeans& means) {
   return impossible;
 }
 
-std::vector<std::string> SkeletonsThatFit(const std::vector<TakePoint>& points, const body::Skeleton& skeleton) {
+std::vector<std::string> SkeletonsThatFit(const std::vector<TakePoint>& points, const geometry::Skeleton& skeleton) {
   std::vector<std::pair<double, std::string>> fitting;
-  for (const std::string& name : body::SkeletonsOfSize(skeleton.joints.size())) {
-    const body::Skeleton& other = body::SkeletonByName(name);
+  for (const std::string& name : geometry::SkeletonsOfSize(skeleton.joints.size())) {
+    const geometry::Skeleton& other = geometry::SkeletonByName(name);
     if (name == skeleton.name || LimbsOf(other).size() < LimbsOf(skeleton).size()) continue;
     if (ImpossibleLimbsOf(MeansOf(points, other)).empty()) fitting.emplace_back(Variation(points, other), name);
   }
@@ -140,12 +140,12 @@ std::vector<std::string> SkeletonsThatFit(const std::vector<TakePoint>& points, 
   return names;
 }
 
-std::vector<std::string> BonesOutOfRange(const std::vector<TakePoint>& points, const body::Skeleton& skeleton) {
+std::vector<std::string> BonesOutOfRange(const std::vector<TakePoint>& points, const geometry::Skeleton& skeleton) {
   std::vector<std::string> texts;
   if (skeleton.lengths.empty()) return texts;
   for (const triangulate::LimbLength& length : triangulate::MeasureLimbs(points, skeleton.bones)) {
     const size_t bone = static_cast<size_t>(length.limb);
-    const body::LengthRange& range = skeleton.lengths[bone];
+    const geometry::LengthRange& range = skeleton.lengths[bone];
     if (length.mean_m >= range.min_m && length.mean_m <= range.max_m) continue;
     texts.push_back(Format("person %d: %s is %.4g mm, not %.4g to %.4g mm", length.person,
                            BoneName(skeleton, skeleton.bones[bone]).c_str(), 1000 * length.mean_m, 1000 * range.min_m,
@@ -179,7 +179,7 @@ void CheckLimbs(const triangulate::TakeResult& take, const PoseInput& input, Com
                               "check the skeleton of the detector, the order of the cameras and their calibration"});
 }
 
-double TrunkTiltDeg(const std::vector<TakePoint>& points, const body::Skeleton& skeleton) {
+double TrunkTiltDeg(const std::vector<TakePoint>& points, const geometry::Skeleton& skeleton) {
   constexpr int kFewestFrames = 10;
   const auto [from, to] = TrunkOf(skeleton);
   std::map<std::pair<int, int>, Body> bodies;

@@ -20,10 +20,11 @@ using LimbMeans = std::map<std::string, double>;
 std::vector<std::string> ImpossibleLimbs(const LimbMeans& means);
 
 /// Skeletons with the same number of joints, read into which the same points have limbs of people; the best measured first.
-std::vector<std::string> SkeletonsThatFit(const std::vector<triangulate::TakePoint>& points, const body::Skeleton& skeleton);
+std::vector<std::string> SkeletonsThatFit(const std::vector<triangulate::TakePoint>& points,
+                                          const geometry::Skeleton& skeleton);
 
 /// Bones whose mean length lies outside the range that their skeleton states, each as text with its lengths.
-std::vector<std::string> BonesOutOfRange(const std::vector<triangulate::TakePoint>& points, const body::Skeleton& skeleton);
+std::vector<std::string> BonesOutOfRange(const std::vector<triangulate::TakePoint>& points, const geometry::Skeleton& skeleton);
 
 /// Bones outside their stated range: a warning "TRI-LIMBS" that names them. Of people, and of joints without bones:
 /// limbs that no person has: where another skeleton fits, the joints were read as the wrong one: exit 4, "TRI-SKELETON". Else a
@@ -32,7 +33,7 @@ void CheckLimbs(const triangulate::TakeResult& take, const PoseInput& input, Com
 
 /// Angle between the mean direction that the skeleton calls up, else from hips to shoulders, and the world's z, degrees, over
 /// all people and frames; NaN where fewer than ten frames show it.
-double TrunkTiltDeg(const std::vector<triangulate::TakePoint>& points, const body::Skeleton& skeleton);
+double TrunkTiltDeg(const std::vector<triangulate::TakePoint>& points, const geometry::Skeleton& skeleton);
 
 /// What points in this rig's world state of their axes.
 std::string WorldText(const geometry::Rig& rig);

@@ -174,7 +174,7 @@ std::vector<JointView> ChooseJointViews(const geometry::Rig& rig, const triangul
   return views;
 }
 
-void AddJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take, const body::Skeleton& skeleton,
+void AddJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take, const geometry::Skeleton& skeleton,
                    const TakeImages& images, const std::string& out, CommandResult* result) {
   const std::vector<JointView> views = ChooseJointViews(rig, take, static_cast<int>(skeleton.joints.size()), images);
   const size_t most = std::min(kMostBytes, kMostBytesTogether / std::max<size_t>(1, views.size()));

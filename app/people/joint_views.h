@@ -39,7 +39,7 @@ std::vector<JointView> ChooseJointViews(const geometry::Rig& rig, const triangul
 /// Writes small images of the views into the folder kJointViewsFolder of `out`, in place of an earlier run's, and adds
 /// "overlays" to the metrics: {bones, num_joints, views: [{camera, instant, frame, median_px, max_px, num_points, box_px,
 /// picture, joints}]}; a joint is [x, y of the projection, x, y of the keypoint] px.
-void AddJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take, const body::Skeleton& skeleton,
+void AddJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take, const geometry::Skeleton& skeleton,
                    const TakeImages& images, const std::string& out, CommandResult* result);
 
 }  // namespace mvstudio::app

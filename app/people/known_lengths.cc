@@ -6,10 +6,10 @@
 namespace mvstudio::app {
 namespace {
 
-std::vector<calib::KnownLength> Stated(const body::Skeleton& skeleton) {
+std::vector<calib::KnownLength> Stated(const geometry::Skeleton& skeleton) {
   std::vector<calib::KnownLength> lengths;
   for (size_t b = 0; b < skeleton.lengths.size(); ++b) {
-    const body::LengthRange& range = skeleton.lengths[b];
+    const geometry::LengthRange& range = skeleton.lengths[b];
     if (range.min_m > 0 && std::isfinite(range.max_m))
       lengths.push_back({skeleton.bones[b], 0.5 * (range.min_m + range.max_m)});
   }
@@ -18,7 +18,7 @@ std::vector<calib::KnownLength> Stated(const body::Skeleton& skeleton) {
 
 }  // namespace
 
-std::vector<calib::KnownLength> KnownLengthsOf(const body::Skeleton& skeleton, double person_height_m) {
+std::vector<calib::KnownLength> KnownLengthsOf(const geometry::Skeleton& skeleton, double person_height_m) {
   std::vector<calib::KnownLength> lengths = Stated(skeleton);
   if (!lengths.empty() || !skeleton.human) return lengths;
   constexpr struct {

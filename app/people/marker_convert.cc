@@ -9,9 +9,9 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "dataset/markers/bvh.h"
+#include "dataset/markers/marker_files.h"
 #include "dataset/pose/markers.h"
-#include "markers/bvh.h"
-#include "markers/marker_files.h"
 
 namespace mvstudio::app {
 namespace {
@@ -48,12 +48,12 @@ std::string Chosen(const std::string& asked, const char* custom, const char* pos
 }
 
 /// A skeleton with bones that has all the markers: that of the points, else the smallest one that is known.
-body::Skeleton BonesFor(const dataset::Pose3d& pose, const MarkerTake& take) {
-  const body::Skeleton own = SkeletonOf(pose);
+geometry::Skeleton BonesFor(const dataset::Pose3d& pose, const MarkerTake& take) {
+  const geometry::Skeleton own = SkeletonOf(pose);
   if (!own.bones.empty()) return own;
-  const body::Skeleton* best = nullptr;
-  for (const std::string& name : body::SkeletonNames()) {
-    const body::Skeleton* known = body::FindSkeleton(name);
+  const geometry::Skeleton* best = nullptr;
+  for (const std::string& name : geometry::SkeletonNames()) {
+    const geometry::Skeleton* known = geometry::FindSkeleton(name);
     if (known && HasJoints(*known, take.names) && (!best || known->joints.size() < best->joints.size())) best = known;
   }
   if (best) return *best;

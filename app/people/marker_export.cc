@@ -11,9 +11,9 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "dataset/footage/frame_rate.h"
-#include "markers/bvh.h"
-#include "markers/marker_files.h"
-#include "markers/opensim.h"
+#include "dataset/markers/bvh.h"
+#include "dataset/markers/marker_files.h"
+#include "dataset/markers/opensim.h"
 
 namespace mvstudio::app {
 namespace {
@@ -166,7 +166,7 @@ void WriteAngles(const MarkerWork& work, const dataset::Pose3d& pose, Writer* wr
 }
 
 /// What a fit with bones of one length leaves, as metrics and as a line.
-void WriteBvhFile(const MarkerWork& work, const body::Skeleton& skeleton, Writer* writer, ordered_json* person,
+void WriteBvhFile(const MarkerWork& work, const geometry::Skeleton& skeleton, Writer* writer, ordered_json* person,
                   CommandResult* result) {
   const markers::MarkerBody hung = markers::HungFromPelvis(work.after, skeleton);
   const markers::BvhMotion motion = FitBvh(hung.take, hung.skeleton);
@@ -182,7 +182,7 @@ void WriteBvhFile(const MarkerWork& work, const body::Skeleton& skeleton, Writer
 }
 
 /// False, and said, where there are no bones.
-bool HasHierarchy(const body::Skeleton& skeleton, CommandResult* result) {
+bool HasHierarchy(const geometry::Skeleton& skeleton, CommandResult* result) {
   if (!skeleton.bones.empty()) return true;
   result->exit = kExitPartial;
   result->warnings.push_back({"MRK-BVH", "the joints have no bones, of which a hierarchy could be made: no .bvh was written",
@@ -255,7 +255,7 @@ void WriteMarkers(const std::vector<MarkerWork>& work, const dataset::Pose3d& po
                   const std::string& folder, const std::string& final_folder, CommandResult* result) {
   Writer writer(folder, final_folder, result);
   ordered_json persons = ordered_json::array();
-  const body::Skeleton skeleton = SkeletonOf(pose);
+  const geometry::Skeleton skeleton = SkeletonOf(pose);
   const bool with_bvh = Wants(options, "bvh") && HasHierarchy(skeleton, result);
   for (const MarkerWork& person : work) {
     WritePerson(person, options, &writer);

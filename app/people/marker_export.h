@@ -4,11 +4,11 @@
 #include <vector>
 
 #include "app/result.h"
+#include "dataset/markers/fill.h"
+#include "dataset/markers/filter.h"
+#include "dataset/markers/marker_files.h"
+#include "dataset/markers/marker_take.h"
 #include "dataset/pose/pose3d.h"
-#include "markers/fill.h"
-#include "markers/filter.h"
-#include "markers/marker_files.h"
-#include "markers/marker_take.h"
 
 /// 3D joints -> files of biomechanics programs, filled and filtered.
 namespace mvstudio::app {

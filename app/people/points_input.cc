@@ -6,12 +6,12 @@
 
 #include "app/frame_notice.h"
 #include "app/words.h"
-#include "body/skeleton.h"
 #include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/frame_rate.h"
 #include "dataset/pose/markers.h"
+#include "geometry/skeleton/skeleton.h"
 
 namespace mvstudio::app {
 namespace {
@@ -72,8 +72,8 @@ PointsInput ReadPointsInput(const PointsArguments& arguments, CommandResult* res
                      input.pose.world);
   }
   if (!arguments.skeleton.empty()) {
-    UseSkeleton(body::SkeletonFrom(arguments.skeleton), arguments.path, &input.pose);
-    if (body::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
+    UseSkeleton(geometry::SkeletonFrom(arguments.skeleton), arguments.path, &input.pose);
+    if (geometry::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
   }
   KeepFrames(arguments.frames, arguments.path, &input.pose, result);
   SettleRate(arguments, &input.pose, result);

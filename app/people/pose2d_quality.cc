@@ -45,7 +45,7 @@ void AddCameras(const triangulate::TakeResult& take, const geometry::Rig& rig, o
   }
 }
 
-void AddJoints(const triangulate::TakeResult& take, const std::vector<OkCount>& counts, const body::Skeleton& skeleton,
+void AddJoints(const triangulate::TakeResult& take, const std::vector<OkCount>& counts, const geometry::Skeleton& skeleton,
                ordered_json* json) {
   (*json)["joints"] = ordered_json::array();
   for (size_t j = 0; j < skeleton.joints.size(); ++j) {
@@ -57,7 +57,7 @@ void AddJoints(const triangulate::TakeResult& take, const std::vector<OkCount>& 
 
 }  // namespace
 
-PoseAgreement MeasureAgreement(const std::vector<dataset::Pose2dTrack>& tracks, const body::Skeleton& skeleton,
+PoseAgreement MeasureAgreement(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Skeleton& skeleton,
                                const geometry::Rig& rig, int max_persons, const RunContext& run) {
   PoseAgreement agreement;
   agreement.median_px = agreement.p90_px = std::numeric_limits<double>::quiet_NaN();

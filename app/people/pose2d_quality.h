@@ -4,10 +4,10 @@
 #include <vector>
 
 #include "app/result.h"
-#include "body/skeleton.h"
 #include "core/progress.h"
 #include "dataset/pose/pose2d.h"
 #include "geometry/rig/rig.h"
+#include "geometry/skeleton/skeleton.h"
 
 /// Agreement between the keypoints of several cameras.
 namespace mvstudio::app {
@@ -22,7 +22,7 @@ struct PoseAgreement {
 };
 
 /// Triangulates with each camera left out in turn. Tracks of cameras that the rig lacks are ignored.
-PoseAgreement MeasureAgreement(const std::vector<dataset::Pose2dTrack>& tracks, const body::Skeleton& skeleton,
+PoseAgreement MeasureAgreement(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Skeleton& skeleton,
                                const geometry::Rig& rig, int max_persons, const RunContext& run);
 
 }  // namespace mvstudio::app

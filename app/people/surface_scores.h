@@ -3,7 +3,7 @@
 #include <string>
 
 #include "app/result.h"
-#include "body/measure/body_scores.h"
+#include "avatar/body/measure/body_scores.h"
 
 /// What `avatar surface` says of a fitted body.
 namespace mvstudio::app {

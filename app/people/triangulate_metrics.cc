@@ -51,7 +51,7 @@ ordered_json ToJson(const triangulate::LeftOutFigures& f) {
 }
 
 /// What the other cameras say of each camera's detections.
-ordered_json HoldoutMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton) {
+ordered_json HoldoutMetrics(const triangulate::TakeResult& take, const geometry::Skeleton& skeleton) {
   ordered_json json = ToJson(take.holdout.all);
   json["cameras"] = json["joints"] = ordered_json::array();
   for (size_t c = 0; c < take.holdout.cameras.size(); ++c) {
@@ -167,7 +167,7 @@ void PointStatistics::WarnOfAbsence(const PoseInput& input, CommandResult* resul
   }
 }
 
-void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metrics) const {
+void PointStatistics::AddTo(const geometry::Skeleton& skeleton, ordered_json* metrics) const {
   ordered_json& m = *metrics;
   m["num_points"] = rms_px_.size();
   m["num_joints_tried"] = num_tried_;
@@ -198,7 +198,7 @@ void PointStatistics::AddTo(const body::Skeleton& skeleton, ordered_json* metric
   }
 }
 
-void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, ordered_json* metrics) {
+void AddTakeMetrics(const triangulate::TakeResult& take, const geometry::Skeleton& skeleton, ordered_json* metrics) {
   ordered_json& m = *metrics;
   m["sigma_px"] = take.sigma_px > 0 ? ordered_json(take.sigma_px) : ordered_json();  // exhaustive-dlt knows none
   m["method"] = std::string(ToString(take.method));

@@ -28,7 +28,7 @@ class PointStatistics {
   int num_tried() const { return num_tried_; }
   /// Number of joints that enough cameras see for a point.
   int64_t num_carriable() const { return num_carriable_; }
-  void AddTo(const body::Skeleton& skeleton, nlohmann::ordered_json* metrics) const;
+  void AddTo(const geometry::Skeleton& skeleton, nlohmann::ordered_json* metrics) const;
 
   /// Too few points, or none: an error (exit 5 or 4), with the reason where the scores or the statuses are it. True when the
   /// reason is known.
@@ -55,7 +55,7 @@ class PointStatistics {
 };
 
 /// Noise, method, held-out figures and the judgement of the cameras.
-void AddTakeMetrics(const triangulate::TakeResult& take, const body::Skeleton& skeleton, nlohmann::ordered_json* metrics);
+void AddTakeMetrics(const triangulate::TakeResult& take, const geometry::Skeleton& skeleton, nlohmann::ordered_json* metrics);
 
 /// Terms that were tried, and their effect on limbs.
 void AddRefinementMetrics(const triangulate::SkeletonRefineReport& report, nlohmann::ordered_json* metrics);

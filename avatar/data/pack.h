@@ -33,7 +33,7 @@ struct AvatarPack {
   /// (N, 4, H, W) uint8: the fitted body in its averaged colours, posed by the joints: RGB on black, coverage; undefined: none
   at::Tensor body_images;
   /// (N, 4, P, P) uint8: training images of other time steps warped onto the body beside template_maps, RGB on black, and
-  /// where there is any (avatar/io/references); for networks that see them; undefined: none
+  /// where there is any (avatar/run/references); for networks that see them; undefined: none
   at::Tensor references;
   at::Tensor camera_idx;             ///< (N) int64, index into cameras
   at::Tensor frame;                  ///< (N) int64, frame number of the dataset

@@ -46,7 +46,7 @@ void Validate(const LiftOptions& options);
 
 /// A multi-layer perceptron from 2D joints of five frames to 3D joints of the middle one, as used by Shysheya et al., CVPR
 /// 2019, for video of a single camera (theirs predicts the last frame). Residual as in Martinez et al., ICCV 2017. Its
-/// coordinates are those of avatar/io/lift/lift_input.h.
+/// coordinates are those of avatar/run/lift/lift_input.h.
 struct Lifter {
   LiftOptions options;
   std::map<std::string, at::Tensor> weights;  ///< float32, "layer0.weight" …

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "metrics/scores.h"
+#include "avatar/metrics/scores.h"
 
 /// Converts between tensors and metrics/.
 namespace mvstudio::avatar {

@@ -1,6 +1,6 @@
 #include "avatar/scores/vector_kernels.h"
 
-#include "metrics/simd.h"
+#include "avatar/metrics/simd.h"
 
 namespace mvstudio::avatar {
 namespace {

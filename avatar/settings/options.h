@@ -18,7 +18,7 @@ enum class Method {
   kGaussians,  ///< no network: Gaussians on the fitted body (gaussian_options.h)
   kHf,         ///< reference-based neural rendering of the fitted body
 };
-/// Which training images a picture of method `hf` may take its details from (avatar/io/references).
+/// Which training images a picture of method `hf` may take its details from (avatar/run/references).
 enum class ReferenceChoice {
   kBest,       ///< those that show most of what the picture shows, in the most similar poses
   kFrontBack,  ///< the paper's: the person from the front and from the back

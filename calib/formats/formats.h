@@ -45,7 +45,7 @@ inline constexpr CalibrationFormat kAllCalibrationFormats[] = {
     CalibrationFormat::kMvstudio,   CalibrationFormat::kPanoptic,   CalibrationFormat::kToml,   CalibrationFormat::kCaliscope,
     CalibrationFormat::kQca,        CalibrationFormat::kOpenCvYaml, CalibrationFormat::kMrcal,  CalibrationFormat::kColmap,
     CalibrationFormat::kColmapText, CalibrationFormat::kNerfstudio, CalibrationFormat::kKalibr, CalibrationFormat::kEasyMocap};
-/// Of exports/read/layout_read.h and exports/export.h; the functions below do not take them.
+/// Of dataset/exports/read/layout_read.h and dataset/exports/export.h; the functions below do not take them.
 inline constexpr CalibrationFormat kDatasetLayouts[] = {
     CalibrationFormat::kZju,    CalibrationFormat::kActorsHq, CalibrationFormat::kDynamic3dgs, CalibrationFormat::kDna,
     CalibrationFormat::kHumman, CalibrationFormat::kNpz,      CalibrationFormat::kGltf,        CalibrationFormat::kPly};

@@ -3,8 +3,8 @@
 #include <filesystem>
 
 #include "app/nets/avatar_fit_picture.h"
-#include "body/files/atlas.h"
-#include "body/files/gltf.h"
+#include "avatar/body/files/atlas.h"
+#include "avatar/body/files/gltf.h"
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"
 #include "core/disk/output.h"

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "app/result.h"
-#include "body/files/textured_person.h"
+#include "avatar/body/files/textured_person.h"
 #include "cli/program/command.h"
 
 namespace CLI {

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "app/dataset/studio_names.h"
-#include "avatar/io/evaluate/evaluate.h"
+#include "avatar/run/evaluate/evaluate.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/format.h"

@@ -6,7 +6,7 @@
 #include "app/input/calib_read.h"
 #include "app/input/pose3d_input.h"
 #include "app/input/pose_changes.h"
-#include "avatar/io/lift/lift_take.h"
+#include "avatar/run/lift/lift_take.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -173,7 +173,7 @@ const dataset::Person2d* Surest(const std::vector<dataset::Person2d>& people) {
 /// Every frame from the first to the last; those without a person have no joints.
 std::map<int, avatar::LiftView> ReadViews(const ApplyArguments& arguments, const geometry::Rig& rig,
                                           const geometry::Camera& camera, CommandResult* result) {
-  const body::Skeleton skeleton = body::SkeletonFrom(arguments.skeleton);
+  const geometry::Skeleton skeleton = geometry::SkeletonFrom(arguments.skeleton);
   std::vector<dataset::Pose2dTrack> tracks = {dataset::ReadPose2d(arguments.pose2d, arguments.camera, skeleton)};
   LimitFrames(arguments.changes, &tracks, result);
   ApplyChanges(arguments.changes, rig, skeleton, &tracks);

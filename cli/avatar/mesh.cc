@@ -3,10 +3,10 @@
 #include <memory>
 
 #include "app/frame_notice.h"
-#include "body/articulated_pose.h"
-#include "body/files/atlas.h"
-#include "body/files/obj_sequence.h"
-#include "body/files/textured_person.h"
+#include "avatar/body/articulated_pose.h"
+#include "avatar/body/files/atlas.h"
+#include "avatar/body/files/obj_sequence.h"
+#include "avatar/body/files/textured_person.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/choice/frame_choice.h"

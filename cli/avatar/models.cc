@@ -1,4 +1,4 @@
-#include "detect/models/models.h"
+#include "dataset/detect/models/models.h"
 
 #include <memory>
 

@@ -1,4 +1,4 @@
-#include "avatar/io/render/render.h"
+#include "avatar/run/render/render.h"
 
 #include <chrono>
 #include <cmath>
@@ -10,8 +10,8 @@
 #include "app/dataset/studio_names.h"
 #include "app/frame_notice.h"
 #include "app/input/calib_read.h"
-#include "avatar/io/gaussians/gaussian_render.h"
-#include "avatar/io/render/backdrop.h"
+#include "avatar/run/gaussians/gaussian_render.h"
+#include "avatar/run/render/backdrop.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/files.h"

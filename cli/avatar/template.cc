@@ -2,9 +2,9 @@
 #include <map>
 #include <memory>
 
-#include "body/role_bones.h"
-#include "body/smpl/read.h"
-#include "body/templates/read.h"
+#include "avatar/body/role_bones.h"
+#include "avatar/body/smpl/read.h"
+#include "avatar/body/templates/read.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/files.h"

@@ -11,9 +11,9 @@
 #include "app/nets/avatar_run.h"
 #include "app/nets/avatar_train_data.h"
 #include "app/nets/pretrain_input.h"
-#include "avatar/io/evaluate/posenet_features.h"
-#include "avatar/io/pack/pack_builder.h"
-#include "avatar/io/references/body_textures.h"
+#include "avatar/run/evaluate/posenet_features.h"
+#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/references/body_textures.h"
 #include "cli/avatar/ranks.h"
 #include "cli/avatar/split_options.h"
 #include "cli/avatar/start_network.h"
@@ -128,7 +128,7 @@ void TellFit(const std::optional<avatar::PersonFit>& fit, const std::vector<Noti
 
 /// The first of several processes tells.
 std::vector<Notice> DoubtsOf(const TrainArguments& arguments, const dataset::PanopticDataset& data,
-                                  const avatar::DatasetSplit& split, const RunContext& run) {
+                             const avatar::DatasetSplit& split, const RunContext& run) {
   if (arguments.ranks.rank != 0) return {};
   return app::CheckTrainingImages(data, split, run);
 }

@@ -18,7 +18,7 @@
 #include "app/people/human_shape.h"
 #include "calib/board/sides.h"
 #include "calib/corners/corner_files.h"
-#include "calib/solvable.h"
+#include "calib/pipeline/solvable.h"
 #include "cli/calib/calib.h"
 #include "cli/calib/earlier_world.h"
 #include "cli/calib/keypoints.h"

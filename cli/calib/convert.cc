@@ -13,8 +13,8 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "dataset/exports/export.h"
 #include "dataset/panoptic/panoptic.h"
-#include "exports/export.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -5,7 +5,6 @@
 #include "app/input/mask_notice.h"
 #include "app/input/take_input.h"
 #include "app/people/human_shape.h"
-#include "body/skeleton.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -19,6 +18,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
+#include "geometry/skeleton/skeleton.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -153,7 +153,7 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
       {(std::filesystem::path(arguments.out) / ("calibration_" + report.sequence + ".json")).string(), "calibration"});
   result.folder = arguments.out;
   result.inputs.insert(result.inputs.end(), {inputs.calibration, inputs.pose3d});
-  if (body::IsSkeletonFile(inputs.skeleton)) result.inputs.push_back(inputs.skeleton);
+  if (geometry::IsSkeletonFile(inputs.skeleton)) result.inputs.push_back(inputs.skeleton);
   const auto lacks_masks = [](const dataset::BuiltCamera& c) { return !c.without_mask.empty(); };
   if (!report.gaps.empty() || std::any_of(report.cameras.begin(), report.cameras.end(), lacks_masks))
     result.exit = kExitPartial;

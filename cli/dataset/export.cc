@@ -1,4 +1,4 @@
-#include "exports/export.h"
+#include "dataset/exports/export.h"
 
 #include <algorithm>
 #include <cstdio>

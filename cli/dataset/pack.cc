@@ -2,7 +2,6 @@
 
 #include "app/frame_notice.h"
 #include "app/input/mask_notice.h"
-#include "body/skeleton.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
@@ -13,6 +12,7 @@
 #include "core/some_of.h"
 #include "dataset/pack/build.h"
 #include "dataset/panoptic/own_joints.h"
+#include "geometry/skeleton/skeleton.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -124,9 +124,9 @@ void AddNotices(const dataset::PackBuildReport& report, CommandResult* result) {
 void CheckJoints(const PackArguments& arguments, CommandResult* result) {
   const std::string folder = dataset::FindOwnJoints(arguments.dataset);
   if (folder.empty()) return;
-  const body::Skeleton skeleton = dataset::ListOwnJoints(folder).skeleton;
+  const geometry::Skeleton skeleton = dataset::ListOwnJoints(folder).skeleton;
   std::vector<bool> kept(skeleton.joints.size(), false);
-  for (const std::vector<int>& sources : body::Coco19From(skeleton)) {
+  for (const std::vector<int>& sources : geometry::Coco19From(skeleton)) {
     for (const int joint : sources) kept[static_cast<size_t>(joint)] = true;
   }
   std::vector<std::string> lost;

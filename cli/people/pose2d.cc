@@ -8,7 +8,6 @@
 #include "app/nets/pose2d_detect.h"
 #include "app/nets/pose2d_existing.h"
 #include "app/people/pose2d_quality.h"
-#include "body/skeleton_text.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -20,6 +19,7 @@
 #include "core/format.h"
 #include "core/text/shell_word.h"
 #include "dataset/footage/image_io.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -39,7 +39,7 @@ struct Arguments {
 /// What was detected, and by what.
 struct Detected {
   std::string backend;
-  body::Skeleton skeleton;
+  geometry::Skeleton skeleton;
   std::vector<app::CameraPoses> cameras;
   app::PoseAgreement agreement;
 };
@@ -243,8 +243,8 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   Detected detected;
   if (existing) {
     detected.backend = arguments.backend;
-    detected.skeleton = body::SkeletonFrom(arguments.skeleton);
-    if (body::IsSkeletonFile(arguments.skeleton)) result.inputs.push_back(arguments.skeleton);
+    detected.skeleton = geometry::SkeletonFrom(arguments.skeleton);
+    if (geometry::IsSkeletonFile(arguments.skeleton)) result.inputs.push_back(arguments.skeleton);
     detected.cameras = app::ReadExistingPoses(arguments.backend.substr(9), take.footage, detected.skeleton, &result);
   } else {
     detected =

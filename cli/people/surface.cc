@@ -1,9 +1,9 @@
 #include <memory>
 
 #include "app/people/surface_scores.h"
-#include "body/files/textured_person.h"
-#include "body/measure/body_scores.h"
-#include "body/measure/known_surface.h"
+#include "avatar/body/files/textured_person.h"
+#include "avatar/body/measure/body_scores.h"
+#include "avatar/body/measure/known_surface.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 

@@ -113,7 +113,7 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
             "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals, or "
             "caliscope's xy_TRACKER.csv");
   AddOption(sub, "--skeleton", arguments.skeleton,
-            Join(body::SkeletonNames(), " | ") +
+            Join(geometry::SkeletonNames(), " | ") +
                 ", or a file FILE.toml of your own (docs/formats.md); body25 unless given, of --points2d, DeepLabCut and SLEAP "
                 "the joints in the file");
   AddOption(sub, "--without-joint", arguments.without_joints, "names of joints, with commas, whose detections are left out")

@@ -6,7 +6,7 @@
 #include "app/dataset/studio_names.h"
 #include "app/study/avatar_trials.h"
 #include "app/study/tradeoff.h"
-#include "avatar/io/pack/pack_builder.h"
+#include "avatar/run/pack/pack_builder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/tradeoff/avatar_run.h"

@@ -7,7 +7,6 @@
 #include <mutex>
 #include <set>
 
-#include "body/skeleton_text.h"
 #include "core/choice/frame_choice.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
@@ -25,6 +24,7 @@
 #include "dataset/pose/markers.h"
 #include "dataset/session/session.h"
 #include "geometry/rig/plausible.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -277,7 +277,7 @@ Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
   Pose3d pose = IsMarkerFile(inputs.pose3d)            ? ReadMarkersOf(inputs, report)
                 : !SceneFilesAt(inputs.pose3d).empty() ? ReadSceneJoints(inputs.pose3d)
                                                        : ReadPoints3d(inputs.pose3d, inputs.marker_unit);
-  if (!inputs.skeleton.empty()) UseSkeleton(body::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
+  if (!inputs.skeleton.empty()) UseSkeleton(geometry::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
   KeepTimeSteps(inputs, &pose, report);
   RequireJoints(inputs.pose3d, pose);
   return pose;
@@ -317,7 +317,7 @@ std::optional<OwnJoints> OwnJointsOf(const BuildInputs& inputs, const Pose3d& po
   if (report->joints_beside.empty()) return std::nullopt;
   OwnJoints own;
   own.skeleton = SkeletonOf(pose);
-  body::SkeletonFromJson(SkeletonToJson(own.skeleton), inputs.pose3d, "its skeleton");  // throws for what no file holds
+  geometry::SkeletonFromJson(SkeletonToJson(own.skeleton), inputs.pose3d, "its skeleton");  // throws for what no file holds
   own.poses = ToJoints(pose, own.skeleton);
   report->skeleton = own.skeleton.name;
   return own;

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <filesystem>
 
-#include "body/skeleton.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "dataset/panoptic/panoptic.h"
+#include "geometry/skeleton/skeleton.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -19,7 +19,7 @@ void AddRows(int frame, const std::map<int, Coco19Pose>& people, std::vector<Joi
   for (const auto& [person, pose] : people) {
     for (size_t j = 0; j < pose.valid.size(); ++j) {
       JointRow row;
-      row.frame = frame, row.person = person, row.joint = body::Coco19().joints[j];
+      row.frame = frame, row.person = person, row.joint = geometry::Coco19().joints[j];
       if (pose.valid[j]) {
         row.status = Status::kOk;
         row.x_in_world = pose.x_in_world.col(static_cast<Eigen::Index>(j));
@@ -51,7 +51,7 @@ Pose3d ReadSceneJoints(const std::string& path) {
   const std::map<int, std::string> files = SceneFilesAt(path);
   if (files.empty()) throw IoError(path, "holds no body3DScene_*.json");
   Pose3d pose;
-  pose.skeleton = body::Coco19().name, pose.definition = body::Coco19();
+  pose.skeleton = geometry::Coco19().name, pose.definition = geometry::Coco19();
   double first_ms = -1, last_ms = -1;
   for (const auto& [frame, file] : files) {
     const Body3dScene scene = ReadBody3dSceneFile(file);

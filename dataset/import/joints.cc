@@ -21,7 +21,7 @@ std::vector<JointRow> RowsOf(int frame, const std::map<int, Coco19Pose>& people)
       JointRow row;
       row.frame = frame;
       row.person = id;
-      row.joint = body::Coco19().joints[static_cast<size_t>(j)];
+      row.joint = geometry::Coco19().joints[static_cast<size_t>(j)];
       if (pose.valid[j]) {
         row.status = Status::kOk;
         row.x_in_world = pose.x_in_world.col(j);

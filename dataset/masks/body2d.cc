@@ -81,9 +81,9 @@ void AddPerson(const Joints2d& joints, const MaskOptions& options, ProjectedBody
 
 }  // namespace
 
-ProjectedBody BodyFromKeypoints(const std::vector<Person2d>& people, const body::Skeleton& skeleton,
+ProjectedBody BodyFromKeypoints(const std::vector<Person2d>& people, const geometry::Skeleton& skeleton,
                                 const MaskOptions& options) {
-  const auto from = body::Coco19From(skeleton);
+  const auto from = geometry::Coco19From(skeleton);
   ProjectedBody body;
   for (const Person2d& person : people) AddPerson(ToCoco19(person, from), options, &body);
   return body;

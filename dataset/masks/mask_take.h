@@ -7,17 +7,17 @@
 #include <string>
 #include <vector>
 
-#include "body/skeleton.h"
 #include "core/image.h"
 #include "dataset/masks/masks.h"
 #include "dataset/pose/pose2d.h"
+#include "geometry/skeleton/skeleton.h"
 
 /// Masks of one camera over a whole take: selects frames to learn from, learns, segments every frame.
 namespace mvstudio::dataset {
 
 /// People of one image from 2D keypoints. The size of a limb in pixels follows from the longest limbs, assumed to be an
 /// adult's.
-ProjectedBody BodyFromKeypoints(const std::vector<Person2d>& people, const body::Skeleton& skeleton,
+ProjectedBody BodyFromKeypoints(const std::vector<Person2d>& people, const geometry::Skeleton& skeleton,
                                 const MaskOptions& options = {});
 
 /// A net's probability of a person, (H, W, 1) 0..255; `body` may be null. Empty function: no net.

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "dataset/pack/child_process.h"
+#include "dataset/arrays/child_process.h"
 #include "dataset/pack/codec.h"
 #include "dataset/pack/pack.h"
 #include "dataset/pack/pack_json.h"

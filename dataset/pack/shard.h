@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "dataset/pack/hdf5_reader.h"
-#include "dataset/pack/hdf5_writer.h"
+#include "dataset/arrays/hdf5_reader.h"
+#include "dataset/arrays/hdf5_writer.h"
 
 /// One HDF5 file of a pack: its tables in memory, written and read.
 namespace mvstudio::dataset::internal {

@@ -4,12 +4,12 @@
 #include <filesystem>
 #include <vector>
 
-#include "body/skeleton_text.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/format.h"
 #include "dataset/panoptic/panoptic_json.h"
 #include "dataset/panoptic/panoptic_units.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -21,7 +21,7 @@ using internal::JsonView;
 constexpr char kPrefix[] = "hdPose3d_stage1_";
 constexpr char kSkeletonFile[] = "skeleton.json";
 
-std::string JointsKey(const body::Skeleton& skeleton) { return "joints" + std::to_string(skeleton.joints.size()); }
+std::string JointsKey(const geometry::Skeleton& skeleton) { return "joints" + std::to_string(skeleton.joints.size()); }
 
 std::string OwnBodyText(int id, const JointsPose& pose, const std::string& key) {
   std::vector<double> numbers;
@@ -92,14 +92,14 @@ std::string FindOwnJoints(const std::string& root) {
 void WriteOwnJoints(const OwnJoints& joints, double frame_rate_hz, const std::string& root) {
   const fs::path folder = fs::path(root) / OwnJointsFolder(joints.skeleton.name);
   const std::string key = JointsKey(joints.skeleton);
-  WriteFileAtomic((folder / kSkeletonFile).string(), body::SkeletonToJson(joints.skeleton) + "\n");
+  WriteFileAtomic((folder / kSkeletonFile).string(), geometry::SkeletonToJson(joints.skeleton) + "\n");
   for (const auto& [frame, people] : joints.poses) {
     WriteFileAtomic((folder / Format("body3DScene_%08d.json", frame)).string(),
                     OwnSceneText(people, key, 1000.0 * frame / frame_rate_hz));
   }
 }
 
-std::map<int, JointsPose> ReadOwnScene(const std::string& path, const body::Skeleton& skeleton) {
+std::map<int, JointsPose> ReadOwnScene(const std::string& path, const geometry::Skeleton& skeleton) {
   constexpr int64_t kMostBytes = int64_t{64} << 20;
   const Json json = internal::ParseJsonFile(path, kMostBytes);
   const JsonView bodies = JsonView(path, json)["bodies"];
@@ -118,7 +118,7 @@ std::map<int, JointsPose> ReadOwnScene(const std::string& path, const body::Skel
 OwnJoints ListOwnJoints(const std::string& folder) {
   const std::string prefix = "body3DScene_", path = (fs::path(folder) / kSkeletonFile).string();
   OwnJoints joints;
-  joints.skeleton = body::SkeletonFromJson(internal::ReadTextFile(path, body::kMaxSkeletonBytes), path, "");
+  joints.skeleton = geometry::SkeletonFromJson(internal::ReadTextFile(path, geometry::kMaxSkeletonBytes), path, "");
   for (const std::string& file : FilesNamed(folder, prefix, ".json")) {
     const std::string digits = fs::path(file).stem().string().substr(prefix.size());
     if (digits.size() != 8 || digits.find_first_not_of("0123456789") != std::string::npos) continue;

@@ -2,9 +2,9 @@
 #include <cmath>
 #include <filesystem>
 
-#include "body/files/npz.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "dataset/arrays/npz.h"
 #include "dataset/pose/bvh_file.h"
 #include "dataset/pose/marker_formats.h"
 #include "dataset/pose/marker_labels.h"
@@ -91,10 +91,10 @@ Eigen::Vector3d MeanExtent(const BvhClip& clip) {
 }
 
 /// The clip's own hierarchy, which a .bvh made of its joints gets again.
-body::Skeleton HierarchyOfClip(const BvhClip& clip, const std::string& path, double metres) {
-  body::Skeleton skeleton;
+geometry::Skeleton HierarchyOfClip(const BvhClip& clip, const std::string& path, double metres) {
+  geometry::Skeleton skeleton;
   skeleton.name = std::filesystem::path(path).stem().string();
-  if (body::FindSkeleton(skeleton.name)) skeleton.name += "_bvh";
+  if (geometry::FindSkeleton(skeleton.name)) skeleton.name += "_bvh";
   for (size_t j = 0; j < clip.joints.size(); ++j) {
     const BvhClip::Joint& joint = clip.joints[j];
     skeleton.joints.push_back(joint.name), skeleton.parents.push_back(joint.parent);
@@ -120,7 +120,7 @@ void NameJointsOnce(BvhClip* clip) {
 }  // namespace
 
 MarkerFile ReadNpzMarkers(const std::string& path, const std::string& unit) {
-  const Members members = body::ReadNpzMembers(path);
+  const Members members = dataset::ReadNpzMembers(path);
   const NpyArray points = PointArray(members, path);
   if ((points.shape.size() != 3 && points.shape.size() != 4) || points.shape.back() != 3)
     throw FormatError(path, "joints", "must have the shape (frames, points, 3) or (frames, people, points, 3)");

@@ -46,7 +46,7 @@ json ParsePoseJson(const std::string& text, const PoseFile& file) {
 }
 
 std::string FittingSkeletons(size_t num_joints) {
-  const std::string fitting = Join(body::SkeletonsOfSize(num_joints), " or ");
+  const std::string fitting = Join(geometry::SkeletonsOfSize(num_joints), " or ");
   return fitting.empty() ? "no known skeleton has that many" : "option 'skeleton' " + fitting + " would fit";
 }
 
@@ -91,7 +91,7 @@ namespace {
 namespace fs = std::filesystem;
 using internal::PoseFile;
 using nlohmann::json;
-using Kind = body::SkeletonPart::Kind;
+using Kind = geometry::SkeletonPart::Kind;
 
 const char* ListOf(Kind kind) {
   switch (kind) {
@@ -138,13 +138,13 @@ const json* FindList(const json& entry, const char* name, const std::string& whe
 }
 
 Person2d ParsePerson(const json& entry, const json& pose, const std::string& where, const PoseFile& file) {
-  const body::Skeleton& skeleton = file.skeleton;
+  const geometry::Skeleton& skeleton = file.skeleton;
   Person2d person;
   if (skeleton.parts.empty() || pose.size() == 3 * skeleton.joints.size()) {
     internal::AppendKeypoints(pose, skeleton.joints.size(), where + ListOf(Kind::kBody), file, &person);
     return person;
   }
-  for (const body::SkeletonPart& part : skeleton.parts) {
+  for (const geometry::SkeletonPart& part : skeleton.parts) {
     const json* list = FindList(entry, ListOf(part.kind), where, file);
     const size_t count = static_cast<size_t>(part.count);
     if (list) {
@@ -197,7 +197,7 @@ json FlatList(const Person2d& person, size_t first, size_t count) {
   return numbers;
 }
 
-json PersonToJson(const Person2d& person, const body::Skeleton* skeleton) {
+json PersonToJson(const Person2d& person, const geometry::Skeleton* skeleton) {
   json entry = {{"person_id", json::array({-1})}};
   for (const char* empty : {"face_keypoints_2d", "hand_left_keypoints_2d", "hand_right_keypoints_2d", "pose_keypoints_3d",
                             "face_keypoints_3d", "hand_left_keypoints_3d", "hand_right_keypoints_3d"}) {
@@ -207,7 +207,7 @@ json PersonToJson(const Person2d& person, const body::Skeleton* skeleton) {
     entry[ListOf(Kind::kBody)] = FlatList(person, 0, person.keypoints.size());
     return entry;
   }
-  for (const body::SkeletonPart& part : skeleton->parts) {
+  for (const geometry::SkeletonPart& part : skeleton->parts) {
     entry[ListOf(part.kind)] = FlatList(person, static_cast<size_t>(part.first), static_cast<size_t>(part.count));
   }
   return entry;
@@ -221,7 +221,7 @@ std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& ca
   return frames;
 }
 
-Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton,
+Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const geometry::Skeleton& skeleton,
                                const FrameRange& range) {
   Pose2dTrack track{camera, {}};
   internal::Tolerant tolerant(&track.skipped);
@@ -237,13 +237,13 @@ Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& cam
   return track;
 }
 
-Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const body::Skeleton& skeleton) {
+Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton) {
   std::error_code error;
   const bool is_file = fs::exists(path, error) && !fs::is_directory(path, error);
   return is_file ? ReadPoseResults(path, camera, skeleton) : ReadOpenPoseFolder(path, camera, skeleton);
 }
 
-void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, const body::Skeleton* skeleton) {
+void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, const geometry::Skeleton* skeleton) {
   MakeFolder(folder);
   for (const auto& [frame, people] : track.frames) {
     MVS_CHECK(frame >= 0, "camera " << track.camera << ": frame " << frame << " is negative");

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "body/skeleton.h"
+#include "geometry/skeleton/skeleton.h"
 
 namespace mvstudio::dataset {
 
@@ -41,7 +41,7 @@ struct FrameRange {
 /// IoError for a missing or empty folder. Throws FormatError (path, place) for truncated JSON, invalid numbers, or a
 /// keypoint count that does not fit the skeleton (with the skeleton that would fit). Two files of one frame number, and a
 /// file name without one, always throw.
-Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const body::Skeleton& skeleton,
+Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const geometry::Skeleton& skeleton,
                                const FrameRange& range = {});
 
 /// The frame numbers in a folder, without reading the files. Errors as in ReadOpenPoseFolder.
@@ -51,18 +51,18 @@ std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& ca
 /// or MMPose's `instance_info` (`frame_id`, `instances` with `keypoints` and `keypoint_scores`). The frame number is the
 /// number itself or the last run of digits in its text. Unreadable entries are treated like the files above. Frames
 /// without any detection are not in a COCO list.
-Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const body::Skeleton& skeleton);
+Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton);
 
 /// ReadOpenPoseFolder for a folder, ReadPoseResults for a file.
-Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const body::Skeleton& skeleton);
+Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton);
 
 /// Writes one file per frame, `%012d_keypoints.json`, OpenPose 1.3 layout; split into the parts of `skeleton` when it is
 /// given.
-void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, const body::Skeleton* skeleton = nullptr);
+void WriteOpenPoseFolder(const Pose2dTrack& track, const std::string& folder, const geometry::Skeleton* skeleton = nullptr);
 
 /// 2D points of all cameras.
 struct Pose2dSet {
-  body::Skeleton skeleton;
+  geometry::Skeleton skeleton;
   std::vector<Pose2dTrack> tracks;        ///< by order of first appearance in the file
   std::vector<std::string> skipped = {};  ///< rows that were left out: "FILE: line 17: why"
 };
@@ -75,7 +75,7 @@ struct Pose2dSet {
 /// Rows that cannot be read or are not finite, and both of two rows for one point, are left out and listed. If they are
 /// more than half, the first one's error is thrown. Throws IoError, FormatError (path, line); always for a missing column
 /// and for a joint that is not in the given skeleton.
-Pose2dSet ReadPose2dCsv(const std::string& path, const body::Skeleton* skeleton = nullptr);
+Pose2dSet ReadPose2dCsv(const std::string& path, const geometry::Skeleton* skeleton = nullptr);
 
 /// Writes the same columns; keypoints with score 0 are left out. Reading the file with the same skeleton gives the same
 /// numbers if every person has a joint with a score.

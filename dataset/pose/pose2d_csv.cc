@@ -8,7 +8,6 @@
 #include <tuple>
 #include <unordered_map>
 
-#include "body/skeleton_text.h"
 #include "core/check.h"
 #include "core/csv.h"
 #include "core/disk/files.h"
@@ -17,6 +16,7 @@
 #include "core/text/number_cell.h"
 #include "core/text/shortest_text.h"
 #include "dataset/pose/pose2d_parse.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -50,7 +50,7 @@ struct Numbering {
 
 class Reader {
  public:
-  Reader(const std::string& path, const body::Skeleton* skeleton) : path_(path), skeleton_(skeleton) {}
+  Reader(const std::string& path, const geometry::Skeleton* skeleton) : path_(path), skeleton_(skeleton) {}
 
   CameraRows Read(std::vector<std::string>* skipped) {
     FilePieces pieces(path_);
@@ -76,7 +76,7 @@ class Reader {
  private:
   [[noreturn]] void Fail(const std::string& what) const { throw FormatError(path_, "line " + std::to_string(line_), what); }
   [[noreturn]] void FailJoint() const {
-    Fail(body::UnknownJoint(*skeleton_, unknown_joint_) +
+    Fail(geometry::UnknownJoint(*skeleton_, unknown_joint_) +
          "; give the skeleton that has it by option 'skeleton', or none to take the joints from the file");
   }
 
@@ -131,7 +131,7 @@ class Reader {
   int JointIndex(std::string_view name) {
     if (!skeleton_) return joints_.Of(name);
     const auto [known, is_new] = places_.emplace(std::string(name), -1);
-    if (is_new) known->second = body::FindJoint(*skeleton_, known->first);
+    if (is_new) known->second = geometry::FindJoint(*skeleton_, known->first);
     if (known->second < 0) unknown_joint_ = name;
     return known->second;
   }
@@ -155,7 +155,7 @@ class Reader {
   }
 
   const std::string path_;
-  const body::Skeleton* skeleton_;
+  const geometry::Skeleton* skeleton_;
   std::array<int, kNumColumns> columns_{};
   size_t num_fields_ = 0;
   int line_ = 0;
@@ -219,14 +219,14 @@ Pose2dTrack TrackOf(const std::string& camera, const std::vector<Row>& rows, siz
 
 }  // namespace
 
-Pose2dSet ReadPose2dCsv(const std::string& path, const body::Skeleton* skeleton) {
+Pose2dSet ReadPose2dCsv(const std::string& path, const geometry::Skeleton* skeleton) {
   Pose2dSet set;
   Reader reader(path, skeleton);
   CameraRows cameras = reader.Read(&set.skipped);
   if (CountRows(cameras) == 0) throw FormatError(path, "", "the table holds no point");
   for (std::vector<Row>& rows : cameras) DropTwins(path, &rows, &set.skipped);
   if (CountRows(cameras) == 0) throw FormatError(path, "", "every point stands there twice");
-  set.skeleton = skeleton ? *skeleton : body::PointsSkeleton(reader.joints());
+  set.skeleton = skeleton ? *skeleton : geometry::PointsSkeleton(reader.joints());
   RequireDense(path, cameras, set.skeleton.joints.size());
   for (size_t c = 0; c < cameras.size(); ++c) {
     const std::vector<Row> rows = std::move(cameras[c]);  // one camera is held in two forms, not all

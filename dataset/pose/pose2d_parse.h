@@ -21,7 +21,7 @@ std::optional<int> FrameNumber(const std::string& file_name);
 /// Place of an error for messages, and the expected content of the file.
 struct PoseFile {
   std::string path, place;
-  const body::Skeleton& skeleton;
+  const geometry::Skeleton& skeleton;
 
   [[noreturn]] void Fail(const std::string& where, const std::string& what) const {
     throw FormatError(path, place + (place.empty() || where.empty() ? "" : ", ") + where, what);

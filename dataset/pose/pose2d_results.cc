@@ -67,7 +67,7 @@ void ReadMmposeEntry(const json& entry, const PoseFile& file, Pose2dTrack* track
 
 }  // namespace
 
-Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const body::Skeleton& skeleton) {
+Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton) {
   Pose2dTrack track{camera, {}};
   const PoseFile whole{path, "camera " + camera, skeleton};
   const json root = internal::ParsePoseJson(ReadFile(path), whole);

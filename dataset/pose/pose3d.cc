@@ -10,7 +10,6 @@
 #include <string_view>
 #include <tuple>
 
-#include "body/skeleton_text.h"
 #include "core/check.h"
 #include "core/csv.h"
 #include "core/disk/files.h"
@@ -20,6 +19,7 @@
 #include "core/some_of.h"
 #include "core/text/shortest_text.h"
 #include "dataset/json/json_file.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -175,16 +175,16 @@ void ReadHead(const std::string& path, Pose3d* pose) {
     if (!(pose->frame_rate_hz > 0)) view["frame_rate_hz"].Fail("must be positive");
   }
   if (view.Has("definition")) {
-    pose->definition = body::SkeletonFromJson(view["definition"].value().dump(), path, "definition");
+    pose->definition = geometry::SkeletonFromJson(view["definition"].value().dump(), path, "definition");
   }
 }
 
 /// What later commands need not be told again; null for points without bones, and for names that no file may hold.
-const body::Skeleton* DefinitionOf(const Pose3d& pose) {
-  if (!pose.definition) return body::FindSkeleton(pose.skeleton);
+const geometry::Skeleton* DefinitionOf(const Pose3d& pose) {
+  if (!pose.definition) return geometry::FindSkeleton(pose.skeleton);
   const std::vector<std::string>& joints = pose.definition->joints;
   const auto fits = [](const std::string& joint) { return WhyNotALabel(joint).empty(); };
-  const bool writable = !pose.definition->bones.empty() && joints.size() <= body::kMaxSkeletonJoints &&
+  const bool writable = !pose.definition->bones.empty() && joints.size() <= geometry::kMaxSkeletonJoints &&
                         std::all_of(joints.begin(), joints.end(), fits);
   return writable ? &*pose.definition : nullptr;
 }
@@ -238,8 +238,8 @@ bool WritePose3d(const Pose3d& head, const std::function<bool(std::vector<JointR
       {"unit", "m"},       {"world", head.world}};
   if (!head.covariance_note.empty()) header["covariance_note"] = head.covariance_note;
   if (head.frame_rate_hz > 0) header["frame_rate_hz"] = head.frame_rate_hz;
-  if (const body::Skeleton* skeleton = DefinitionOf(head)) {
-    header["definition"] = nlohmann::ordered_json::parse(body::SkeletonToJson(*skeleton));
+  if (const geometry::Skeleton* skeleton = DefinitionOf(head)) {
+    header["definition"] = nlohmann::ordered_json::parse(geometry::SkeletonToJson(*skeleton));
   }
   WriteFile(json.temporary(), header.dump(1) + "\n");
   CommitTogether({&points, &covariance, &json});
@@ -286,18 +286,18 @@ double ConfidenceOf(double sigma_m) {
 
 }  // namespace
 
-body::Skeleton SkeletonOf(const Pose3d& pose) {
+geometry::Skeleton SkeletonOf(const Pose3d& pose) {
   const std::vector<std::string> joints = JointsIn(pose.rows);
   if (pose.definition && HasJoints(*pose.definition, joints)) return *pose.definition;
-  return body::SkeletonOrPoints(pose.skeleton, joints);
+  return geometry::SkeletonOrPoints(pose.skeleton, joints);
 }
 
-void UseSkeleton(const body::Skeleton& skeleton, const std::string& path, Pose3d* pose) {
+void UseSkeleton(const geometry::Skeleton& skeleton, const std::string& path, Pose3d* pose) {
   std::vector<std::string> strangers;
   std::map<std::string, std::string> names;
   const std::vector<std::string> joints = JointsIn(pose->rows);
   for (const std::string& joint : joints) {
-    const int place = body::FindJoint(skeleton, joint);
+    const int place = geometry::FindJoint(skeleton, joint);
     if (place < 0)
       strangers.push_back(joint);
     else
@@ -308,13 +308,13 @@ void UseSkeleton(const body::Skeleton& skeleton, const std::string& path, Pose3d
                       "skeleton " + skeleton.name + " lacks " + std::to_string(strangers.size()) +
                           " of its joints: " + SomeOf(strangers) + "; the skeleton has " + SomeOf(skeleton.joints));
   }
-  const std::string twice = body::TwiceTheSameJoint(skeleton, joints);
+  const std::string twice = geometry::TwiceTheSameJoint(skeleton, joints);
   if (!twice.empty()) throw FormatError(path, "", twice + " are the same joint of skeleton " + skeleton.name);
   for (JointRow& row : pose->rows) row.joint = names[row.joint];
   pose->skeleton = skeleton.name, pose->definition = skeleton;
 }
 
-std::map<int, std::map<int, JointsPose>> ToJoints(const Pose3d& pose, const body::Skeleton& skeleton) {
+std::map<int, std::map<int, JointsPose>> ToJoints(const Pose3d& pose, const geometry::Skeleton& skeleton) {
   const size_t count = skeleton.joints.size();
   std::map<std::string, int> index;
   for (size_t j = 0; j < count; ++j) index[skeleton.joints[j]] = static_cast<int>(j);
@@ -335,9 +335,9 @@ std::map<int, std::map<int, JointsPose>> ToJoints(const Pose3d& pose, const body
 }
 
 std::vector<std::string> JointsBeyondCoco19(const Pose3d& pose) {
-  const body::Skeleton skeleton = SkeletonOf(pose);
+  const geometry::Skeleton skeleton = SkeletonOf(pose);
   std::vector<char> used(skeleton.joints.size(), 0), seen(skeleton.joints.size(), 0);
-  for (const std::vector<int>& sources : body::Coco19From(skeleton)) {
+  for (const std::vector<int>& sources : geometry::Coco19From(skeleton)) {
     for (const int joint : sources) used[static_cast<size_t>(joint)] = 1;
   }
   for (const JointRow& row : pose.rows) {
@@ -352,8 +352,8 @@ std::vector<std::string> JointsBeyondCoco19(const Pose3d& pose) {
 }
 
 std::map<int, std::map<int, Coco19Pose>> ToCoco19(const Pose3d& pose) {
-  const body::Skeleton skeleton = SkeletonOf(pose);
-  const auto sources = body::Coco19From(skeleton);
+  const geometry::Skeleton skeleton = SkeletonOf(pose);
+  const auto sources = geometry::Coco19From(skeleton);
   std::map<std::pair<int, int>, std::vector<const JointRow*>> people;
   for (const JointRow& row : pose.rows) {
     auto& joints = people[{row.frame, row.person}];

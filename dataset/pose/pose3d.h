@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "body/skeleton.h"
 #include "core/status.h"
+#include "geometry/skeleton/skeleton.h"
 
 namespace mvstudio::dataset {
 
@@ -33,8 +33,8 @@ struct Pose3d {
   std::vector<JointRow> rows;        ///< sorted by frame, person, joint in skeleton order
   std::string covariance_note = {};  ///< what the covariances include and omit, stored in pose3d.json; empty: not stated
   std::string world = kZUpWorld;     ///< its axes, in words, stored in pose3d.json
-  std::optional<body::Skeleton> definition = {};  ///< joints, bones, …, stored in pose3d.json; none: as its name says
-  double frame_rate_hz = 0;                       ///< time steps a second, stored in pose3d.json; 0: not stated
+  std::optional<geometry::Skeleton> definition = {};  ///< joints, bones, …, stored in pose3d.json; none: as its name says
+  double frame_rate_hz = 0;                           ///< time steps a second, stored in pose3d.json; 0: not stated
 };
 
 /// Writes `folder/points.csv` with the header frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m; coordinates
@@ -55,12 +55,12 @@ struct Coco19Pose {
   std::array<double, 19> confidence{};  ///< 0..1; exp(-sigma_m / 5 cm) if from triangulation, else the file's
 };
 
-/// The skeleton as defined, else by its name, or free points (body::PointsSkeleton) where the table has joints that the
+/// The skeleton as defined, else by its name, or free points (geometry::PointsSkeleton) where the table has joints that the
 /// skeleton lacks.
-body::Skeleton SkeletonOf(const Pose3d& pose);
+geometry::Skeleton SkeletonOf(const Pose3d& pose);
 
 /// Makes `skeleton` that of the pose. Throws FormatError (path) for joints of the table that it lacks.
-void UseSkeleton(const body::Skeleton& skeleton, const std::string& path, Pose3d* pose);
+void UseSkeleton(const geometry::Skeleton& skeleton, const std::string& path, Pose3d* pose);
 
 /// Joints of one person in one frame, in the order of a skeleton.
 struct JointsPose {
@@ -70,7 +70,7 @@ struct JointsPose {
 };
 
 /// frame -> person -> all joints of the pose's own skeleton.
-std::map<int, std::map<int, JointsPose>> ToJoints(const Pose3d& pose, const body::Skeleton& skeleton);
+std::map<int, std::map<int, JointsPose>> ToJoints(const Pose3d& pose, const geometry::Skeleton& skeleton);
 
 /// Joints with points that give none of Panoptic's 19.
 std::vector<std::string> JointsBeyondCoco19(const Pose3d& pose);

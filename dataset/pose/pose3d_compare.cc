@@ -7,11 +7,11 @@
 #include <optional>
 #include <set>
 
-#include "body/skeleton_text.h"
 #include "core/some_of.h"
 #include "core/statistics.h"
 #include "dataset/pose/marker_labels.h"
 #include "geometry/rig/alignment.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -142,7 +142,7 @@ JointTable ToTable(const std::map<int, std::map<int, Coco19Pose>>& poses) {
     for (const auto& [person, pose] : persons) {
       for (int k = 0; k < 19; ++k) {
         if (!pose.valid[k]) continue;
-        JointRow& row = table[frame][person][body::Coco19().joints[k]];
+        JointRow& row = table[frame][person][geometry::Coco19().joints[k]];
         row.status = Status::kOk;
         row.x_in_world = pose.x_in_world.col(k);
       }
@@ -152,14 +152,14 @@ JointTable ToTable(const std::map<int, std::map<int, Coco19Pose>>& poses) {
 }
 
 JointTable ToCoco19Table(const Pose3d& pose) {
-  const body::Skeleton skeleton = SkeletonOf(pose);
-  const auto sources = body::Coco19From(skeleton);
+  const geometry::Skeleton skeleton = SkeletonOf(pose);
+  const auto sources = geometry::Coco19From(skeleton);
   const JointTable joints = ToTable(pose.rows);
   JointTable table = ToTable(ToCoco19(pose));
   for (auto& [frame, persons] : table) {
     for (auto& [person, rows] : persons) {
       for (int k = 0; k < 19; ++k) {
-        const auto row = rows.find(body::Coco19().joints[k]);
+        const auto row = rows.find(geometry::Coco19().joints[k]);
         if (row == rows.end()) continue;
         std::vector<const JointRow*> from;
         for (const int source : sources[k]) from.push_back(&joints.at(frame).at(person).at(skeleton.joints[source]));
@@ -185,12 +185,12 @@ std::set<std::string> JointNamesIn(const JointTable& table) {
 /// The reference's joints by the pose's names.
 JointTable Renamed(const JointTable& reference, const std::set<std::string>& names, std::vector<std::string>* without) {
   std::multimap<std::string, std::string> by_key, own_by_key;
-  for (const std::string& name : names) by_key.emplace(body::JointKey(name), name);
+  for (const std::string& name : names) by_key.emplace(geometry::JointKey(name), name);
   const std::set<std::string> own = JointNamesIn(reference);
-  for (const std::string& name : own) own_by_key.emplace(body::JointKey(name), name);
+  for (const std::string& name : own) own_by_key.emplace(geometry::JointKey(name), name);
   std::map<std::string, std::string> name_of;
   for (const std::string& name : own) {
-    const std::string key = body::JointKey(name);
+    const std::string key = geometry::JointKey(name);
     const bool by_spelling = names.count(name) == 0 && own_by_key.count(key) == 1 && by_key.count(key) == 1;
     name_of[name] = by_spelling ? by_key.find(key)->second : name;
     if (names.count(name_of[name]) == 0) without->push_back(name);

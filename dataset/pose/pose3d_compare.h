@@ -30,7 +30,7 @@ JointTable ToTable(const std::vector<JointRow>& rows);
 JointTable ToCoco19Table(const Pose3d& pose);
 JointTable ToTable(const std::map<int, std::map<int, Coco19Pose>>& poses);
 
-/// Compares joints of the same frame and name. Names are equal for all spellings of one joint (body::JointKey), unless a
+/// Compares joints of the same frame and name. Names are equal for all spellings of one joint (geometry::JointKey), unless a
 /// name is there itself; of labels "SUBJECT:MARKER", on either side, the subjects are persons. In a frame each person of the
 /// reference is compared with one person, nearest pairs first. A person for whom nobody was left in most of the frames is not
 /// in the reference and is left out. `align`: removes the best rigid motion (no scale) first.

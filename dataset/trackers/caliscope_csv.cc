@@ -84,7 +84,8 @@ std::vector<Row> ReadRows(const std::string& path, std::vector<std::string>* ski
 }
 
 /// Joint of each point number.
-std::map<int, size_t> JointsOf(const std::vector<Row>& rows, const body::Skeleton* skeleton, std::vector<std::string>* names) {
+std::map<int, size_t> JointsOf(const std::vector<Row>& rows, const geometry::Skeleton* skeleton,
+                               std::vector<std::string>* names) {
   std::map<int, size_t> joints;
   for (const Row& row : rows) joints[row.values[kPoint]] = 0;
   for (auto entry = joints.begin(); entry != joints.end();) {
@@ -102,13 +103,13 @@ std::map<int, size_t> JointsOf(const std::vector<Row>& rows, const body::Skeleto
 
 }  // namespace
 
-CaliscopePoints ReadCaliscopeCsv(const std::string& path, const body::Skeleton* skeleton) {
+CaliscopePoints ReadCaliscopeCsv(const std::string& path, const geometry::Skeleton* skeleton) {
   constexpr size_t kMaxPlaces = 200'000'000;
   CaliscopePoints points;
   const std::vector<Row> rows = ReadRows(path, &points.set.skipped);
   std::vector<std::string> names;
   const std::map<int, size_t> joints = JointsOf(rows, skeleton, &names);
-  points.set.skeleton = skeleton ? *skeleton : body::PointsSkeleton(names);
+  points.set.skeleton = skeleton ? *skeleton : geometry::PointsSkeleton(names);
   const size_t count = points.set.skeleton.joints.size();
   std::map<int, std::map<int, std::map<int, Person2d>>> people;  // camera, time step, object
   std::set<std::array<int, 4>> twins;                            // camera, time step, object, point

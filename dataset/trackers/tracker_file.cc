@@ -4,11 +4,11 @@
 #include <filesystem>
 #include <fstream>
 
-#include "body/skeleton_text.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
-#include "dataset/pack/child_process.h"
+#include "dataset/arrays/child_process.h"
 #include "dataset/trackers/tracker_readers.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -100,19 +100,19 @@ std::vector<std::string> UnitedJoints(const std::vector<TrackedPoints>& cameras)
   return joints;
 }
 
-std::vector<Pose2dTrack> ToSkeleton(std::vector<TrackedPoints> cameras, const body::Skeleton& skeleton) {
+std::vector<Pose2dTrack> ToSkeleton(std::vector<TrackedPoints> cameras, const geometry::Skeleton& skeleton) {
   std::vector<Pose2dTrack> tracks;
   for (TrackedPoints& camera : cameras) {
-    const std::string twice = body::TwiceTheSameJoint(skeleton, camera.joints);
+    const std::string twice = geometry::TwiceTheSameJoint(skeleton, camera.joints);
     if (!twice.empty())
       throw FormatError("camera " + camera.track.camera, camera.program + " file",
                         twice + " are the same joint of skeleton " + skeleton.name + "; rename one of them");
     std::vector<size_t> place_of;
     for (const std::string& joint : camera.joints) {
-      const int place = body::FindJoint(skeleton, joint);
+      const int place = geometry::FindJoint(skeleton, joint);
       if (place < 0) {
         throw FormatError("camera " + camera.track.camera, camera.program + " file",
-                          body::UnknownJoint(skeleton, joint) +
+                          geometry::UnknownJoint(skeleton, joint) +
                               "; add it there, or leave option 'skeleton' out to take the joints from the file");
       }
       place_of.push_back(static_cast<size_t>(place));

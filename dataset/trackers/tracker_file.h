@@ -47,7 +47,7 @@ TrackedPoints ReadTrackerHdf5(const std::string& path, const std::string& camera
 std::vector<std::string> UnitedJoints(const std::vector<TrackedPoints>& cameras);
 
 /// The tracks with their keypoints in the order of `skeleton`. Throws FormatError for a joint that the skeleton lacks.
-std::vector<Pose2dTrack> ToSkeleton(std::vector<TrackedPoints> cameras, const body::Skeleton& skeleton);
+std::vector<Pose2dTrack> ToSkeleton(std::vector<TrackedPoints> cameras, const geometry::Skeleton& skeleton);
 
 /// Points of caliscope's xy_TRACKER.csv (columns sync_index; cam_id or port; keypoint_id or point_id; img_loc_x, img_loc_y;
 /// objects become people). Frames are sync_index. Cameras are called as `calib convert` calls those of camera_array.toml:
@@ -57,6 +57,6 @@ struct CaliscopePoints {
   Pose2dSet set;
   size_t num_beyond = 0;
 };
-CaliscopePoints ReadCaliscopeCsv(const std::string& path, const body::Skeleton* skeleton = nullptr);
+CaliscopePoints ReadCaliscopeCsv(const std::string& path, const geometry::Skeleton* skeleton = nullptr);
 
 }  // namespace mvstudio::dataset

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "dataset/trackers/foreign_hdf5.h"
+#include "dataset/arrays/foreign_hdf5.h"
 #include "dataset/trackers/tracker_file.h"
 
 /// One reader for each layout; errors as in ReadTrackerFile.

@@ -3,8 +3,8 @@
 namespace mvstudio::report {
 namespace {
 
-// Reads the file that splats/files/player_file.h writes, moves the Gaussians with their triangles, sorts them by depth and draws
-// each as a square with its covariance in the image (Zwicker et al., "EWA Splatting", TVCG 2002), from back to front.
+// Reads the file that avatar/splats/files/player_file.h writes, moves the Gaussians with their triangles, sorts them by depth
+// and draws each as a square with its covariance in the image (Zwicker et al., "EWA Splatting", TVCG 2002), from back to front.
 constexpr char kScript[] = R"js('use strict';
 (function () {
   const VERTEX = `#version 300 es

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "body/surface_nets.h"
+#include "avatar/body/surface_nets.h"
 #include "core/check.h"
 #include "synth/cloth/nearest_vertex.h"
 

@@ -2,7 +2,7 @@
 
 #include <Eigen/Core>
 
-#include "body/body_template.h"
+#include "avatar/body/body_template.h"
 #include "core/status.h"
 #include "synth/cloth/cloth_sim.h"
 #include "synth/cloth/dressed_body.h"

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "body/role_bones.h"
+#include "avatar/body/role_bones.h"
 #include "core/check.h"
 #include "core/error.h"
 #include "core/random.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "body/body_template.h"
+#include "avatar/body/body_template.h"
 
 namespace mvstudio::synth {
 
@@ -43,8 +43,8 @@ struct Cut {
   uint64_t seed = 1;          ///< of the unevenness, and of a tenth of the flares and lengths
 };
 
-/// Dresses a body whose roles are complete (body/role_bones.h). Throws UsageError where it has no trunk and thighs to hang
-/// garments on.
+/// Dresses a body whose roles are complete (avatar/body/role_bones.h). Throws UsageError where it has no trunk and thighs to
+/// hang garments on.
 DressedBody Dress(const body::BodyTemplate& body, const Cut& cut);
 
 }  // namespace mvstudio::synth

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "body/role_bones.h"
-#include "body/surface_nets.h"
+#include "avatar/body/role_bones.h"
+#include "avatar/body/surface_nets.h"
 #include "core/check.h"
 
 namespace mvstudio::synth {

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "body/body_template.h"
+#include "avatar/body/body_template.h"
 
 namespace mvstudio::synth {
 
@@ -13,7 +13,7 @@ namespace mvstudio::synth {
 /// right angle.
 class Muscles {
  public:
-  /// The roles of the bones must be complete (body/role_bones.h).
+  /// The roles of the bones must be complete (avatar/body/role_bones.h).
   explicit Muscles(const body::BodyTemplate& body);
 
   /// Displacement at rest, before skinning. (3, V) metres in body; zero at the rest pose, to the last bit.

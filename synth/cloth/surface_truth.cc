@@ -67,7 +67,7 @@ void SurfaceTruth::Add(int frame_idx, const body::BodyPose& pose, const Eigen::M
   ++frames_;
 }
 
-void SurfaceTruth::Finish(const body::Skeleton& skeleton, double fps) const {
+void SurfaceTruth::Finish(const geometry::Skeleton& skeleton, double fps) const {
   Members rest;
   std::vector<std::string> names;
   for (const Mesh& mesh : meshes_) {

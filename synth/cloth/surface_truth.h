@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "body/body_template.h"
-#include "body/skeleton.h"
+#include "avatar/body/body_template.h"
+#include "geometry/skeleton/skeleton.h"
 #include "synth/cloth/dressed_body.h"
 
 namespace mvstudio::synth {
@@ -26,7 +26,7 @@ class SurfaceTruth {
   /// `vertices`, `skinned` (3, V) in world; `skinned` is empty where it equals `vertices`. `joints` (3, J) of `skeleton`.
   void Add(int frame_idx, const body::BodyPose& pose, const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xf& skinned,
            const Eigen::Matrix3Xd& joints_in_world);
-  void Finish(const body::Skeleton& skeleton, double fps) const;
+  void Finish(const geometry::Skeleton& skeleton, double fps) const;
   std::vector<BeyondSkinning> beyond_skinning() const;
 
  private:

@@ -119,7 +119,7 @@ PoseInput Filmed(double late_frames, double stated_frames) {
   PoseInput input;
   input.rig = triangulate::MakeRing(5);
   input.rig.cameras[1].time_offset = geometry::TimeOffset{stated_frames, 0.01};
-  input.skeleton = body::PointsSkeleton({"a", "b", "c", "d", "e"});
+  input.skeleton = geometry::PointsSkeleton({"a", "b", "c", "d", "e"});
   Rng rng(5);
   for (int f = 0; f < 60; ++f) {
     triangulate::DetectedFrame& frame = input.frames.emplace_back();

@@ -37,7 +37,7 @@ template <class Transform>
 triangulate::TakeResult Take(const std::string& skeleton, const Transform& transform) {
   Rng rng(1);
   triangulate::TakeResult take;
-  const auto& joints = body::SkeletonByName(skeleton).joints;
+  const auto& joints = geometry::SkeletonByName(skeleton).joints;
   for (int f = 0; f < 30; ++f) {
     for (size_t j = 0; j < joints.size(); ++j) {
       triangulate::TakePoint point;
@@ -55,7 +55,7 @@ Eigen::Vector3d Same(const Eigen::Vector3d& x) { return x; }
 
 PoseInput InputOf(const std::string& skeleton, const std::string& gauge = "the board in frame 0") {
   PoseInput input;
-  input.skeleton = body::SkeletonByName(skeleton);
+  input.skeleton = geometry::SkeletonByName(skeleton);
   input.limbs = LimbsOf(input.skeleton);
   input.rig.gauge = gauge;
   return input;

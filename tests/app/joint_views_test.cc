@@ -83,7 +83,7 @@ TEST(JointViews, DistancesAndAnImageAroundThePerson) {
   dataset::WriteImage(Image(1280, 960, 1, 200), folder / "a/0.png");
   dataset::WriteImage(Image(640, 480, 1, 200), folder / "b/0.png");
   CommandResult result;
-  body::Skeleton skeleton{"three", {"A", "B", "C"}, {{0, 1}, {1, 2}}};
+  geometry::Skeleton skeleton{"three", {"A", "B", "C"}, {{0, 1}, {1, 2}}};
   AddJointViews(rig, take, skeleton, {{{"cam_0", folder / "a"}, {"cam_1", folder / "b"}}, nullptr}, folder / "out", &result);
   const auto& views = result.metrics["overlays"]["views"];
   ASSERT_EQ(views.size(), 2u);

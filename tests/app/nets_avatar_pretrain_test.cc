@@ -4,8 +4,8 @@
 #include <filesystem>
 
 #include "app/nets/avatar_pretrain.h"
+#include "avatar/body/body_template.h"
 #include "avatar/train/train.h"
-#include "body/body_template.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"

@@ -33,7 +33,7 @@ std::string Json(const std::vector<Joint>& joints) {
   return R"({"people": [{"pose_keypoints_2d": [)" + numbers + "]}]}";
 }
 
-const body::Skeleton& Body25() { return body::SkeletonByName("body25"); }
+const geometry::Skeleton& Body25() { return geometry::SkeletonByName("body25"); }
 
 /// Pictures of 100 x 80 px.
 dataset::CameraFootage PutFootage(const TempDir& folder, const std::string& camera) {

@@ -48,7 +48,7 @@ std::vector<dataset::Pose2dTrack> Walk(const geometry::Rig& rig) {
   return tracks;
 }
 
-const body::Skeleton& Body25() { return body::SkeletonByName("body25"); }
+const geometry::Skeleton& Body25() { return geometry::SkeletonByName("body25"); }
 
 TEST(PoseQuality, DetectionsWithLittleNoiseAgreeAsFarAsTheirNoise) {
   const geometry::Rig rig = Ring(4);
@@ -73,7 +73,7 @@ TEST(PoseQuality, SwappedSidesOfOneCameraAreCountedAndMended) {
   std::vector<dataset::Pose2dTrack> tracks = Walk(rig);
   const double median_px = MeasureAgreement(tracks, Body25(), rig, 1, {}).median_px;
   for (auto& [frame, people] : tracks[1].frames) {
-    for (const auto& [left, right] : body::MirrorJoints(Body25()))
+    for (const auto& [left, right] : geometry::MirrorJoints(Body25()))
       std::swap(people[0].keypoints[left], people[0].keypoints[right]);
   }
   const PoseAgreement agreement = MeasureAgreement(tracks, Body25(), rig, 1, {});

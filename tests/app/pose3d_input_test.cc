@@ -3,9 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "body/skeleton.h"
 #include "core/error.h"
 #include "dataset/panoptic/panoptic.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"

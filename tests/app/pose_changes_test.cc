@@ -37,7 +37,7 @@ std::vector<dataset::Pose2dTrack> Tracks() {
 std::pair<double, double> Changed(const PoseChanges& changes, double x, double y) {
   std::vector<dataset::Pose2dTrack> tracks = Tracks();
   tracks[0].frames = {{0, {{{{x, y, 1}, {0, 0, 0}}}}}};
-  ApplyChanges(changes, Rig(), body::PointsSkeleton({"p", "q"}), &tracks);
+  ApplyChanges(changes, Rig(), geometry::PointsSkeleton({"p", "q"}), &tracks);
   const dataset::Keypoint2d& key = tracks[0].frames.at(0)[0].keypoints[0];
   return {key.x_px, key.y_px};
 }
@@ -69,12 +69,12 @@ TEST(PoseChanges, RatesPutFramesAtCommonTimeSteps) {
   PoseChanges changes;
   changes.rate = {{"", "30"}, {"a", "60"}};
   std::vector<dataset::Pose2dTrack> tracks = Tracks();
-  ApplyChanges(changes, Rig(), body::PointsSkeleton({"p", "q"}), &tracks);
+  ApplyChanges(changes, Rig(), geometry::PointsSkeleton({"p", "q"}), &tracks);
   EXPECT_EQ(tracks[0].frames.size(), 20u);
   EXPECT_EQ(tracks[0].frames.at(7)[0].keypoints[0].x_px, 100.0 + 3 * 14);
   tracks = Tracks();
   changes.rate = {{"", "60"}, {"a", "30"}};
-  ApplyChanges(changes, Rig(), body::PointsSkeleton({"p", "q"}), &tracks);
+  ApplyChanges(changes, Rig(), geometry::PointsSkeleton({"p", "q"}), &tracks);
   EXPECT_EQ(tracks[0].frames.size(), 79u) << "between two frames, none after the last";
   EXPECT_NEAR(tracks[0].frames.at(15)[0].keypoints[0].x_px, 100 + 3 * 7.5, 1e-9);
 }
@@ -83,11 +83,11 @@ TEST(PoseChanges, CamerasAreExchangedAndLeftOut) {
   PoseChanges changes;
   changes.swap_cameras = {"a,b"};
   std::vector<dataset::Pose2dTrack> tracks = Tracks();
-  ApplyChanges(changes, Rig(), body::PointsSkeleton({"p", "q"}), &tracks);
+  ApplyChanges(changes, Rig(), geometry::PointsSkeleton({"p", "q"}), &tracks);
   EXPECT_EQ(tracks[0].camera, "b");
   changes = {};
   changes.without_cameras = {"a"};
-  ApplyChanges(changes, Rig(), body::PointsSkeleton({"p", "q"}), &tracks);
+  ApplyChanges(changes, Rig(), geometry::PointsSkeleton({"p", "q"}), &tracks);
   ASSERT_EQ(tracks.size(), 1u);
   EXPECT_EQ(tracks[0].camera, "b");
 }
@@ -95,7 +95,7 @@ TEST(PoseChanges, CamerasAreExchangedAndLeftOut) {
 TEST(PoseChanges, WhatMakesNoSenseIsRefused) {
   const auto message = [](const PoseChanges& changes) {
     std::vector<dataset::Pose2dTrack> tracks = Tracks();
-    return MessageOf<UsageError>([&] { ApplyChanges(changes, Rig(), body::PointsSkeleton({"p", "q"}), &tracks); });
+    return MessageOf<UsageError>([&] { ApplyChanges(changes, Rig(), geometry::PointsSkeleton({"p", "q"}), &tracks); });
   };
   PoseChanges unknown, one_rate, no_rate;
   unknown.flip_y.names = {"c"};

@@ -5,9 +5,9 @@
 
 #include <map>
 
-#include "body/skeleton.h"
 #include "core/error.h"
 #include "dataset/panoptic/panoptic.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -29,7 +29,7 @@ dataset::Pose3d PoseAt(const Eigen::Vector3d& offset_m) {
   for (const int frame : {7, 8}) {
     for (int k = 0; k < 19; ++k) {
       dataset::JointRow row;
-      row.frame = frame, row.joint = body::Coco19().joints[k], row.status = Status::kOk;
+      row.frame = frame, row.joint = geometry::Coco19().joints[k], row.status = Status::kOk;
       row.x_in_world = Place(frame, k) + offset_m;
       pose.rows.push_back(row);
     }

@@ -63,7 +63,7 @@ triangulate::TakePoint PointOf(int joint, Status status) {
 }
 
 TEST(TakeFrames, RowsKeepPointsStatusAndUncertainty) {
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   triangulate::TakeResult take;
   take.points = {PointOf(0, Status::kOk), PointOf(8, Status::kOk), PointOf(24, Status::kLowParallax)};
   take.points[0].point.covariance = Eigen::Vector3d(1e-6, 4e-6, 4e-6).asDiagonal();

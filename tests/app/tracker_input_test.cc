@@ -26,7 +26,7 @@ using testing::TempDir;
 
 std::string Seed(const std::string& name) {
   const char* source = std::getenv("MVSTUDIO_SOURCE");
-  return std::string(source ? source : ".") + "/fuzz/seeds/" + name;
+  return std::string(source ? source : ".") + "/tests/fuzz/seeds/" + name;
 }
 
 void Put(const std::string& path, const std::string& text) {

@@ -25,7 +25,7 @@ TakePoint PointOf(int frame, int joint, Status status, double z_m = 0, double rm
   return entry;
 }
 
-const body::Skeleton kSkeleton = body::PointsSkeleton({"hip", "knee", "toe"});
+const geometry::Skeleton kSkeleton = geometry::PointsSkeleton({"hip", "knee", "toe"});
 
 TEST(TriangulateMetrics, FiguresOfAHandMadeTake) {
   TakeResult take;

@@ -7,14 +7,14 @@
 #include <filesystem>
 #include <set>
 
-#include "avatar/io/pack/joint_source.h"
+#include "avatar/run/pack/joint_source.h"
 #include "avatar/train/train.h"
-#include "body/skeleton.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "dataset/panoptic/panoptic_files.h"
 #include "dataset/views/crop.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/avatar/synthetic_pack.h"
 
@@ -51,7 +51,7 @@ TEST(InputMaps, HaveTheirNumbersAndOnlyTheirOwnJoints) {
 }
 
 TEST(InputMaps, Body25sBonesAreThoseOfTheSkeleton) {
-  const body::Skeleton& whole = body::SkeletonByName("openpose137");
+  const geometry::Skeleton& whole = geometry::SkeletonByName("openpose137");
   std::set<std::pair<int, int>> known;
   for (const auto& [a, b] : whole.bones) known.insert(std::minmax(a, b));
   for (const InputMap& map : LayoutOf(27).maps) {
@@ -188,10 +188,10 @@ TEST(JointSource, NineteenJointsBecomeBody25ByName) {
   dataset::Coco19Pose pose = Standing();
   pose.valid[16] = false;  // left ear
   const FullPose full = BodyAlone(pose, 25);
-  const body::Skeleton& body25 = body::SkeletonByName("body25");
+  const geometry::Skeleton& body25 = geometry::SkeletonByName("body25");
   int known = 0;
   for (int j = 0; j < 25; ++j) {
-    const int from = body::Coco19().Find(body25.joints[j]);
+    const int from = geometry::Coco19().Find(body25.joints[j]);
     EXPECT_EQ(full.valid[j], from >= 0 && pose.valid[from]) << body25.joints[j];
     if (!full.valid[j]) continue;
     EXPECT_EQ(full.x_in_world.col(j), pose.x_in_world.col(from)) << body25.joints[j];
@@ -255,7 +255,7 @@ TEST(JointSource, ReadsHandsAndFacesOfPanopticAndTablesOfTriangulation) {
 
   dataset::Pose3d table;
   table.skeleton = "body25";
-  const body::Skeleton& body25 = body::SkeletonByName("body25");
+  const geometry::Skeleton& body25 = geometry::SkeletonByName("body25");
   const Eigen::Vector3d left = pose.x_in_world.col(8), right = pose.x_in_world.col(14), step(0.02, -0.1, -0.05);  // ankles
   const auto add = [&](const std::string& name, const Eigen::Vector3d& x_in_world) {
     dataset::JointRow row;

@@ -4,8 +4,8 @@
 
 #include <limits>
 
-#include "avatar/io/pack/shape_fit.h"
-#include "body/mesh_raster.h"
+#include "avatar/body/mesh_raster.h"
+#include "avatar/run/pack/shape_fit.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 

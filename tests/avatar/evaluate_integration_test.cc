@@ -4,12 +4,12 @@
 
 #include <filesystem>
 
-#include "avatar/io/evaluate/baselines.h"
-#include "avatar/io/evaluate/evaluate.h"
-#include "avatar/io/evaluate/evaluate_groups.h"
-#include "avatar/io/evaluate/strips.h"
 #include "avatar/nets/model.h"
 #include "avatar/nets/sequence.h"
+#include "avatar/run/evaluate/baselines.h"
+#include "avatar/run/evaluate/evaluate.h"
+#include "avatar/run/evaluate/evaluate_groups.h"
+#include "avatar/run/evaluate/strips.h"
 #include "avatar/scores/picture_scores.h"
 #include "core/disk/paths.h"
 #include "core/error.h"

@@ -1,7 +1,7 @@
-#include "avatar/io/pack/run_config.h"
+#include "avatar/run/pack/run_config.h"
+#include "avatar/splats/files/cloud_file.h"
+#include "avatar/splats/files/ply.h"
 #include "dataset/pose/bvh_file.h"
-#include "splats/files/cloud_file.h"
-#include "splats/files/ply.h"
 #include "tests/support/hostile_readers.h"
 
 namespace mvstudio::testing {

@@ -7,13 +7,13 @@
 #include <functional>
 #include <vector>
 
-#include "avatar/io/evaluate/posenet_features.h"
 #include "avatar/maps/camera_tensor.h"
 #include "avatar/maps/texture.h"
 #include "avatar/nets/discriminator.h"
 #include "avatar/nets/feature_net.h"
 #include "avatar/nets/generator.h"
 #include "avatar/nets/model.h"
+#include "avatar/run/evaluate/posenet_features.h"
 #include "avatar/train/adam.h"
 #include "avatar/train/losses.h"
 #include "core/error.h"

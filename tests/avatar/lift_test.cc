@@ -6,7 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "avatar/io/lift/lift_take.h"
+#include "avatar/run/lift/lift_take.h"
 #include "core/error.h"
 #include "core/units.h"
 #include "geometry/lens/camera.h"

@@ -3,9 +3,9 @@
 
 #include <numeric>
 
-#include "avatar/io/surface/network_training.h"
-#include "avatar/io/surface/silhouette_function.h"
-#include "avatar/io/surface/trained_net.h"
+#include "avatar/run/surface/network_training.h"
+#include "avatar/run/surface/silhouette_function.h"
+#include "avatar/run/surface/trained_net.h"
 #include "avatar/train/adam.h"
 #include "tests/body/swelling_take.h"
 

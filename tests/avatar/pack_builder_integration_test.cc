@@ -4,12 +4,12 @@
 
 #include <filesystem>
 
-#include "avatar/io/pack/frame_runs.h"
-#include "avatar/io/pack/iuv.h"
-#include "avatar/io/pack/pack_builder.h"
-#include "avatar/io/pack/run_config.h"
-#include "avatar/io/pack/split_side.h"
 #include "avatar/nets/sequence.h"
+#include "avatar/run/pack/frame_runs.h"
+#include "avatar/run/pack/iuv.h"
+#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/run_config.h"
+#include "avatar/run/pack/split_side.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"

@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <string>
 
-#include "body/body_template.h"
-#include "body/mesh_raster.h"
+#include "avatar/body/body_template.h"
+#include "avatar/body/mesh_raster.h"
 #include "core/disk/files.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"

@@ -2,11 +2,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "avatar/io/pack/pack_builder.h"
-#include "avatar/io/pack/pack_rows.h"
-#include "avatar/io/pack/template_view.h"
-#include "avatar/io/pretrain/motion_clips.h"
-#include "avatar/io/pretrain/pretrain_samples.h"
+#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/pack_rows.h"
+#include "avatar/run/pack/template_view.h"
+#include "avatar/run/pretrain/motion_clips.h"
+#include "avatar/run/pretrain/pretrain_samples.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "dataset/views/crop.h"

@@ -6,12 +6,12 @@
 #include <cmath>
 #include <set>
 
-#include "avatar/io/lift/pose_variation.h"
-#include "avatar/io/pretrain/label_score.h"
-#include "avatar/io/pretrain/motion_clips.h"
-#include "avatar/io/pretrain/pretrain_samples.h"
+#include "avatar/body/body_template.h"
 #include "avatar/maps/camera_tensor.h"
-#include "body/body_template.h"
+#include "avatar/run/lift/pose_variation.h"
+#include "avatar/run/pretrain/label_score.h"
+#include "avatar/run/pretrain/motion_clips.h"
+#include "avatar/run/pretrain/pretrain_samples.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"

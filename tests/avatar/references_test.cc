@@ -1,4 +1,4 @@
-#include "avatar/io/references/references.h"
+#include "avatar/run/references/references.h"
 
 #include <ATen/ATen.h>
 #include <gmock/gmock.h>

@@ -4,10 +4,10 @@
 
 #include <filesystem>
 
-#include "avatar/io/render/backdrop.h"
-#include "avatar/io/render/render.h"
 #include "avatar/maps/template_maps.h"
 #include "avatar/nets/sequence.h"
+#include "avatar/run/render/backdrop.h"
+#include "avatar/run/render/render.h"
 #include "avatar/scores/picture_scores.h"
 #include "core/disk/files.h"
 #include "core/error.h"

@@ -1,4 +1,4 @@
-#include "avatar/io/render/render_pose.h"
+#include "avatar/run/render/render_pose.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,9 +6,9 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "avatar/io/render/backdrop.h"
-#include "avatar/io/render/bvh_pose.h"
 #include "avatar/maps/bone_lists.h"
+#include "avatar/run/render/backdrop.h"
+#include "avatar/run/render/bvh_pose.h"
 #include "core/choice/frame_choice.h"
 #include "core/disk/files.h"
 #include "core/error.h"

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "avatar/io/evaluate/posenet_features.h"
+#include "avatar/run/evaluate/posenet_features.h"
 #include "avatar/scores/set_distance.h"
 #include "core/error.h"
 #include "core/format.h"

@@ -1,4 +1,4 @@
-#include "avatar/io/pack/template_view.h"
+#include "avatar/run/pack/template_view.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "body/mesh_raster.h"
+#include "avatar/body/mesh_raster.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::avatar {

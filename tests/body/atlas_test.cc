@@ -1,4 +1,4 @@
-#include "body/files/atlas.h"
+#include "avatar/body/files/atlas.h"
 
 #include <gtest/gtest.h>
 

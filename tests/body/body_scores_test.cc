@@ -1,11 +1,11 @@
-#include "body/measure/body_scores.h"
+#include "avatar/body/measure/body_scores.h"
 
 #include <gmock/gmock.h>
 
 #include <cmath>
 #include <limits>
 
-#include "body/measure/known_surface.h"
+#include "avatar/body/measure/known_surface.h"
 #include "core/disk/files.h"
 #include "core/disk/npy_write.h"
 #include "core/error.h"

@@ -4,7 +4,7 @@
 #include <Eigen/Cholesky>
 #include <cmath>
 
-#include "body/dynamic/dynamic_fit.h"
+#include "avatar/body/dynamic/dynamic_fit.h"
 #include "core/error.h"
 #include "tests/body/swelling_take.h"
 #include "tests/support/message_of.h"

@@ -1,14 +1,14 @@
-#include "body/fit/fit_body.h"
+#include "avatar/body/fit/fit_body.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "body/fit/pose_by_images.h"
-#include "body/fit/rim.h"
-#include "body/surface_nets.h"
-#include "body/texture/bake.h"
-#include "body/texture/texel_map.h"
+#include "avatar/body/fit/pose_by_images.h"
+#include "avatar/body/fit/rim.h"
+#include "avatar/body/surface_nets.h"
+#include "avatar/body/texture/bake.h"
+#include "avatar/body/texture/texel_map.h"
 #include "core/random.h"
 #include "core/statistics.h"
 #include "tests/body/fit_studio.h"

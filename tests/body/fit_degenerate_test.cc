@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "body/fit/fit_body.h"
+#include "avatar/body/fit/fit_body.h"
 #include "core/random.h"
 #include "core/statistics.h"
 #include "tests/body/fit_studio.h"

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <limits>
 
-#include "body/fit/mask_outline.h"
-#include "body/fit/offsets.h"
-#include "body/fit/photometric.h"
-#include "body/fit/pose_solver.h"
-#include "body/fit/posed_bones.h"
-#include "body/fit/rim.h"
-#include "body/fit/rotation_habits.h"
-#include "body/texture/surface_picture.h"
+#include "avatar/body/fit/mask_outline.h"
+#include "avatar/body/fit/offsets.h"
+#include "avatar/body/fit/photometric.h"
+#include "avatar/body/fit/pose_solver.h"
+#include "avatar/body/fit/posed_bones.h"
+#include "avatar/body/fit/rim.h"
+#include "avatar/body/fit/rotation_habits.h"
+#include "avatar/body/texture/surface_picture.h"
 #include "core/random.h"
 
 namespace mvstudio::body {

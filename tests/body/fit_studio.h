@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "body/fit/fit_body.h"
-#include "body/fit/rim.h"
-#include "body/surface_nets.h"
+#include "avatar/body/fit/fit_body.h"
+#include "avatar/body/fit/rim.h"
+#include "avatar/body/surface_nets.h"
 #include "core/random.h"
 
 namespace mvstudio::body::testing {

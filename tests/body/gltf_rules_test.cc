@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "body/files/gltf.h"
-#include "body/makehuman/read.h"
+#include "avatar/body/files/gltf.h"
+#include "avatar/body/makehuman/read.h"
 #include "tests/body/glb_document.h"
 #include "tests/body/posed.h"
 #include "tests/support/test_data.h"

@@ -1,4 +1,4 @@
-#include "body/files/gltf.h"
+#include "avatar/body/files/gltf.h"
 
 #include <gtest/gtest.h>
 

@@ -3,10 +3,10 @@
 #include <Eigen/Geometry>
 #include <limits>
 
-#include "body/makehuman/obj.h"
-#include "body/makehuman/read.h"
-#include "body/makehuman/rig.h"
-#include "body/makehuman/target.h"
+#include "avatar/body/makehuman/obj.h"
+#include "avatar/body/makehuman/read.h"
+#include "avatar/body/makehuman/rig.h"
+#include "avatar/body/makehuman/target.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/body/surface_checks.h"

@@ -3,8 +3,8 @@
 #include <map>
 #include <set>
 
-#include "body/body_template.h"
-#include "body/role_bones.h"
+#include "avatar/body/body_template.h"
+#include "avatar/body/role_bones.h"
 #include "core/error.h"
 
 namespace mvstudio::body {

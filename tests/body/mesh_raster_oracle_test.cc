@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "body/fit/rim.h"
-#include "body/mesh_raster.h"
+#include "avatar/body/fit/rim.h"
+#include "avatar/body/mesh_raster.h"
 #include "core/random.h"
 #include "tests/body/plain_z_buffer.h"
 

@@ -1,4 +1,4 @@
-#include "body/mesh_raster.h"
+#include "avatar/body/mesh_raster.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "body/files/npz.h"
+#include "dataset/arrays/npz.h"
 
 #include <archive.h>
 #include <archive_entry.h>
@@ -59,7 +59,7 @@ std::vector<double> Ramp(size_t count) {
 TEST(Npz, StoredMembersComeBack) {
   const TempDir folder;
   WriteFileAtomic(folder / "a.npz", NpzOf({{"x", NpyOfDoubles({2, 3}, Ramp(6))}, {"y", NpyOfInts({1}, {-7})}}));
-  const auto arrays = ReadNpz(folder / "a.npz");
+  const auto arrays = dataset::ReadNpz(folder / "a.npz");
   ASSERT_EQ(arrays.size(), 2u);
   EXPECT_EQ(arrays.at("x").shape, (std::vector<int64_t>{2, 3}));
   EXPECT_EQ(arrays.at("x").values, Ramp(6));
@@ -69,23 +69,23 @@ TEST(Npz, StoredMembersComeBack) {
 TEST(Npz, DeflatedMembersComeBack) {
   const std::string zip = Deflated({{"x.npy", NpyOfDoubles({5000}, Ramp(5000))}, {"y.npy", NpyOfInts({1}, {-7})}});
   EXPECT_LT(zip.size(), 30000u);
-  const auto arrays = ParseNpz(zip, "a.npz");
+  const auto arrays = dataset::ParseNpz(zip, "a.npz");
   EXPECT_EQ(arrays.at("x").values, Ramp(5000));
   EXPECT_EQ(arrays.at("y").values, (std::vector<double>{-7}));
 }
 
-TEST(Npz, RefusesAnArchiveOfNothing) { EXPECT_THROW(ParseNpz(NpzOf({}), "a.npz"), FormatError); }
+TEST(Npz, RefusesAnArchiveOfNothing) { EXPECT_THROW(dataset::ParseNpz(NpzOf({}), "a.npz"), FormatError); }
 
 TEST(Npz, ErrorsNameFileAndMember) {
   const std::string zip = NpzOf({{"x", NpyOfDoubles({1}, {1})}, {"names", NpyOfTexts({"a"})}});
-  EXPECT_THAT(MessageOf<FormatError>([&] { ParseNpz(zip, "a.npz"); }), HasSubstr("a.npz: names: descr"));
-  EXPECT_EQ(ParseNpyTexts(ParseNpzMembers(zip, "a.npz").at("names"), "a.npz"), (std::vector<std::string>{"a"}));
+  EXPECT_THAT(MessageOf<FormatError>([&] { dataset::ParseNpz(zip, "a.npz"); }), HasSubstr("a.npz: names: descr"));
+  EXPECT_EQ(ParseNpyTexts(dataset::ParseNpzMembers(zip, "a.npz").at("names"), "a.npz"), (std::vector<std::string>{"a"}));
 }
 
 TEST(Npz, RefusesWhatIsCutShort) {
   for (const std::string& zip : {NpzOf({{"x", NpyOfDoubles({2, 3}, Ramp(6))}}), Deflated({{"x.npy", NpyOfInts({1}, {1})}})}) {
     for (size_t size = 0; size < zip.size(); ++size) {
-      EXPECT_THROW(ParseNpzMembers(zip.substr(0, size), "a.npz"), FormatError) << size << " of " << zip.size();
+      EXPECT_THROW(dataset::ParseNpzMembers(zip.substr(0, size), "a.npz"), FormatError) << size << " of " << zip.size();
     }
   }
 }
@@ -93,20 +93,20 @@ TEST(Npz, RefusesWhatIsCutShort) {
 TEST(Npz, RefusesChangedBytesOfAMember) {
   std::string zip = NpzOf({{"x", NpyOfDoubles({2, 3}, Ramp(6))}});
   zip[30 + 5 + 128 + 3] ^= 1;  // in the doubles: only the checksum tells
-  EXPECT_THAT(MessageOf<FormatError>([&] { ParseNpz(zip, "a.npz"); }), HasSubstr("a.npz: x"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { dataset::ParseNpz(zip, "a.npz"); }), HasSubstr("a.npz: x"));
 }
 
 TEST(Npz, RefusesMembersThatAreNoArrays) {
   const std::string array = NpyOfInts({1}, {1});
   const auto message = [](const std::vector<Member>& members) {
-    return MessageOf<FormatError>([&] { ParseNpzMembers(Deflated(members), "a.npz"); });
+    return MessageOf<FormatError>([&] { dataset::ParseNpzMembers(Deflated(members), "a.npz"); });
   };
   EXPECT_THAT(message({{"x.txt", "hello"}}), HasSubstr("x.txt: is no .npy file"));
   EXPECT_THAT(message({{".npy", array}}), HasSubstr("is no .npy file"));
   EXPECT_THAT(message({{"x.npy", "", AE_IFLNK}}), HasSubstr("is no plain file"));
   EXPECT_THAT(message({{"x.npy", "", AE_IFDIR}}), HasSubstr("is no plain file"));
   EXPECT_THAT(message({{"x.npy", array}, {"x.npy", array}}), HasSubstr("is there twice"));
-  EXPECT_THROW(ParseNpz(Deflated({{"x.npy", "hello"}}), "a.npz"), FormatError);
+  EXPECT_THROW(dataset::ParseNpz(Deflated({{"x.npy", "hello"}}), "a.npz"), FormatError);
 }
 
 TEST(Npz, HeadersAreLookedAtBeforeTheRestIsUnpacked) {
@@ -115,20 +115,20 @@ TEST(Npz, HeadersAreLookedAtBeforeTheRestIsUnpacked) {
   ASSERT_NE(at, std::string::npos) << large.substr(0, 80);
   large.replace(at, 6, "(9, 4)");
   EXPECT_THAT(MessageOf<FormatError>([&] {
-                ParseNpzMembers(Deflated({{"x.npy", large}}), "a.npz");
+                dataset::ParseNpzMembers(Deflated({{"x.npy", large}}), "a.npz");
               }),
               HasSubstr("x: shape: promises more than the "));
   const std::string zeros = Deflated({{"x.npy", std::string(300 << 20, '\0')}});
-  EXPECT_THAT(MessageOf<FormatError>([&] { ParseNpzMembers(zeros, "a.npz"); }), HasSubstr("out of all proportion"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { dataset::ParseNpzMembers(zeros, "a.npz"); }), HasSubstr("out of all proportion"));
 }
 
 TEST(Npz, RefusesWhatGrowsTooLarge) {
   const std::string zip = Deflated({{"x.npy", std::string(1 << 24, '\0')}});
   EXPECT_LT(zip.size(), 100000u);
-  EXPECT_THAT(MessageOf<FormatError>([&] { ParseNpzMembers(zip, "a.npz", 1 << 20); }), HasSubstr("x: is too large"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { dataset::ParseNpzMembers(zip, "a.npz", 1 << 20); }), HasSubstr("x: is too large"));
   const std::string two = NpzOf({{"x", std::string(600, 'x')}, {"y", std::string(600, 'y')}});
-  EXPECT_THAT(MessageOf<FormatError>([&] { ParseNpzMembers(two, "a.npz", 1000); }), HasSubstr("y: is too large"));
-  EXPECT_THAT(ParseNpzMembers(two, "a.npz", 1200), Not(IsEmpty()));
+  EXPECT_THAT(MessageOf<FormatError>([&] { dataset::ParseNpzMembers(two, "a.npz", 1000); }), HasSubstr("y: is too large"));
+  EXPECT_THAT(dataset::ParseNpzMembers(two, "a.npz", 1200), Not(IsEmpty()));
 }
 
 }  // namespace

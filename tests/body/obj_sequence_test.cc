@@ -1,4 +1,4 @@
-#include "body/files/obj_sequence.h"
+#include "avatar/body/files/obj_sequence.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

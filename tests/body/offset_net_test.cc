@@ -1,4 +1,4 @@
-#include "body/offset_net/offset_net.h"
+#include "avatar/body/offset_net/offset_net.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,11 +6,11 @@
 #include <cmath>
 #include <limits>
 
-#include "body/files/npz.h"
-#include "body/files/person_file.h"
+#include "avatar/body/files/person_file.h"
 #include "core/disk/npy_write.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "dataset/arrays/npz.h"
 #include "tests/body/swelling_take.h"
 #include "tests/support/message_of.h"
 
@@ -113,7 +113,7 @@ TEST(PersonFile, ANetworkComesBackBitForBit) {
 }
 
 std::string RefusalOf(const std::string& name, const std::string& npy) {
-  auto members = ParseNpzMembers(PersonFileBytes({Moving(0.5), {}}), "body.npz");
+  auto members = dataset::ParseNpzMembers(PersonFileBytes({Moving(0.5), {}}), "body.npz");
   members["offset_net." + name] = npy;
   std::vector<std::pair<std::string, std::string>> list;
   for (const auto& member : members) {

@@ -1,4 +1,4 @@
-#include "body/files/person_file.h"
+#include "avatar/body/files/person_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,10 +7,10 @@
 #include <fstream>
 #include <limits>
 
-#include "body/files/npz.h"
 #include "core/disk/files.h"
 #include "core/disk/npy_write.h"
 #include "core/error.h"
+#include "dataset/arrays/npz.h"
 #include "tests/body/posed.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -69,7 +69,7 @@ TEST(PersonFile, PoseDirectionsComeBackAndMustFitTheBody) {
   person.body.pose_directions = 0.01f * Eigen::MatrixXf::Random(3 * vertices, turns);
   WritePersonFile(folder / "body.npz", person);
   ExpectSame(ReadPersonFile(folder / "body.npz").body, person.body);
-  const auto members = ParseNpzMembers(ReadFile(folder / "body.npz"), "body.npz");
+  const auto members = dataset::ParseNpzMembers(ReadFile(folder / "body.npz"), "body.npz");
   const NpyArray array = ParseNpy(members.at("pose_directions"), "pose_directions");
   EXPECT_EQ(array.shape, (std::vector<int64_t>{turns, vertices, 3}));
   EXPECT_EQ(static_cast<float>(array.values[3 * static_cast<size_t>(vertices) + 5]), person.body.pose_directions(5, 1));
@@ -80,7 +80,8 @@ TEST(PersonFile, PoseDirectionsComeBackAndMustFitTheBody) {
 }
 
 TEST(PersonFile, NumpyFindsRowsPerElement) {
-  const auto members = ParseNpzMembers(PersonFileBytes({Flag(), {{"a", Eigen::MatrixXd::Identity(2, 3)}}}), "body.npz");
+  const auto members =
+      dataset::ParseNpzMembers(PersonFileBytes({Flag(), {{"a", Eigen::MatrixXd::Identity(2, 3)}}}), "body.npz");
   const auto shape = [&](const std::string& name) { return ParseNpy(members.at(name), name).shape; };
   using Shape = std::vector<int64_t>;
   EXPECT_EQ(shape("vertices"), (Shape{4, 3}));
@@ -101,7 +102,7 @@ TEST(PersonFile, ReplacesOnlyItsOwnFiles) {
 
 /// Message for a flag whose array `name` has other bytes; none: the array is left out.
 std::string Refusal(const std::string& name, const std::string& npy) {
-  auto members = ParseNpzMembers(PersonFileBytes({Flag(), {}}), "body.npz");
+  auto members = dataset::ParseNpzMembers(PersonFileBytes({Flag(), {}}), "body.npz");
   members[name] = npy;
   std::vector<std::pair<std::string, std::string>> list;
   for (const auto& member : members) {
@@ -111,7 +112,7 @@ std::string Refusal(const std::string& name, const std::string& npy) {
 }
 
 TEST(PersonFile, EveryArrayHasToBeThere) {
-  for (const auto& [name, bytes] : ParseNpzMembers(PersonFileBytes({Flag(), {}}), "body.npz")) {
+  for (const auto& [name, bytes] : dataset::ParseNpzMembers(PersonFileBytes({Flag(), {}}), "body.npz")) {
     EXPECT_THAT(Refusal(name, ""), HasSubstr("body.npz: " + name + ": is missing"));
     EXPECT_THAT(Refusal(name, "no array"), HasSubstr("body.npz: " + name + ": byte 0"));
     EXPECT_THAT(Refusal(name, bytes.substr(0, bytes.size() - 1)), HasSubstr("body.npz: " + name + ": shape"));

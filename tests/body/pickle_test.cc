@@ -1,4 +1,4 @@
-#include "body/smpl/pickle.h"
+#include "dataset/arrays/pickle.h"
 
 #include <gtest/gtest.h>
 
@@ -26,9 +26,10 @@ std::string Sparse(int rows) {
 TEST(Pickle, ReadsArraysSparseMatricesAndChumpy) {
   const std::string chumpy =
       "ccopy_reg\n_reconstructor\n(cchumpy.ch\nCh\nc__builtin__\nobject\nNtR}("s + Short("x") + Array("K\1\x85", {4}) + "ub"s;
-  const auto arrays = ArraysFromPickle(Dict(Short("a") + Array("K\2K\3\x86", {1, 2, 3, 4, 5, 6}) + Short("s") + Sparse(3) +
-                                            Short("c") + chumpy + Short("text") + Short("female") + Short("n") + "N"),
-                                       "a.pkl");
+  const auto arrays =
+      dataset::ArraysFromPickle(Dict(Short("a") + Array("K\2K\3\x86", {1, 2, 3, 4, 5, 6}) + Short("s") + Sparse(3) +
+                                     Short("c") + chumpy + Short("text") + Short("female") + Short("n") + "N"),
+                                "a.pkl");
   ASSERT_EQ(arrays.size(), 3u);
   EXPECT_EQ(arrays.at("a").shape, (std::vector<int64_t>{2, 3}));
   EXPECT_EQ(arrays.at("a").values, (std::vector<double>{1, 2, 3, 4, 5, 6}));
@@ -42,13 +43,13 @@ TEST(Pickle, ReadsProtocolZero) {
       "(dp0\nS'a'\np1\ncnumpy.core.multiarray\n_reconstruct\np2\n(cnumpy\nndarray\np3\n(I0\ntp4\nS'b'\np5\ntp6\nRp7\n(I1\n(I2\n"
       "tp8\ncnumpy\ndtype\np9\n(S'u1'\np10\nI0\nI1\ntp11\nRp12\n(I3\nS'|'\np13\nNNNI-1\nI-1\nI0\ntp14\nbI00\nS'\\x07A'\np15\n"
       "tp16\nbs.";
-  const auto arrays = ArraysFromPickle(text, "a.pkl");
+  const auto arrays = dataset::ArraysFromPickle(text, "a.pkl");
   ASSERT_EQ(arrays.count("a"), 1u);
   EXPECT_EQ(arrays.at("a").values, (std::vector<double>{7, 65}));
 }
 
 std::string Refusal(const std::string& bytes) {
-  return mvstudio::testing::MessageOf<FormatError>([&] { ArraysFromPickle(bytes, "a.pkl"); });
+  return mvstudio::testing::MessageOf<FormatError>([&] { dataset::ArraysFromPickle(bytes, "a.pkl"); });
 }
 
 TEST(Pickle, RefusesFunctionsByName) {
@@ -98,14 +99,14 @@ TEST(Pickle, RefusesArraysThatDoNotFit) {
 TEST(Pickle, CutsAnywhereAreRefused) {
   const std::string whole = Dict(Short("a") + Array("K\2\x85", {1, 2}) + Short("s") + Sparse(3));
   for (size_t size = 0; size < whole.size(); ++size)
-    EXPECT_THROW(ArraysFromPickle(whole.substr(0, size), "a.pkl"), FormatError);
+    EXPECT_THROW(dataset::ArraysFromPickle(whole.substr(0, size), "a.pkl"), FormatError);
 }
 
 /// A tuple of a tuple of …, and a list that holds itself: nothing runs along them.
 TEST(Pickle, DepthAndCirclesDoNoHarm) {
-  EXPECT_TRUE(ArraysFromPickle(Dict(Short("a") + "N" + std::string(100000, '\x85')), "a.pkl").empty());
-  EXPECT_TRUE(ArraysFromPickle("\x80\2}q\1U\1ah\1s."s, "a.pkl").empty());
-  EXPECT_THROW(ArraysFromPickle("N" + std::string(5'000'000, '2'), "a.pkl"), FormatError);
+  EXPECT_TRUE(dataset::ArraysFromPickle(Dict(Short("a") + "N" + std::string(100000, '\x85')), "a.pkl").empty());
+  EXPECT_TRUE(dataset::ArraysFromPickle("\x80\2}q\1U\1ah\1s."s, "a.pkl").empty());
+  EXPECT_THROW(dataset::ArraysFromPickle("N" + std::string(5'000'000, '2'), "a.pkl"), FormatError);
 }
 
 }  // namespace

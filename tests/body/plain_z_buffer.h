@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "body/body_template.h"
+#include "avatar/body/body_template.h"
 #include "geometry/lens/camera.h"
 #include "geometry/rig/rig.h"
 

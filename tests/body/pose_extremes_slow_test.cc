@@ -3,7 +3,7 @@
 #include <cmath>
 #include <limits>
 
-#include "body/fit/person_body.h"
+#include "avatar/body/fit/person_body.h"
 #include "core/random.h"
 
 namespace mvstudio::body {

@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <limits>
 
-#include "body/body_template.h"
+#include "avatar/body/body_template.h"
 #include "core/random.h"
 
 namespace mvstudio::body {

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "body/articulated_pose.h"
-#include "body/files/atlas.h"
+#include "avatar/body/articulated_pose.h"
+#include "avatar/body/files/atlas.h"
 #include "tests/support/hostile_files.h"
 
 /// Bodies, poses and atlases for the tests of files.

@@ -1,4 +1,4 @@
-#include "body/skeleton.h"
+#include "geometry/skeleton/skeleton.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "body/skeleton_text.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -2,7 +2,7 @@
 
 #include <Eigen/Geometry>
 
-#include "body/smpl/read.h"
+#include "avatar/body/smpl/read.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"

@@ -1,12 +1,12 @@
-#include "body/soft/soft_silhouette.h"
+#include "avatar/body/soft/soft_silhouette.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "body/fit/rim.h"
-#include "body/soft/mesh_outline.h"
+#include "avatar/body/fit/rim.h"
+#include "avatar/body/soft/mesh_outline.h"
 #include "core/random.h"
 #include "tests/body/fit_studio.h"
 

@@ -5,7 +5,7 @@
 #include <map>
 #include <utility>
 
-#include "body/body_template.h"
+#include "avatar/body/body_template.h"
 
 namespace mvstudio::body {
 

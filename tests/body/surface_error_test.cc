@@ -1,4 +1,4 @@
-#include "body/measure/surface_error.h"
+#include "avatar/body/measure/surface_error.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "body/surface_nets.h"
+#include "avatar/body/surface_nets.h"
 
 #include <gtest/gtest.h>
 

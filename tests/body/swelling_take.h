@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "body/dynamic/take_outlines.h"
+#include "avatar/body/dynamic/take_outlines.h"
 #include "tests/body/fit_studio.h"
 
 namespace mvstudio::body::testing {

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <numeric>
 
-#include "body/texture/labelling.h"
-#include "body/texture/max_flow.h"
-#include "body/texture/weighted_median.h"
+#include "avatar/body/texture/labelling.h"
+#include "avatar/body/texture/max_flow.h"
+#include "avatar/body/texture/weighted_median.h"
 #include "core/random.h"
 
 namespace mvstudio::body {

@@ -3,11 +3,11 @@
 #include <cmath>
 #include <limits>
 
-#include "body/texture/bake.h"
-#include "body/texture/level_seams.h"
-#include "body/texture/refine.h"
-#include "body/texture/unsharp.h"
-#include "body/texture/view_choice.h"
+#include "avatar/body/texture/bake.h"
+#include "avatar/body/texture/level_seams.h"
+#include "avatar/body/texture/refine.h"
+#include "avatar/body/texture/unsharp.h"
+#include "avatar/body/texture/view_choice.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/body/fit_studio.h"

@@ -1,8 +1,8 @@
-#include "body/files/textured_person.h"
+#include "avatar/body/files/textured_person.h"
 
 #include <gmock/gmock.h>
 
-#include "body/files/person_file.h"
+#include "avatar/body/files/person_file.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "calib/calibrate_steps.h"
+#include "calib/pipeline/calibrate_steps.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib::internal {

@@ -1,4 +1,4 @@
-#include "calib/film_next.h"
+#include "calib/verdict/film_next.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "calib/held_doubt.h"
+#include "calib/pipeline/held_doubt.h"
 
 #include <gtest/gtest.h>
 

@@ -4,13 +4,13 @@
 #include <Eigen/Eigenvalues>
 #include <map>
 
-#include "body/skeleton.h"
 #include "calib/formats/formats.h"
 #include "calib/keypoints/place.h"
 #include "calib/keypoints/refine.h"
 #include "core/error.h"
 #include "dataset/pose/pose2d.h"
 #include "geometry/rig/alignment.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/calib/keypoint_support.h"
 #include "tests/support/test_data.h"
 
@@ -302,7 +302,7 @@ class KeypointRefinePose2Sim : public ::testing::Test {
     const std::string root = mvstudio::testing::DataRoot() + "/pose2sim";
     rig_ = ReadToml(root + "/calibration/Calib_qualisys.toml").rig;
     std::map<int, triangulate::DetectedFrame> frames;
-    const body::Skeleton& skeleton = body::SkeletonByName("body25b");
+    const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25b");
     for (size_t c = 0; c < 4; ++c) {
       const std::string folder = root + "/balancing/pose-associated/cam0" + std::to_string(c + 1) + "_json";
       for (const auto& [number, people] : dataset::ReadOpenPoseFolder(folder, rig_.cameras[c].camera.name, skeleton).frames) {

@@ -125,7 +125,9 @@ TEST(ChooseLens, ALensThatMissesTheSidesGivesWay) {
   const CalibrateReport report = Calibrate(input, {}, {});
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_NE(report.verdict.status, "fail");
-  EXPECT_LE(report.uncertainty.edge_px, 1) << report.cameras[0].model_reason;
+  // 0.3 px by independent corners; halves of the recording differ by four times that.
+  EXPECT_GE(report.uncertainty.edge_px, 0.8);
+  EXPECT_LE(report.uncertainty.edge_px, 1.5) << report.cameras[0].model_reason;
   EXPECT_LE(report.holdout_rms_px, 1.02 * 0.2392) << "no worse than brown5 by itself";
 }
 

@@ -1,11 +1,11 @@
-#include "calib/solvable.h"
+#include "calib/pipeline/solvable.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "calib/calibrate_steps.h"
+#include "calib/pipeline/calibrate_steps.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 

@@ -6,7 +6,7 @@
 #include "calib/calibrate.h"
 #include "calib/corners/corner_files.h"
 #include "calib/detect/detect_footage.h"
-#include "calib/solvable.h"
+#include "calib/pipeline/solvable.h"
 #include "core/error.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"

@@ -5,8 +5,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "body/articulated_pose.h"
-#include "body/files/textured_person.h"
+#include "avatar/body/articulated_pose.h"
+#include "avatar/body/files/textured_person.h"
 #include "geometry/rigid/rigid3.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "body/smpl/read.h"
+#include "avatar/body/smpl/read.h"
 #include "core/disk/files.h"
 #include "tests/body/pickle_bytes.h"
 #include "tests/body/small_smpl.h"

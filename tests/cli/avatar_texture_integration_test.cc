@@ -3,8 +3,8 @@
 
 #include <filesystem>
 
-#include "body/files/atlas.h"
-#include "body/files/textured_person.h"
+#include "avatar/body/files/atlas.h"
+#include "avatar/body/files/textured_person.h"
 #include "core/disk/files.h"
 #include "tests/cli/avatar_body_fixture.h"
 

@@ -1,7 +1,6 @@
 #include <filesystem>
 
-#include "body/files/npz.h"
-#include "body/files/person_file.h"
+#include "avatar/body/files/person_file.h"
 #include "calib/corners/corner_files.h"
 #include "calib/detect/detection_cache.h"
 #include "calib/formats/formats.h"
@@ -11,6 +10,7 @@
 #include "core/disk/npy.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
+#include "dataset/arrays/npz.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose2d.h"
@@ -68,9 +68,11 @@ void ReadDetections(const std::string& path) {
 std::vector<Reader> Readers() {
   using Format = calib::CalibrationFormat;
   const auto openpose = [](const std::string& path) {
-    dataset::ReadOpenPoseFolder(fs::path(path).parent_path().string(), "cam", body::SkeletonByName("body25"));
+    dataset::ReadOpenPoseFolder(fs::path(path).parent_path().string(), "cam", geometry::SkeletonByName("body25"));
   };
-  const auto results = [](const std::string& path) { dataset::ReadPoseResults(path, "cam", body::SkeletonByName("coco17")); };
+  const auto results = [](const std::string& path) {
+    dataset::ReadPoseResults(path, "cam", geometry::SkeletonByName("coco17"));
+  };
   return {
       {"calibration", "calibration_json/perspective.json", "a.json", true,
        [](const std::string& path) { geometry::ReadRig(path); }},
@@ -109,7 +111,7 @@ std::vector<Reader> Readers() {
       {"marks", "scene_points/one.csv", "a.csv", false, [](const std::string& path) { calib::ReadScenePoints({path}); }},
       {"detections", "detection_cache/one.bin", "a.bin", false, ReadDetections},
       {"npy", "npy/doubles.npy", "a.npy", false, [](const std::string& path) { ReadNpy(path); }},
-      {"npz", "npz/deflated.npz", "a.npz", false, [](const std::string& path) { body::ReadNpz(path); }},
+      {"npz", "npz/deflated.npz", "a.npz", false, [](const std::string& path) { dataset::ReadNpz(path); }},
       {"body", "npz/body.npz", "body.npz", false, [](const std::string& path) { body::ReadPersonFile(path); }},
       {"manifest", "manifest/three.json", "a.json", true,
        [](const std::string& path) { ManifestFromJsonText(ReadFile(path), path); }}};

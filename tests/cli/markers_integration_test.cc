@@ -6,10 +6,10 @@
 #include <fstream>
 #include <map>
 
-#include "body/skeleton.h"
 #include "core/random.h"
 #include "dataset/pose/pose3d.h"
 #include "dataset/pose/pose3d_trc.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/support/run_cli.h"
 
 /// `markers` as a user runs it.

@@ -5,14 +5,14 @@
 #include <filesystem>
 #include <fstream>
 
-#include "body/skeleton.h"
-#include "body/skeleton_text.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/pose2d.h"
 #include "dataset/pose/pose3d.h"
 #include "dataset/pose/pose3d_trc.h"
 #include "geometry/rig/rig_io.h"
+#include "geometry/skeleton/skeleton.h"
+#include "geometry/skeleton/skeleton_text.h"
 #include "tests/support/mouse.h"
 #include "tests/support/run_cli.h"
 #include "tests/triangulate/support.h"
@@ -106,7 +106,7 @@ TEST_F(OwnSkeleton, IsKnownToLaterCommandsByTheResultAlone) {
   fs::remove(folder_ / "mouse.toml");
   const dataset::Pose3d pose = dataset::ReadPose3d(folder_ / "out");
   EXPECT_EQ(pose.skeleton, "mouse");
-  const body::Skeleton mouse = SkeletonOf(pose);
+  const geometry::Skeleton mouse = SkeletonOf(pose);
   EXPECT_THAT(mouse.joints, ElementsAreArray(MouseNames()));
   EXPECT_EQ(mouse.bones.size(), 14u);
   EXPECT_EQ(mouse.pairs.size(), 4u);
@@ -118,14 +118,14 @@ TEST_F(OwnSkeleton, IsKnownToLaterCommandsByTheResultAlone) {
 // As `pose2d` leaves them: folders of cameras, and beside them whose joints they hold.
 TEST_F(OwnSkeleton, FoldersSayWhoseJointsTheyHold) {
   WriteToml(MouseToml());
-  const body::Skeleton mouse = body::SkeletonFrom(folder_ / "mouse.toml");
+  const geometry::Skeleton mouse = geometry::SkeletonFrom(folder_ / "mouse.toml");
   std::vector<std::string> words = {"triangulate", "--calib", folder_ / "calibration.json", "--out", folder_ / "out", "--json"};
   for (const dataset::Pose2dTrack& track : dataset::ReadPose2dCsv(folder_ / "points.csv", &mouse).tracks) {
     dataset::WriteOpenPoseFolder(track, folder_ / ("pose2d/" + track.camera), &mouse);
     words.insert(words.end(), {"--pose2d", track.camera + "=" + (folder_ / ("pose2d/" + track.camera))});
   }
   EXPECT_EQ(RunCli(words).exit, 3);  // not the 25 joints that are expected
-  std::ofstream(folder_ / "pose2d/skeleton.json") << body::SkeletonToJson(mouse);
+  std::ofstream(folder_ / "pose2d/skeleton.json") << geometry::SkeletonToJson(mouse);
   const CliRun run = RunCli(words);
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
   EXPECT_EQ(run.Json()["metrics"]["limbs"].size(), 14u);

@@ -6,7 +6,6 @@
 #include <fstream>
 #include <set>
 
-#include "body/skeleton.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
@@ -16,6 +15,7 @@
 #include "dataset/time/sync_file.h"
 #include "dataset/time/timeline.h"
 #include "geometry/rig/rig_io.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/support/run_cli.h"
 #include "tests/triangulate/support.h"
@@ -100,7 +100,7 @@ class SessionTest : public ::testing::Test {
       for (int j = 0; j < 19; ++j) {
         dataset::JointRow row;
         row.frame = instant;
-        row.joint = body::Coco19().joints[static_cast<size_t>(j)];
+        row.joint = geometry::Coco19().joints[static_cast<size_t>(j)];
         row.status = Status::kOk;
         row.x_in_world = JointAt(j, instant);
         row.num_views = 3;
@@ -274,7 +274,7 @@ TEST_F(SessionTest, TimelineAndSyncByEachRoad) {
 /// Mean distance of triangulated joints from where they were at the instants that the file names, mm.
 double MeanErrorMm(const std::string& folder, int* instants) {
   const dataset::Pose3d pose = dataset::ReadPose3d(folder);
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   double sum = 0;
   int count = 0;
   std::set<int> frames;

@@ -200,7 +200,7 @@ TEST(Trackers, WhatCannotBeReadEndsWithOneLineThatSaysWhatToDo) {
   const Mice mice;
   std::vector<std::string> words = Join({"triangulate", "--out", folder / "out"}, mice.WriteDeepLabCut(folder, 1));
   const char* source = std::getenv("MVSTUDIO_SOURCE");
-  std::filesystem::copy_file(std::string(source ? source : ".") + "/fuzz/seeds/tracker_hdf5/project.slp", folder / "a.slp");
+  std::filesystem::copy_file(std::string(source ? source : ".") + "/tests/fuzz/seeds/tracker_hdf5/project.slp", folder / "a.slp");
   words.back() = "cam_3=" + (folder / "a.slp");
   const CliRun slp = RunCli(words);
   EXPECT_EQ(slp.exit, 3);

@@ -28,7 +28,7 @@ Eigen::Vector3d JointAt(double frame, int joint) {
 
 struct Take {
   geometry::Rig rig = triangulate::MakeRing(5);
-  body::Skeleton skeleton = body::SkeletonByName("body25");
+  geometry::Skeleton skeleton = geometry::SkeletonByName("body25");
   std::vector<dataset::Pose2dTrack> tracks;
 
   /// `late_frames`: the second camera's picture f shows what is at f + late_frames.
@@ -90,7 +90,7 @@ std::vector<std::string> Words(std::vector<std::string> first, const std::vector
 
 double WorstErrorMm(const std::string& folder) {
   double worst = 0;
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   for (const dataset::JointRow& row : dataset::ReadPose3d(folder).rows) {
     if (row.status != Status::kOk) continue;
     worst = std::max(worst, (row.x_in_world - JointAt(row.frame, skeleton.Find(row.joint))).norm());
@@ -232,7 +232,7 @@ TEST(TriangulateCommand, NamesTheCameraThatSwapsLeftAndRight) {
   Take take;
   for (auto& [frame, people] : take.tracks[1].frames) {
     auto& keys = people[0].keypoints;
-    for (const auto& [left, right] : body::MirrorJoints(take.skeleton)) std::swap(keys[left], keys[right]);
+    for (const auto& [left, right] : geometry::MirrorJoints(take.skeleton)) std::swap(keys[left], keys[right]);
   }
   const CliRun run = RunCli(Words({"triangulate", "--out", folder / "out", "--json"}, take.Write(folder)));
   ASSERT_EQ(run.exit, 0) << run.err;

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <cstdio>
 
+#include "avatar/metrics/ssim.h"
 #include "calib/calibrate.h"
 #include "geometry/lens/camera.h"
-#include "metrics/ssim.h"
 #include "triangulate/point/point.h"
 
 namespace {

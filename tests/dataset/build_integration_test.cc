@@ -1,7 +1,6 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "body/skeleton.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
 #include "dataset/build/build.h"
@@ -10,6 +9,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/verify/verify.h"
 #include "geometry/rig/rig_io.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/dataset/dataset_test_util.h"
 
 namespace mvstudio::dataset {
@@ -55,7 +55,7 @@ class BuildTest : public ::testing::Test {
       for (int j = 0; j < 19; ++j) {
         JointRow row;
         row.frame = f;
-        row.joint = body::Coco19().joints[j];
+        row.joint = geometry::Coco19().joints[j];
         row.status = Status::kOk;
         row.x_in_world = joints.x_in_world.col(j) + moved;
         row.num_views = 3;

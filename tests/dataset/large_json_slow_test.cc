@@ -3,7 +3,6 @@
 #include <fstream>
 #include <functional>
 
-#include "body/skeleton.h"
 #include "core/error.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/panoptic_files.h"
@@ -14,6 +13,7 @@
 #include "dataset/time/timeline.h"
 #include "dataset/verify/verify.h"
 #include "dataset/views/split.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/support/cpu_time.h"
 #include "tests/support/temp_dir.h"
 
@@ -44,9 +44,9 @@ struct JsonReader {
 std::vector<JsonReader> Readers() {
   const auto folder_of = [](const std::string& path) { return path.substr(0, path.rfind('/')); };
   const auto openpose = [=](const std::string& path) {
-    ReadOpenPoseFolder(folder_of(path), "cam", body::SkeletonByName("body25"));
+    ReadOpenPoseFolder(folder_of(path), "cam", geometry::SkeletonByName("body25"));
   };
-  const auto results = [](const std::string& path) { ReadPoseResults(path, "cam", body::SkeletonByName("coco17")); };
+  const auto results = [](const std::string& path) { ReadPoseResults(path, "cam", geometry::SkeletonByName("coco17")); };
   return {
       {"calibration",
        "calibration_a.json",

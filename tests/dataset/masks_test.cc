@@ -257,11 +257,11 @@ TEST(Masks, BodyFromKeypointsIsTheProjectedBody) {
     const auto p = geometry::Project(camera.camera, camera.cam_from_world * pose.x_in_world.col(j));
     person.keypoints.push_back({p.px.x(), p.px.y(), 1});
   }
-  const Image a = BodyRegion(BodyFromKeypoints({person}, body::Coco19()), 320, 320, 0);
+  const Image a = BodyRegion(BodyFromKeypoints({person}, geometry::Coco19()), 320, 320, 0);
   const Image b = BodyRegion(ProjectBody({{0, pose}}, camera), 320, 320, 0);
   EXPECT_GT(Iou(a, b), 0.8);
   for (Keypoint2d& k : person.keypoints) k.x_px = std::nan("");
-  EXPECT_TRUE(BodyFromKeypoints({person}, body::Coco19()).empty());
+  EXPECT_TRUE(BodyFromKeypoints({person}, geometry::Coco19()).empty());
 }
 
 TEST(Masks, FlickerCountsChangesWhereNothingMoves) {

@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "body/skeleton_text.h"
 #include "core/error.h"
+#include "geometry/skeleton/skeleton_text.h"
 #include "tests/support/message_of.h"
 #include "tests/support/mouse.h"
 #include "tests/support/temp_dir.h"
@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 
 OwnJoints Mice() {
   OwnJoints joints;
-  joints.skeleton = body::SkeletonFromToml(testing::MouseToml(), "mouse.toml");
+  joints.skeleton = geometry::SkeletonFromToml(testing::MouseToml(), "mouse.toml");
   for (const int frame : {0, 7}) {
     for (const int person : {0, 3}) {
       JointsPose& pose = joints.poses[frame][person];

@@ -22,11 +22,11 @@ constexpr char kHeader[] = "camera,frame,person,joint,x_px,y_px,score\n";
 
 class Pose2dCsv : public ::testing::Test {
  protected:
-  Pose2dSet ReadText(const std::string& text, const body::Skeleton* skeleton = nullptr) const {
+  Pose2dSet ReadText(const std::string& text, const geometry::Skeleton* skeleton = nullptr) const {
     std::ofstream(folder_ / "points.csv") << text;
     return ReadPose2dCsv(folder_ / "points.csv", skeleton);
   }
-  std::string Message(const std::string& text, const body::Skeleton* skeleton = nullptr) const {
+  std::string Message(const std::string& text, const geometry::Skeleton* skeleton = nullptr) const {
     return testing::MessageOf<FormatError>([&] { ReadText(text, skeleton); });
   }
   testing::TempDir folder_;
@@ -63,7 +63,7 @@ TEST_F(Pose2dCsv, NamesInQuotes) {
   const Pose2dSet set = ReadText(std::string(kHeader) + "\"left, \"\"A\"\"\",3,0,\"tail\",1,2,1\nb\"c,3,0,tail,1,2,1\n");
   EXPECT_EQ(set.tracks.at(0).camera, "left, \"A\"");
   EXPECT_EQ(set.tracks.at(1).camera, "b\"c");
-  const Pose2dSet odd{body::PointsSkeleton({"\"a", " b"}), {{"\"cam\"", {{1, {{{{1, 2, 1}, {3, 4, 1}}}}}}}}};
+  const Pose2dSet odd{geometry::PointsSkeleton({"\"a", " b"}), {{"\"cam\"", {{1, {{{{1, 2, 1}, {3, 4, 1}}}}}}}}};
   WritePose2dCsv(odd, folder_ / "out.csv");
   const Pose2dSet read = ReadPose2dCsv(folder_ / "out.csv");
   EXPECT_THAT(read.skeleton.joints, ElementsAre("\"a", " b"));
@@ -85,7 +85,7 @@ TEST_F(Pose2dCsv, FrameNumbersThatAreTooLargeAreCalledSo) {
 }
 
 TEST_F(Pose2dCsv, GivenSkeletonOrdersTheJoints) {
-  const body::Skeleton& skeleton = body::SkeletonByName("coco17");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("coco17");
   const Pose2dSet set = ReadText(std::string(kHeader) + "a,0,0,RAnkle,1,2,1\n", &skeleton);
   EXPECT_EQ(set.tracks[0].frames.at(0)[0].keypoints[16].x_px, 1);
   EXPECT_THAT(Message(std::string(kHeader) + "a,0,0,RAnkle,1,2,1\na,0,0,tail,1,2,1\na,0,0,Nose,1,2,1\n", &skeleton),
@@ -95,7 +95,7 @@ TEST_F(Pose2dCsv, GivenSkeletonOrdersTheJoints) {
 TEST_F(Pose2dCsv, RoundTripIsExact) {
   for (uint64_t seed = 1; seed <= 5; ++seed) {
     Rng rng(seed);
-    Pose2dSet set{body::PointsSkeleton({"a", "b", "c d"}), {}};
+    Pose2dSet set{geometry::PointsSkeleton({"a", "b", "c d"}), {}};
     for (const char* camera : {"cam_1", "cam_0"}) {
       Pose2dTrack& track = set.tracks.emplace_back(Pose2dTrack{camera, {}});
       for (const int frame : {0, 9, 123456}) {
@@ -125,7 +125,7 @@ TEST_F(Pose2dCsv, RoundTripIsExact) {
 }
 
 TEST_F(Pose2dCsv, NamesThatBreakTheTableAreRefused) {
-  const Pose2dSet set{body::PointsSkeleton({"a,b"}), {}};
+  const Pose2dSet set{geometry::PointsSkeleton({"a,b"}), {}};
   EXPECT_THROW(WritePose2dCsv(set, folder_ / "out.csv"), ContractViolation);
 }
 

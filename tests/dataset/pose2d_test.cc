@@ -29,7 +29,7 @@ class Pose2d : public ::testing::Test {
   void TearDown() override { fs::remove_all(folder_); }
   void Put(const std::string& name, const std::string& content) const { std::ofstream(folder_ / name) << content; }
   Pose2dTrack Read(const char* skeleton = "coco17") const {
-    return ReadOpenPoseFolder(folder_.string(), "cam_03", body::SkeletonByName(skeleton));
+    return ReadOpenPoseFolder(folder_.string(), "cam_03", geometry::SkeletonByName(skeleton));
   }
   template <class E>
   std::string MessageOf(const char* skeleton = "coco17") const {
@@ -178,7 +178,7 @@ TEST_F(Pose2d, FiftyPeopleAndNone) {
 
 TEST_F(Pose2d, FaceAndHandsRoundTrip) {
   Rng rng(3);
-  const body::Skeleton& skeleton = body::SkeletonByName("openpose137");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("openpose137");
   Pose2dTrack track{"cam_03", {}};
   for (int k = 0; k < 137; ++k) {
     if (k == 0) track.frames[5].emplace_back();
@@ -223,7 +223,7 @@ class Pose2dResults : public Pose2d {
  protected:
   Pose2dTrack ReadText(const std::string& text) const {
     Put("results.json", text);
-    return ReadPose2d((folder_ / "results.json").string(), "cam_03", body::SkeletonByName("coco17"));
+    return ReadPose2d((folder_ / "results.json").string(), "cam_03", geometry::SkeletonByName("coco17"));
   }
   static std::string Numbers(int count, double first) {
     std::string text = "[";
@@ -315,7 +315,7 @@ TEST_F(Pose2d, ReadsRealFilesOfPose2Sim) {
   const fs::path root = data ? fs::path(data) : fs::path(source ? source : ".") / ".." / "shared" / "data";
   const fs::path folder = root / "pose2sim" / "balancing" / "pose" / "cam01_json";
   if (!fs::exists(folder)) GTEST_SKIP() << "data set pose2sim is not there";
-  const Pose2dTrack track = ReadOpenPoseFolder(folder.string(), "cam_01", body::SkeletonByName("body25b"));
+  const Pose2dTrack track = ReadOpenPoseFolder(folder.string(), "cam_01", geometry::SkeletonByName("body25b"));
   EXPECT_EQ(track.frames.size(), 100u);
   ASSERT_EQ(track.frames.at(0).size(), 2u);
   EXPECT_EQ(track.frames.at(0)[0].keypoints[0].x_px, 505.232);

@@ -45,7 +45,7 @@ JointRow OkRow(const std::string& joint, const Eigen::Vector3d& x, double sigma_
 Pose3d RandomPose(uint64_t seed) {
   Rng rng(seed);
   Pose3d pose{"body25", {}};
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   for (int frame = 0; frame < 4; ++frame) {
     for (const std::string& joint : skeleton.joints) {
       JointRow row = OkRow(joint, {rng.Normal() / 3, rng.Normal() * 1e-9, rng.Normal() * 1e6}, rng.Uniform());

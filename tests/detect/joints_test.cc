@@ -5,9 +5,9 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
-#include "detect/joints/joint_maps.h"
-#include "detect/joints/joint_net.h"
-#include "detect/joints/pose_tracker.h"
+#include "dataset/detect/joints/joint_maps.h"
+#include "dataset/detect/joints/joint_net.h"
+#include "dataset/detect/joints/pose_tracker.h"
 #include "tests/detect/joint_onnx.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -130,8 +130,8 @@ TEST(CropAround, TurnsWithTheTrunk) {
                                200 + std::sin(lean) * right - std::cos(lean) * up, 1};
   };
   place(5, 20, 60), place(6, -20, 60), place(11, 15, 0), place(12, -15, 0), place(15, 10, -100), place(16, -10, -100);
-  EXPECT_NEAR(LeanOf(person, body::SkeletonByName("coco17"), 0.3), lean, 1e-9);
-  const Crop crop = CropAround(person, 0.8, 0.1, LeanOf(person, body::SkeletonByName("coco17"), 0.3));
+  EXPECT_NEAR(LeanOf(person, geometry::SkeletonByName("coco17"), 0.3), lean, 1e-9);
+  const Crop crop = CropAround(person, 0.8, 0.1, LeanOf(person, geometry::SkeletonByName("coco17"), 0.3));
   EXPECT_NEAR(crop.size_px, 160 / 0.8, 1e-9);
   EXPECT_NEAR(crop.x_px, 100 - std::sin(lean) * 20, 1e-9);
   EXPECT_NEAR(crop.y_px, 200 + std::cos(lean) * 20, 1e-9);
@@ -139,7 +139,7 @@ TEST(CropAround, TurnsWithTheTrunk) {
 }
 
 TEST(OnSkeleton, JointsKeepTheirNamesAndTheTrunkLeansAlike) {
-  const body::Skeleton &coco = body::SkeletonByName("coco17"), &many = body::SkeletonByName("mediapipe33");
+  const geometry::Skeleton &coco = geometry::SkeletonByName("coco17"), &many = geometry::SkeletonByName("mediapipe33");
   Person2d person{std::vector<Keypoint2d>(17)};
   for (size_t j = 0; j < 17; ++j) person.keypoints[j] = {10.0 * static_cast<double>(j), 7.0 - static_cast<double>(j * j), 0.9};
   const Person2d mapped = OnSkeleton(person, coco, many);
@@ -232,7 +232,7 @@ TEST(Onnx, EveryCutFileIsRefusedOrStillANet) {
 /// Finds a spot: a net that needs no file.
 class SpotNet : public JointNet {
  public:
-  const body::Skeleton& skeleton() const override { return body::SkeletonByName("coco17"); }
+  const geometry::Skeleton& skeleton() const override { return geometry::SkeletonByName("coco17"); }
   int input_px() const override { return 64; }
   double person_fill() const override { return 0.5; }
   JointMaps Run(const Image& crop, const std::vector<Keypoint2d>& /*expected*/) const override {
@@ -277,7 +277,7 @@ Keypoint2d MiddleOf(const Image& picture, int channel) {
 /// Knows people (red above green) only when they stand upright in the crop.
 class UprightNet : public JointNet {
  public:
-  const body::Skeleton& skeleton() const override { return body::SkeletonByName("coco17"); }
+  const geometry::Skeleton& skeleton() const override { return geometry::SkeletonByName("coco17"); }
   int input_px() const override { return 64; }
   double person_fill() const override { return 0.4; }
   JointMaps Run(const Image& crop, const std::vector<Keypoint2d>& /*expected*/) const override {

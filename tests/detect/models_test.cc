@@ -1,4 +1,4 @@
-#include "detect/models/models.h"
+#include "dataset/detect/models/models.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,8 +10,8 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
-#include "detect/models/npm_package.h"
-#include "detect/models/sha512.h"
+#include "dataset/detect/models/npm_package.h"
+#include "dataset/detect/models/sha512.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 

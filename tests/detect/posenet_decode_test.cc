@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/random.h"
-#include "detect/joints/posenet.h"
+#include "dataset/detect/joints/posenet.h"
 
 /// PoseNet's maps as people with known joints would make them, and what is decoded from them.
 namespace mvstudio::detect::internal {

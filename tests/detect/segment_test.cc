@@ -1,4 +1,4 @@
-#include "detect/segment/segment.h"
+#include "dataset/detect/segment/segment.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <fstream>
 
 #include "core/error.h"
-#include "detect/models/models.h"
+#include "dataset/detect/models/models.h"
 #include "tests/detect/tiny_onnx.h"
 #include "tests/support/temp_dir.h"
 

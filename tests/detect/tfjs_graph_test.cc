@@ -1,4 +1,4 @@
-#include "detect/tfjs/tfjs_graph.h"
+#include "dataset/detect/tfjs/tfjs_graph.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -11,7 +11,7 @@
 #include <random>
 
 #include "core/error.h"
-#include "detect/models/models.h"
+#include "dataset/detect/models/models.h"
 #include "tests/support/message_of.h"
 
 namespace mvstudio::detect {

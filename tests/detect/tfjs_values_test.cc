@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "detect/tfjs/json_parse.h"
-#include "detect/tfjs/weights.h"
+#include "dataset/detect/tfjs/json_parse.h"
+#include "dataset/detect/tfjs/weights.h"
 #include "tests/support/message_of.h"
 
 namespace mvstudio::detect::internal {

@@ -1,4 +1,4 @@
-#include "exports/export.h"
+#include "dataset/exports/export.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,10 +10,10 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "dataset/exports/ply.h"
+#include "dataset/exports/take.h"
+#include "dataset/markers/bvh.h"
 #include "dataset/pose/pose3d_trc.h"
-#include "exports/ply.h"
-#include "exports/take.h"
-#include "markers/bvh.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/message_of.h"
 
@@ -66,7 +66,7 @@ TEST(Bvh, AnglesRebuildTheRotation) {
 /// One frame a pose; nobody where there is none.
 markers::MarkerTake MarkersOfPoses(const std::vector<std::optional<dataset::Coco19Pose>>& poses) {
   markers::MarkerTake take;
-  take.rate_hz = 30, take.names = body::Coco19().joints;
+  take.rate_hz = 30, take.names = geometry::Coco19().joints;
   for (const auto& pose : poses) {
     for (int j = 0; j < 19; ++j) {
       const bool valid = pose && pose->valid[j];
@@ -81,7 +81,7 @@ markers::MarkerTake MarkersOfPoses(const std::vector<std::optional<dataset::Coco
 TEST(Bvh, FollowsARigidSkeletonExactlyAndHoldsWhatIsMissing) {
   std::vector<std::optional<dataset::Coco19Pose>> poses;
   for (int f = 0; f < 12; ++f) poses.push_back(Person({5, -2, 0}, f, false));
-  const markers::BvhMotion motion = FitBvh(MarkersOfPoses(poses), body::Coco19());
+  const markers::BvhMotion motion = FitBvh(MarkersOfPoses(poses), geometry::Coco19());
   EXPECT_LT(motion.max_m, 1e-9);
   EXPECT_EQ(motion.num_joints, 12 * 19);
   // A frame without anybody, a joint never seen.
@@ -89,7 +89,7 @@ TEST(Bvh, FollowsARigidSkeletonExactlyAndHoldsWhatIsMissing) {
   for (auto& pose : poses) {
     if (pose) pose->valid[5] = false;
   }
-  const markers::BvhMotion holes = FitBvh(MarkersOfPoses(poses), body::Coco19());
+  const markers::BvhMotion holes = FitBvh(MarkersOfPoses(poses), geometry::Coco19());
   EXPECT_LT(holes.max_m, 1e-9);
   EXPECT_TRUE(holes.frames[5].held);
   EXPECT_EQ(holes.num_held, 1);
@@ -103,7 +103,7 @@ TEST(Bvh, BonesThatChangeTheirLengthAreReported) {
     poses.push_back(Person({0, 0, 0}, f, false));
     poses.back()->x_in_world.col(14).z() -= f % 2 ? 0.02 : 0;
   }
-  EXPECT_NEAR(FitBvh(MarkersOfPoses(poses), body::Coco19()).max_m, 0.01, 1e-3);
+  EXPECT_NEAR(FitBvh(MarkersOfPoses(poses), geometry::Coco19()).max_m, 0.01, 1e-3);
 }
 
 TEST(Trc, RoundTripsThroughOurReader) {
@@ -117,7 +117,7 @@ TEST(Trc, RoundTripsThroughOurReader) {
   size_t seen = 0;
   for (const dataset::JointRow& row : back.rows) {
     const auto pose = dataset.poses.find(row.frame);
-    const int j = body::Coco19().Find(row.joint);
+    const int j = geometry::Coco19().Find(row.joint);
     ASSERT_GE(j, 0);
     const bool valid = pose != dataset.poses.end() && pose->second.at(0).valid[j];
     ASSERT_EQ(row.status == Status::kOk, valid);

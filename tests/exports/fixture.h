@@ -15,10 +15,10 @@
 #include "core/format.h"
 #include "core/image.h"
 #include "core/units.h"
+#include "dataset/exports/export.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/views/split.h"
-#include "exports/export.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"
 

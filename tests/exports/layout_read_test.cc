@@ -1,11 +1,11 @@
-#include "exports/read/layout_read.h"
+#include "dataset/exports/read/layout_read.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "calib/formats/formats.h"
 #include "core/disk/npy_write.h"
-#include "exports/pickle.h"
+#include "dataset/exports/pickle.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/message_of.h"
 

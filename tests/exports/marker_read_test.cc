@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
+#include "dataset/exports/export.h"
 #include "dataset/pose/markers.h"
-#include "exports/export.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/temp_dir.h"
 
@@ -24,7 +24,7 @@ TEST(Markers, C3dRoundTripsThroughOurReader) {
   size_t seen = 0;
   for (const dataset::JointRow& row : back.pose.rows) {
     const auto pose = dataset.poses.find(row.frame);
-    const int j = body::Coco19().Find(row.joint);
+    const int j = geometry::Coco19().Find(row.joint);
     ASSERT_GE(j, 0) << row.joint;
     const bool valid = pose != dataset.poses.end() && pose->second.at(0).valid[j];
     ASSERT_EQ(row.status == Status::kOk, valid);

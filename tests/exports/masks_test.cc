@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "dataset/exports/export.h"
 #include "dataset/footage/image_io.h"
-#include "exports/export.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/message_of.h"
 

@@ -1,11 +1,11 @@
-#include "markers/bvh.h"
+#include "dataset/markers/bvh.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <sstream>
 
-#include "body/skeleton_text.h"
+#include "geometry/skeleton/skeleton_text.h"
 #include "tests/support/mouse.h"
 
 namespace mvstudio::markers {
@@ -24,7 +24,7 @@ MarkerTake MouseTake(int frames) {
   return take;
 }
 
-body::Skeleton Mouse() { return body::SkeletonFromToml(testing::MouseToml(), "mouse.toml"); }
+geometry::Skeleton Mouse() { return geometry::SkeletonFromToml(testing::MouseToml(), "mouse.toml"); }
 
 TEST(OwnBvh, FollowsAMouseExactly) {
   const MarkerTake take = MouseTake(40);
@@ -51,7 +51,7 @@ TEST(OwnBvh, HoldsWhatIsMissingAndKeepsEveryJoint) {
 }
 
 /// A standing person in these joints; y is sideways, z up.
-MarkerTake PersonTake(const body::Skeleton& skeleton) {
+MarkerTake PersonTake(const geometry::Skeleton& skeleton) {
   MarkerTake take;
   take.rate_hz = 50, take.names = skeleton.joints;
   for (int f = 0; f < 4; ++f) {
@@ -69,7 +69,7 @@ MarkerTake PersonTake(const body::Skeleton& skeleton) {
 
 TEST(PersonBvh, HangsFromThePelvis) {
   for (const char* name : {"body25", "body25b", "coco17", "halpe26"}) {
-    const body::Skeleton& known = body::SkeletonByName(name);
+    const geometry::Skeleton& known = geometry::SkeletonByName(name);
     const MarkerBody hung = HungFromPelvis(PersonTake(known), known);
     ASSERT_EQ(hung.take.names, hung.skeleton.joints) << name;
     const auto parent = [&](const char* joint) {
@@ -94,7 +94,7 @@ TEST(PersonBvh, HangsFromThePelvis) {
 }
 
 TEST(OwnBvh, TextHoldsAHierarchyAndAllChannels) {
-  body::Skeleton mouse = Mouse();
+  geometry::Skeleton mouse = Mouse();
   MarkerTake take = MouseTake(3);
   mouse.joints[3] = take.names[3] = "left ear";
   mouse.joints[4] = take.names[4] = "left_ear";  // the same without its blank

@@ -1,4 +1,4 @@
-#include "markers/filter.h"
+#include "dataset/markers/filter.h"
 
 #include <gtest/gtest.h>
 

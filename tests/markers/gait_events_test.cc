@@ -1,4 +1,4 @@
-#include "markers/gait_events.h"
+#include "dataset/markers/gait_events.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "markers/joint_angles.h"
+#include "dataset/markers/joint_angles.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

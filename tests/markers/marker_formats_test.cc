@@ -7,9 +7,9 @@
 
 #include "core/error.h"
 #include "core/random.h"
+#include "dataset/markers/bvh.h"
+#include "dataset/markers/marker_files.h"
 #include "dataset/pose/markers.h"
-#include "markers/bvh.h"
-#include "markers/marker_files.h"
 #include "tests/support/temp_dir.h"
 
 /// What one format writes, another command reads.

@@ -1,4 +1,4 @@
-#include "markers/marker_take.h"
+#include "dataset/markers/marker_take.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,9 +6,9 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "markers/fill.h"
-#include "markers/filter.h"
-#include "markers/marker_files.h"
+#include "dataset/markers/fill.h"
+#include "dataset/markers/filter.h"
+#include "dataset/markers/marker_files.h"
 
 namespace mvstudio::markers {
 namespace {

@@ -1,4 +1,4 @@
-#include "markers/opensim.h"
+#include "dataset/markers/opensim.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include <filesystem>
 
 #include "core/disk/files.h"
-#include "markers/marker_files.h"
+#include "dataset/markers/marker_files.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"
 

@@ -1,4 +1,4 @@
-#include "metrics/masks.h"
+#include "avatar/metrics/masks.h"
 
 #include <gtest/gtest.h>
 

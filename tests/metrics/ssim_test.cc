@@ -1,14 +1,14 @@
-#include "metrics/ssim.h"
+#include "avatar/metrics/ssim.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "avatar/metrics/psnr.h"
+#include "avatar/metrics/ssim_window.h"
 #include "core/error.h"
 #include "core/random.h"
-#include "metrics/psnr.h"
-#include "metrics/ssim_window.h"
 
 namespace mvstudio::metrics {
 namespace {

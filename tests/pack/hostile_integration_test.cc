@@ -10,9 +10,9 @@
 #include <fstream>
 #include <functional>
 
-#include "dataset/pack/child_process.h"
-#include "dataset/pack/hdf5_handle.h"
-#include "dataset/pack/hdf5_reader.h"
+#include "dataset/arrays/child_process.h"
+#include "dataset/arrays/hdf5_handle.h"
+#include "dataset/arrays/hdf5_reader.h"
 #include "dataset/pack/pack.h"
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/message_of.h"

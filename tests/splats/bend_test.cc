@@ -1,15 +1,15 @@
-#include "splats/bend.h"
+#include "avatar/splats/bend.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
+#include "avatar/splats/gradients.h"
+#include "avatar/splats/render.h"
+#include "avatar/splats/train/initial.h"
+#include "avatar/splats/train/loss.h"
 #include "core/error.h"
-#include "splats/gradients.h"
-#include "splats/render.h"
-#include "splats/train/initial.h"
-#include "splats/train/loss.h"
 #include "tests/splats/scenes.h"
 
 namespace mvstudio::splats {

@@ -4,12 +4,12 @@
 #include <cstring>
 #include <filesystem>
 
+#include "avatar/splats/colour.h"
+#include "avatar/splats/files/cloud_file.h"
+#include "avatar/splats/files/ply.h"
+#include "avatar/splats/train/initial.h"
 #include "core/disk/npy_write.h"
 #include "core/error.h"
-#include "splats/colour.h"
-#include "splats/files/cloud_file.h"
-#include "splats/files/ply.h"
-#include "splats/train/initial.h"
 #include "tests/splats/scenes.h"
 #include "tests/support/temp_dir.h"
 

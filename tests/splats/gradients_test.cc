@@ -1,12 +1,12 @@
-#include "splats/gradients.h"
+#include "avatar/splats/gradients.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "metrics/ssim.h"
-#include "splats/colour.h"
-#include "splats/train/loss.h"
+#include "avatar/metrics/ssim.h"
+#include "avatar/splats/colour.h"
+#include "avatar/splats/train/loss.h"
 #include "tests/splats/scenes.h"
 
 namespace mvstudio::splats {

@@ -4,11 +4,11 @@
 #include <cstring>
 #include <limits>
 
+#include "avatar/splats/colour.h"
+#include "avatar/splats/files/player_file.h"
+#include "avatar/splats/place.h"
+#include "avatar/splats/train/initial.h"
 #include "core/error.h"
-#include "splats/colour.h"
-#include "splats/files/player_file.h"
-#include "splats/place.h"
-#include "splats/train/initial.h"
 
 namespace mvstudio::splats {
 namespace {

@@ -1,4 +1,4 @@
-#include "splats/raster.h"
+#include "avatar/splats/raster.h"
 
 #include <gtest/gtest.h>
 
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 
+#include "avatar/splats/lanes.h"
+#include "avatar/splats/render.h"
 #include "core/error.h"
-#include "splats/lanes.h"
-#include "splats/render.h"
 #include "tests/splats/scenes.h"
 
 namespace mvstudio::splats {

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "avatar/splats/raster.h"
 #include "core/random.h"
-#include "splats/raster.h"
 
 /// Small scenes for tests of Gaussians.
 namespace mvstudio::splats::testing {

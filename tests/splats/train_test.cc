@@ -1,16 +1,16 @@
-#include "splats/train/train.h"
+#include "avatar/splats/train/train.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "body/texture/bake.h"
+#include "avatar/body/texture/bake.h"
+#include "avatar/metrics/masks.h"
+#include "avatar/splats/render.h"
+#include "avatar/splats/train/initial.h"
+#include "avatar/splats/train/train_step.h"
 #include "core/error.h"
-#include "metrics/masks.h"
-#include "splats/render.h"
-#include "splats/train/initial.h"
-#include "splats/train/train_step.h"
 #include "tests/splats/scenes.h"
 
 namespace mvstudio::splats {

@@ -22,7 +22,7 @@ namespace mvstudio::testing {
 
 struct HostileReader {
   std::string name;
-  std::string seed;  ///< below fuzz/seeds
+  std::string seed;  ///< below tests/fuzz/seeds
   std::string file;  ///< name that the reader expects
   bool json = false;
   std::function<void(const std::string& path)> read;
@@ -35,7 +35,7 @@ class HostileReaders : public ::testing::TestWithParam<HostileReader> {
  protected:
   static std::string SeedPath() {
     const char* source = std::getenv("MVSTUDIO_SOURCE");
-    return std::string(source ? source : ".") + "/fuzz/seeds/" + GetParam().seed;
+    return std::string(source ? source : ".") + "/tests/fuzz/seeds/" + GetParam().seed;
   }
   static std::string Seed() {
     const std::string whole = Slurp(SeedPath()), cut = "\n--8<--\n";

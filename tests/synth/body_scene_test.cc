@@ -49,7 +49,7 @@ TEST(BodyScene, RayCastingAgreesWithRasterisation) {
 
 TEST(BodyScene, JointsProjectIntoTheMask) {
   const World& world = TheWorld();
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   for (double time_s : {0.0, 1.1, 2.9}) {
     const body::BodyPose pose = PersonPose(world.body, time_s, 1);
     const BodyScene scene(world.body, world.textures, body::SkinVertices(world.body, pose));
@@ -89,7 +89,7 @@ TEST(BodyScene, EdgesAreBlendedWithTheBackground) {
 
 TEST(DetectJoints, NoiseHasTheStatedSizeAndHiddenFacesAreNotSeen) {
   const World& world = TheWorld();
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   double sum = 0, sum2 = 0;
   int count = 0, hidden = 0, noses = 0;
   for (int f = 0; f < 20; ++f) {

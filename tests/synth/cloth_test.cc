@@ -5,7 +5,7 @@
 #include <limits>
 #include <map>
 
-#include "body/role_bones.h"
+#include "avatar/body/role_bones.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "synth/cloth/cloth_subject.h"

@@ -26,7 +26,7 @@ TEST(PersonPose, StandsOnTheFloorInsideTheRoom) {
 }
 
 TEST(PersonPose, MovesSmoothlyAndKneesBendBackwards) {
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   const body::BodyTemplate& body = Mannequin();
   const int l_shin = 14;
   ASSERT_EQ(body.bone_names[l_shin], "l_shin");
@@ -65,7 +65,7 @@ TEST(PersonPose, TheLastFramesShowPosesNotSeenBefore) {
 }
 
 TEST(PersonJoints, FeetFollowTheAnkles) {
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   for (int f = 0; f < 50; ++f) {
     const Eigen::Matrix3Xd joints = PersonJoints(Mannequin(), PersonPose(Mannequin(), 0.37 * f, 4), skeleton);
     for (const char* side : {"L", "R"}) {
@@ -80,7 +80,7 @@ TEST(PersonJoints, FeetFollowTheAnkles) {
 
 /// Joints that synth gave before bodies other than the mannequin could walk, by seed 1 at 0.36 s.
 TEST(PersonPose, OfTheMannequinIsWhatItAlwaysWas) {
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   const body::BodyTemplate body = body::MakeMannequin();
   const Eigen::Matrix3Xd joints = PersonJoints(body, PersonPose(body, 9 / 25.0, 1), skeleton);
   const std::pair<const char*, Eigen::Vector3d> known[] = {

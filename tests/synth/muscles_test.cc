@@ -5,7 +5,7 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
-#include "body/role_bones.h"
+#include "avatar/body/role_bones.h"
 
 namespace mvstudio::synth {
 namespace {

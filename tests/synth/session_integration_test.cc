@@ -5,10 +5,10 @@
 #include <filesystem>
 #include <map>
 
-#include "body/files/npz.h"
-#include "body/files/person_file.h"
+#include "avatar/body/files/person_file.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "dataset/arrays/npz.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/pose/pose2d.h"
@@ -113,7 +113,7 @@ TEST_F(SessionTest, Joints2dAreProjectionsOfTheTruthPlusNoise) {
   const std::string folder = Write("s", options, 1, 0);
   const geometry::Rig rig = geometry::ReadRig(folder + "/truth/calibration.json");
   const dataset::Pose3d truth = dataset::ReadPose3d(folder + "/truth/pose3d");
-  const body::Skeleton& skeleton = body::SkeletonByName("body25");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   int seen = 0;
   for (const geometry::RigCamera& camera : rig.cameras) {
     const auto track =
@@ -150,12 +150,12 @@ TEST_F(SessionTest, TheTruthOfASurfaceIsComplete) {
   options.cameras = 1, options.board_frames = 0, options.take_frames = 3, options.new_motion_frames = 2;
   options.subject = SubjectKind::kCloth, options.take_motion = TakeMotion::kATurn;
   const std::string folder = Write("s", options, 1, 1);
-  const auto rest = body::ReadNpzMembers(folder + "/truth/subject_rest.npz");
-  const NpyArray transforms = ParseNpy(body::ReadNpzMembers(folder + "/truth/motion.npz").at("transforms"), "transforms");
+  const auto rest = dataset::ReadNpzMembers(folder + "/truth/subject_rest.npz");
+  const NpyArray transforms = ParseNpy(dataset::ReadNpzMembers(folder + "/truth/motion.npz").at("transforms"), "transforms");
   EXPECT_EQ(transforms.shape, (std::vector<int64_t>{5, 19, 3, 4}));
   ASSERT_EQ(ParseNpyTexts(rest.at("names"), "names"), (std::vector<std::string>{"body", "skirt", "shirt"}));
   for (int f = 0; f < 5; ++f) {
-    const auto frame = body::ReadNpz(folder + "/truth/vertices_0000000" + std::to_string(f) + ".npz");
+    const auto frame = dataset::ReadNpz(folder + "/truth/vertices_0000000" + std::to_string(f) + ".npz");
     for (const char* mesh : {"body", "skirt", "shirt"}) {
       const NpyArray rest_v = ParseNpy(rest.at(std::string(mesh) + "_v"), mesh);
       const NpyArray weights = ParseNpy(rest.at(std::string(mesh) + "_weights"), mesh);
@@ -199,7 +199,7 @@ TEST_F(SessionTest, AFittedBodyWalksInItsOwnColours) {
   options.body = root_ + "/body.npz";
   body::WritePersonFile(options.body, person);
   const std::string folder = Write("s", options, 1, 1);
-  const auto frame = body::ReadNpz(folder + "/truth/vertices_00000001.npz");
+  const auto frame = dataset::ReadNpz(folder + "/truth/vertices_00000001.npz");
   EXPECT_EQ(frame.at("body").shape, (std::vector<int64_t>{person.body.vertices.cols(), 3}));
   person.body.bone_roles[4] = body::BoneRole::kOther;  // no head
   body::WritePersonFile(options.body, person);

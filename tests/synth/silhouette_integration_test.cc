@@ -3,7 +3,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "body/mesh_raster.h"
+#include "avatar/body/mesh_raster.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
 

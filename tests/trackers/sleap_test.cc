@@ -10,7 +10,7 @@
 #include "core/disk/files.h"
 #include "core/disk/lock.h"
 #include "core/error.h"
-#include "dataset/pack/hdf5_writer.h"
+#include "dataset/arrays/hdf5_writer.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 #include "tests/trackers/support.h"
@@ -147,14 +147,14 @@ TEST(Trackers, JointsOfSeveralCamerasAreUnited) {
   cameras[1].track.camera = "b", cameras[1].program = "SLEAP";
   cameras[1].track.frames[4] = {{{{1, 2, 1}, {3, 4, 0.5}}}};
   EXPECT_THAT(UnitedJoints(cameras), ElementsAre("nose", "tail", "ear"));
-  const std::vector<Pose2dTrack> tracks = ToSkeleton(cameras, body::PointsSkeleton(UnitedJoints(cameras)));
+  const std::vector<Pose2dTrack> tracks = ToSkeleton(cameras, geometry::PointsSkeleton(UnitedJoints(cameras)));
   const std::vector<Keypoint2d>& keypoints = tracks[1].frames.at(4)[0].keypoints;
   ASSERT_EQ(keypoints.size(), 3u);
   EXPECT_EQ(keypoints[0].score, 0);
   EXPECT_EQ(keypoints[1].x_px, 1);
   EXPECT_EQ(keypoints[2].score, 0.5);
   EXPECT_THAT(MessageOf<FormatError>([&] {
-                ToSkeleton(cameras, body::PointsSkeleton({"nose", "tail"}));
+                ToSkeleton(cameras, geometry::PointsSkeleton({"nose", "tail"}));
               }),
               AllOf(HasSubstr("camera b"), HasSubstr("SLEAP file: joint `ear`")));
 }
@@ -179,7 +179,7 @@ TEST(Caliscope, CamerasAndPointsGoByTheirNumbers) {
   EXPECT_THAT(points.set.skeleton.joints, ElementsAre("point_0", "point_11", "point_40"));
   EXPECT_EQ(points.set.tracks[1].frames.at(2)[0].keypoints[1].x_px, 31.5);
   EXPECT_EQ(points.num_beyond, 0u);
-  const body::Skeleton& skeleton = body::SkeletonByName("mediapipe33");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("mediapipe33");
   const CaliscopePoints named = ReadCaliscopeCsv(Sample("caliscope_points/pose.csv"), &skeleton);
   EXPECT_EQ(named.num_beyond, 6u);  // point 40
   EXPECT_EQ(named.set.tracks[0].frames.at(0)[0].keypoints[11].x_px, 11.5);

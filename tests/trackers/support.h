@@ -9,10 +9,10 @@
 
 namespace mvstudio::dataset {
 
-/// A file that pandas, PyTables or h5py wrote (fuzz/seeds).
+/// A file that pandas, PyTables or h5py wrote (tests/fuzz/seeds).
 inline std::string Sample(const std::string& name) {
   const char* source = std::getenv("MVSTUDIO_SOURCE");
-  return std::string(source ? source : ".") + "/fuzz/seeds/" + name;
+  return std::string(source ? source : ".") + "/tests/fuzz/seeds/" + name;
 }
 
 inline void ExpectSame(const TrackedPoints& a, const TrackedPoints& b, double tolerance_px) {

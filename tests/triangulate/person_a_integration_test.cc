@@ -18,7 +18,7 @@ std::vector<DetectedFrame> ReadFrames(const fs::path& root, const geometry::Rig&
   std::vector<DetectedFrame> frames(kFrames);
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const std::string& name = rig.cameras[c].camera.name;
-    const auto track = dataset::ReadOpenPoseFolder((root / "pose2d" / name).string(), name, body::SkeletonByName("body25"));
+    const auto track = dataset::ReadOpenPoseFolder((root / "pose2d" / name).string(), name, geometry::SkeletonByName("body25"));
     for (const auto& [number, people] : track.frames) {
       DetectedFrame& frame = frames.at(static_cast<size_t>(number));
       frame.frame = number;
@@ -41,7 +41,7 @@ TEST(PersonA, ErrorsAreSmallAndHonest) {
   dataset::Pose3d pose{"body25", {}};
   for (const TakePoint& entry : take.points) {
     dataset::JointRow row;
-    row.frame = entry.frame, row.person = entry.person, row.joint = body::SkeletonByName("body25").joints[entry.joint_idx];
+    row.frame = entry.frame, row.person = entry.person, row.joint = geometry::SkeletonByName("body25").joints[entry.joint_idx];
     row.status = entry.point.status;
     if (row.status == Status::kOk) row.x_in_world = entry.point.x_in_world, row.covariance = entry.point.covariance;
     pose.rows.push_back(row);

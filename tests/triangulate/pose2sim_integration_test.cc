@@ -29,7 +29,7 @@ dataset::Pose3dComparison Compare(const Session& session, const TakeOptions& opt
     if (entry.point.status != Status::kOk) continue;
     dataset::JointRow row;
     row.x_in_world = entry.point.x_in_world;
-    table[entry.frame][entry.person][body::SkeletonByName("body25b").joints[entry.joint_idx]] = row;
+    table[entry.frame][entry.person][geometry::SkeletonByName("body25b").joints[entry.joint_idx]] = row;
   }
   if (take) *take = result;
   return dataset::ComparePose3d(table, session.reference);
@@ -56,7 +56,7 @@ TEST_F(Pose2Sim, ExhaustiveDltReproducesItsPoints) {
 }
 
 std::vector<std::pair<int, int>> Limbs() {
-  const body::Skeleton& skeleton = body::SkeletonByName("body25b");
+  const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25b");
   std::vector<std::pair<int, int>> limbs;
   for (const auto& [a, b] : {std::pair("Shoulder", "Elbow"), {"Elbow", "Wrist"}, {"Hip", "Knee"}, {"Knee", "Ankle"}}) {
     for (const std::string side : {"L", "R"}) limbs.emplace_back(skeleton.Find(side + a), skeleton.Find(side + b));

@@ -81,8 +81,8 @@ inline Recording LoadPose2Sim(const std::string& trial, const std::string& poses
   std::map<int, DetectedFrame> frames;
   for (size_t c = 0; c < 4; ++c) {
     const std::string folder = root + "/" + trial + "/" + poses + "/cam0" + std::to_string(c + 1) + "_json";
-    AddTrack(dataset::ReadOpenPoseFolder(folder, recording.rig.cameras[c].camera.name, body::SkeletonByName("body25b")), c, 4,
-             &frames);
+    AddTrack(dataset::ReadOpenPoseFolder(folder, recording.rig.cameras[c].camera.name, geometry::SkeletonByName("body25b")), c,
+             4, &frames);
   }
   recording.frames = ToList(frames);
   return recording;
@@ -95,7 +95,7 @@ inline Recording LoadPersonA() {
   std::map<int, DetectedFrame> frames;
   for (size_t c = 0; c < recording.rig.cameras.size(); ++c) {
     const std::string& name = recording.rig.cameras[c].camera.name;
-    AddTrack(dataset::ReadOpenPoseFolder(root + "/pose2d/" + name, name, body::SkeletonByName("body25")), c,
+    AddTrack(dataset::ReadOpenPoseFolder(root + "/pose2d/" + name, name, geometry::SkeletonByName("body25")), c,
              recording.rig.cameras.size(), &frames);
   }
   recording.frames = ToList(frames);

@@ -6,7 +6,7 @@
 #include <functional>
 #include <set>
 
-#include "body/skeleton.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/support/test_data.h"
 #include "tests/triangulate/people.h"
 #include "tests/triangulate/recordings.h"
@@ -76,7 +76,7 @@ double WrongPairs(const std::vector<DetectedFrame>& frames, const std::vector<De
 }
 
 const MirrorGroups& Body25Groups() {
-  static const MirrorGroups groups = body::MirrorGroups(body::SkeletonByName("body25"));
+  static const MirrorGroups groups = geometry::MirrorGroups(geometry::SkeletonByName("body25"));
   return groups;
 }
 
@@ -217,7 +217,7 @@ class RealSides : public ::testing::Test {
   SideReport Fix() { return FixSides(Prepare(recording_.rig), OnePerson(frames_), groups_, {}, {}, &frames_); }
   Recording recording_;
   std::vector<DetectedFrame> frames_;
-  const MirrorGroups groups_ = body::MirrorGroups(body::SkeletonByName("body25b"));
+  const MirrorGroups groups_ = geometry::MirrorGroups(geometry::SkeletonByName("body25b"));
 };
 
 TEST_F(RealSides, CleanRecording) {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdio>
 
-#include "body/skeleton.h"
 #include "core/format.h"
 #include "dataset/pose/pose3d_compare.h"
+#include "geometry/skeleton/skeleton.h"
 #include "tests/triangulate/recordings.h"
 #include "triangulate/skeleton/refine.h"
 
@@ -15,7 +15,7 @@ namespace mvstudio::triangulate {
 namespace {
 
 /// Upper arms, forearms, thighs and shanks.
-std::vector<std::pair<int, int>> Limbs(const body::Skeleton& skeleton) {
+std::vector<std::pair<int, int>> Limbs(const geometry::Skeleton& skeleton) {
   std::vector<std::pair<int, int>> limbs;
   for (const char* side : {"L", "R"}) {
     for (const auto& [a, b] : std::vector<std::pair<std::string, std::string>>{
@@ -52,7 +52,7 @@ SkeletonRefineResult Refine(const Recording& recording, const std::vector<std::p
 /// The calibration bends bones by centimetres: held-out cameras allow smoothness and refuse constant lengths.
 TEST(SkeletonRefine, Balancing) {
   MVS_NEEDS_DATA("pose2sim");
-  const auto refined = Refine(LoadPose2Sim("balancing"), Limbs(body::SkeletonByName("body25b")), "balancing");
+  const auto refined = Refine(LoadPose2Sim("balancing"), Limbs(geometry::SkeletonByName("body25b")), "balancing");
   const SkeletonRefineReport& report = refined.report;
   EXPECT_GT(report.smoothness, 0);
   EXPECT_EQ(report.bone_lengths, 0);
@@ -68,7 +68,7 @@ dataset::Pose3dComparison CompareWithTruth(const std::vector<TakePoint>& points)
   for (const TakePoint& entry : points) {
     dataset::JointRow row;
     row.frame = entry.frame, row.person = entry.person,
-    row.joint = body::SkeletonByName("body25").joints[static_cast<size_t>(entry.joint_idx)];
+    row.joint = geometry::SkeletonByName("body25").joints[static_cast<size_t>(entry.joint_idx)];
     row.status = entry.point.status;
     if (row.status == Status::kOk) row.x_in_world = entry.point.x_in_world, row.covariance = entry.point.covariance;
     pose.rows.push_back(row);
@@ -88,7 +88,7 @@ TEST(SkeletonRefine, PersonAgainstTruth) {
   recording.rig.cameras.resize(5);
   for (DetectedFrame& frame : recording.frames) frame.people.resize(5);
   const TakeResult take = TriangulateTake(recording.rig, recording.frames, 25, {});
-  const auto refined = Refine(recording, body::SkeletonByName("body25").bones, "person_a");
+  const auto refined = Refine(recording, geometry::SkeletonByName("body25").bones, "person_a");
   const auto before = CompareWithTruth(take.points), after = CompareWithTruth(refined.points);
   std::printf("  error median %.2f -> %.2f mm, p95 %.2f -> %.2f mm, joints %d -> %d, coverage %.3f %.3f\n", before.median_mm,
               after.median_mm, before.p95_mm, after.p95_mm, before.num, after.num, after.coverage68, after.coverage95);

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "avatar/io/pack/person_views.h"
-#include "avatar/io/pack/split_side.h"
-#include "body/texture/unsharp.h"
+#include "avatar/body/texture/unsharp.h"
+#include "avatar/metrics/scores.h"
+#include "avatar/run/pack/person_views.h"
+#include "avatar/run/pack/split_side.h"
 #include "core/error.h"
 #include "core/fields.h"
 #include "core/format.h"
-#include "metrics/scores.h"
 
 namespace mvstudio::app {
 namespace {

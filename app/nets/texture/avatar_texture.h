@@ -9,9 +9,9 @@
 
 #include "app/nets/texture/texture_source.h"
 #include "app/result.h"
-#include "body/texture/bake.h"
-#include "body/texture/refine.h"
-#include "body/texture/view_choice.h"
+#include "avatar/body/texture/bake.h"
+#include "avatar/body/texture/refine.h"
+#include "avatar/body/texture/view_choice.h"
 #include "core/progress.h"
 
 /// The colours of a fitted body, made anew.

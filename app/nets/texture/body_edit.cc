@@ -6,9 +6,9 @@
 #include <map>
 #include <set>
 
-#include "avatar/io/pack/body_shape.h"
-#include "body/files/atlas.h"
-#include "body/templates/read.h"
+#include "avatar/body/files/atlas.h"
+#include "avatar/body/templates/read.h"
+#include "avatar/run/pack/body_shape.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"

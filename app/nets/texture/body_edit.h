@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "app/result.h"
-#include "body/files/textured_person.h"
+#include "avatar/body/files/textured_person.h"
 #include "core/image.h"
 
 /// A fitted body changed by hand.

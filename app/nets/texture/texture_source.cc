@@ -5,8 +5,8 @@
 #include <memory>
 #include <utility>
 
-#include "avatar/io/gaussians/gaussian_render.h"
-#include "avatar/io/render/render.h"
+#include "avatar/run/gaussians/gaussian_render.h"
+#include "avatar/run/render/render.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"

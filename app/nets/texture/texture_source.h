@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "avatar/io/pack/run_config.h"
-#include "body/files/textured_person.h"
-#include "body/texture/view_sampler.h"
+#include "avatar/body/files/textured_person.h"
+#include "avatar/body/texture/view_sampler.h"
+#include "avatar/run/pack/run_config.h"
 #include "core/progress.h"
 #include "dataset/panoptic/panoptic.h"
 

@@ -1,0 +1,84 @@
+#include "avatar/metrics/picture.h"
+
+#include <cmath>
+
+#include "avatar/metrics/simd.h"
+#include "core/check.h"
+
+namespace mvstudio::metrics {
+namespace {
+
+/// Samples outside [low, high], NaN among them.
+MVS_SIMD int64_t CountOutside(const double* samples, int64_t count, double low, double high) {
+  int64_t outside = 0;
+  for (int64_t i = 0; i < count; ++i) outside += !(samples[i] >= low && samples[i] <= high);
+  return outside;
+}
+
+Status CheckSamples(const Picture& picture) {
+  const double slack = 1e-6 * picture.range;
+  if (CountOutside(picture.samples.data(), static_cast<int64_t>(picture.samples.size()), -slack, picture.range + slack) == 0)
+    return Status::kOk;
+  for (const double v : picture.samples) {
+    if (!std::isfinite(v)) return Status::kNotFinite;
+  }
+  return Status::kOutsideRange;
+}
+
+}  // namespace
+
+Picture FromImage(const Image& image) {
+  Picture picture{image.width, image.height, image.channels, 255, {}};
+  const size_t plane = picture.PlaneSize(), channels = static_cast<size_t>(image.channels);
+  picture.samples.resize(plane * channels);
+  for (size_t i = 0; i < plane; ++i) {
+    for (size_t c = 0; c < channels; ++c) picture.samples[c * plane + i] = image.pixels[i * channels + c];
+  }
+  return picture;
+}
+
+Picture Luma(const Picture& picture) {
+  if (picture.channels == 1) return picture;
+  MVS_CHECK(picture.channels == 3, "luma needs 1 or 3 channels, got " << picture.channels);
+  Picture luma{picture.width, picture.height, 1, picture.range, std::vector<double>(picture.PlaneSize())};
+  const double *r = picture.Plane(0), *g = picture.Plane(1), *b = picture.Plane(2);
+  for (size_t i = 0; i < luma.samples.size(); ++i) luma.samples[i] = 0.299 * r[i] + 0.587 * g[i] + 0.114 * b[i];
+  return luma;
+}
+
+const char* ToString(Status status) {
+  switch (status) {
+    case Status::kOk:
+      return "Ok";
+    case Status::kSizesDiffer:
+      return "SizesDiffer";
+    case Status::kTooSmall:
+      return "TooSmall";
+    case Status::kNotFinite:
+      return "NotFinite";
+    case Status::kOutsideRange:
+      return "OutsideRange";
+    case Status::kNothingLeft:
+      return "NothingLeft";
+  }
+  return "";
+}
+
+Status Check(const Picture& a, const Picture& b, int least) {
+  if (a.width != b.width || a.height != b.height || a.channels != b.channels || a.range != b.range) return Status::kSizesDiffer;
+  if (a.samples.size() != b.samples.size() || a.samples.size() != a.PlaneSize() * static_cast<size_t>(a.channels))
+    return Status::kSizesDiffer;
+  if (a.width < least || a.height < least || a.samples.empty() || !(a.range > 0)) return Status::kTooSmall;
+  for (const Picture* picture : {&a, &b}) {
+    const Status status = CheckSamples(*picture);
+    if (status != Status::kOk) return status;
+  }
+  return Status::kOk;
+}
+
+Status Check(const Image& a, const Image& b, int least) {
+  if (a.width != b.width || a.height != b.height || a.channels != b.channels) return Status::kSizesDiffer;
+  return a.width < least || a.height < least || a.empty() ? Status::kTooSmall : Status::kOk;
+}
+
+}  // namespace mvstudio::metrics

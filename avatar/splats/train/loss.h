@@ -1,0 +1,45 @@
+#pragma once
+
+#include "avatar/metrics/picture.h"
+#include "avatar/splats/raster.h"
+#include "core/image.h"
+
+namespace mvstudio::splats {
+
+/// What a picture should show: the person on black behind its mask.
+template <class S>
+struct Truth {
+  int width = 0, height = 0;
+  std::vector<S> rgb;   // (3, H, W) in [0, 1]
+  std::vector<S> mask;  // (H, W) 0 or 1
+  metrics::Box box;     ///< around the mask, as `avatar eval` takes it: 5 % larger on each side, at least 11 px
+};
+
+/// From an image (H, W, 3) and a mask (H, W, 1), 255: person. Throws ContractViolation for other sizes.
+template <class S>
+Truth<S> TruthOf(const Image& image, const Image& mask);
+
+struct LossWeights {
+  double l1 = 1;
+  double ssim = 0.5;
+  double mask = 1;
+};
+
+/// Terms before their weights. l1 and mask are sums over the whole picture, divided by the pixels of the box.
+struct LossTerms {
+  double l1 = 0;     ///< mean of the channels' absolute differences
+  double ssim = 0;   ///< 1 - SSIM of the box: Wang et al., TIP 2004, windows inside it, mean over R, G, B; 0 without a window
+  double mask = 0;   ///< squared differences of alpha and mask
+  double total = 0;  ///< with the weights
+};
+
+/// The loss, and its derivative by each value of the picture.
+template <class S>
+LossTerms Loss(const Picture<S>& picture, const Truth<S>& truth, const LossWeights& weights, Picture<S>* by_picture);
+
+extern template Truth<float> TruthOf(const Image&, const Image&);
+extern template Truth<double> TruthOf(const Image&, const Image&);
+extern template LossTerms Loss(const Picture<float>&, const Truth<float>&, const LossWeights&, Picture<float>*);
+extern template LossTerms Loss(const Picture<double>&, const Truth<double>&, const LossWeights&, Picture<double>*);
+
+}  // namespace mvstudio::splats
