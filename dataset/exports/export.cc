@@ -215,6 +215,9 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   report.format = format;
   if (!IsDatasetFile(writer.info, out)) RequireFolderName(out);
   if (writer.info.has_pictures && !dataset.root.empty()) dataset::RequireInView(dataset, true);
+  const std::string metres = dataset.root.empty() ? "" : dataset::MetresDoubt(dataset.rig);
+  if (!metres.empty())
+    report.notes.push_back({"DAT-UNITS", metres, "the export has lengths of a hundredth: multiply t and joints by 100 first"});
   const Take take = PrepareTake(dataset, writer.info, options, &report);
   if (IsDatasetFile(writer.info, out)) {
     WriteOneFile(writer, take, dataset.root, out, options, run, &report);

@@ -9,6 +9,8 @@
 namespace mvstudio::dataset {
 namespace {
 
+constexpr double kLeastRadiusM = 0.2;  // of a studio's rig
+
 /// Joints of a frame that are known, and whether one of them lies in an image.
 int KnownJoints(const std::map<int, Coco19Pose>& people, const geometry::Rig& rig, bool* in_view) {
   int known = 0;
@@ -37,6 +39,13 @@ double RigRadiusM(const geometry::Rig& rig) {
   return radius_m;
 }
 
+std::string MetresDoubt(const geometry::Rig& rig) {
+  const double radius_m = RigRadiusM(rig);
+  if (rig.cameras.size() < 3 || !(radius_m < kLeastRadiusM)) return "";
+  return Format("all cameras are within %.3g cm of their middle; Panoptic files are in centimetres, are these metres?",
+                100 * radius_m);
+}
+
 NotInView WhyNotInView(const geometry::Rig& rig, const std::map<int, std::map<int, Coco19Pose>>& poses) {
   bool in_view = false;
   int joints = 0, frames = 0;
@@ -51,7 +60,7 @@ NotInView WhyNotInView(const geometry::Rig& rig, const std::map<int, std::map<in
   if (joints == 0 || rig.cameras.empty()) return {};
   const double radius_m = RigRadiusM(rig);
   const std::string of = Format("no joint of %d frames lies in the image of any of %zu cameras", frames, rig.cameras.size());
-  if (rig.cameras.size() >= 2 && radius_m < 0.2)
+  if (rig.cameras.size() >= 2 && radius_m < kLeastRadiusM)
     return {true, "DAT-UNITS: " + of +
                       Format(", and all cameras are within %.3g cm of their middle: t is in centimetres in "
                              "Panoptic's files, is it in metres here? Multiply each t by 100",

@@ -17,6 +17,10 @@ NotInView WhyNotInView(const geometry::Rig& rig, const std::map<int, std::map<in
 /// Throws FormatError that names the calibration where the text above is not empty; with `units_only`, where its unit is wrong.
 void RequireInView(const PanopticDataset& dataset, bool units_only);
 
+/// What speaks for metres where Panoptic's files have centimetres: three cameras or more, all within 20 cm of their middle.
+/// Else empty.
+std::string MetresDoubt(const geometry::Rig& rig);
+
 /// Distance of the farthest camera from the middle of all, metres.
 double RigRadiusM(const geometry::Rig& rig);
 

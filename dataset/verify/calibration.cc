@@ -55,12 +55,8 @@ void CheckPlausible(const geometry::Rig& rig, const std::string& path, Findings*
 
 /// What only all cameras together show.
 void CheckPlaces(const geometry::Rig& rig, const std::string& path, Findings* findings) {
-  const double radius_m = RigRadiusM(rig);
-  if (rig.cameras.size() >= 3 && radius_m < 0.2) {
-    findings->Warning("DAT-UNITS", path,
-                      "all cameras are within " + NumberText(100 * radius_m) +
-                          " cm of their middle; Panoptic files are in centimetres, are these metres?");
-  }
+  const std::string metres = MetresDoubt(rig);
+  if (!metres.empty()) findings->Warning("DAT-UNITS", path, metres);
   std::map<std::array<double, 7>, std::string> places;
   for (const auto& camera : rig.cameras) {
     const auto& q = camera.cam_from_world.rotation.coeffs();
