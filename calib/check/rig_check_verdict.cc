@@ -131,10 +131,10 @@ void JudgeScale(const RigCheckOptions& options, const RigCheck& check, Verdict* 
   const double percent = 100 * (check.scale - 1);
   if (!(std::abs(percent) > options.scale_percent)) return;
   const std::string either = "; or the two cameras stand that much farther apart or closer than when they were calibrated";
-  Add(check.two_cameras || std::abs(percent) > kFails * options.scale_percent ? "fail" : "warn",
+  const bool alone = check.two_cameras && check.undecided.empty();
+  Add(alone || std::abs(percent) > kFails * options.scale_percent ? "fail" : "warn",
       {"CAL-SCALE",
-       Format("lengths by this calibration differ from those on the board by %+.2f %%", percent) +
-           (check.two_cameras ? either : ""),
+       Format("lengths by this calibration differ from those on the board by %+.2f %%", percent) + (alone ? either : ""),
        "check the size of the board's squares, now and at the calibration"},
       verdict);
 }
@@ -148,7 +148,6 @@ void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
     return;
   }
   JudgeFound(*check, &verdict);
-  JudgeScale(options, *check, &verdict);
   if (!check->undecided.empty()) {
     std::string names, motions;
     for (const CameraCheck& c : check->cameras) {
@@ -164,6 +163,7 @@ void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
                                    : "hold the board where three of them see it at a time"},
         &verdict);
   }
+  JudgeScale(options, *check, &verdict);
   for (const CameraCheck& c : check->cameras) JudgeCamera(c, options, *check, &verdict);
 }
 
