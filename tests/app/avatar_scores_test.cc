@@ -34,7 +34,7 @@ ScoreProtocol Protocol(const std::string& path, const std::string& body) {
 
 /// Where the error of a file is.
 template <class F>
-std::string PlaceOf(F&& f) {
+std::string PlaceInError(F&& f) {
   try {
     f();
   } catch (const FormatError& error) {
@@ -70,7 +70,7 @@ TEST(AvatarScores, EditedAndForeignProtocolsAreRefusedWithThePlace) {
   EXPECT_THAT(MessageOf<IoError>([&] { ReadScoreProtocol(folder.path()); }), HasSubstr("mvstudio avatar eval"));
   const auto place_of = [&](const std::string& text) {
     Put(folder / "protocol.json", text);
-    return PlaceOf([&] { ReadScoreProtocol(folder.path()); });
+    return PlaceInError([&] { ReadScoreProtocol(folder.path()); });
   };
   EXPECT_EQ(place_of(ProtocolJson(R"({"name": "y", "crop": {"size_px": 128, "fill": 0.97}})", kDigest)), "sha256");
   EXPECT_EQ(place_of(ProtocolJson(kBody, std::string(64, '0'))), "sha256");
@@ -87,7 +87,7 @@ TEST(AvatarScores, TheFirstDifferenceIsThatOfTheFirstFilesOrder) {
             "net is not there, in A/protocol.json it is posenet");
   EXPECT_EQ(FirstDifference(first, Protocol("B", R"({"crop": {"size_px": 128, "fill": 1}})")),
             "net is posenet, in B it is not there");
-  EXPECT_EQ(PlaceOf([&] { RequireSameProtocol(own, first); }), "crop.size_px");
+  EXPECT_EQ(PlaceInError([&] { RequireSameProtocol(own, first); }), "crop.size_px");
   EXPECT_NO_THROW(RequireSameProtocol(first, first));
 }
 
@@ -112,7 +112,7 @@ TEST(AvatarScores, ARunIsReadWithItsProtocolAndRefusedWithThePlace) {
   EXPECT_THAT(MessageOf<IoError>([&] { ReadScoredRun(run); }), HasSubstr("mvstudio avatar eval"));
   const auto place_of = [&](const std::string& metrics) {
     Put(folder / "run/avatar_eval.result.json", R"({"metrics": )" + metrics + "}");
-    return PlaceOf([&] { ReadScoredRun(run); });
+    return PlaceInError([&] { ReadScoredRun(run); });
   };
   EXPECT_EQ(place_of(R"({"holdout": {"psnr_db": 20}})"), "metrics.holdout.ssim");
   EXPECT_EQ(place_of(R"({"holdout": {"ssim": null}})"), "metrics.holdout.ssim");
