@@ -13,7 +13,7 @@
 #include "core/error.h"
 #include "tests/support/test_data.h"
 
-namespace mvstudio::body {
+namespace mvstudio::geometry {
 namespace {
 
 using ::testing::ElementsAre;
@@ -271,4 +271,4 @@ TEST(Coco19From, LeavesOutWhatCannotBeHad) {
 }
 
 }  // namespace
-}  // namespace mvstudio::body
+}  // namespace mvstudio::geometry

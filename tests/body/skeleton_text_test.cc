@@ -12,7 +12,7 @@
 #include "tests/support/mouse.h"
 #include "tests/support/temp_dir.h"
 
-namespace mvstudio::body {
+namespace mvstudio::geometry {
 namespace {
 
 using mvstudio::testing::MessageOf;
@@ -169,4 +169,4 @@ TEST(SkeletonText, AFileMayNotTakeAKnownName) {
 }
 
 }  // namespace
-}  // namespace mvstudio::body
+}  // namespace mvstudio::geometry
