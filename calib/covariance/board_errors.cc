@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 
 namespace mvstudio::calib {
 namespace {
@@ -25,10 +26,24 @@ struct Units {
   double num_free = 0;
 };
 
+/// Linearised at the view's own pose: of a camera that moved or was late, the rig's pose leaves more than the corners' errors.
+std::optional<ViewLinearization> AtOwnPose(const View& view, const geometry::Camera& camera, geometry::Rigid3 pose,
+                                           const Eigen::Matrix3Xd& corners) {
+  constexpr int kSteps = 5;
+  for (int i = 0; i < kSteps; ++i) {
+    const auto linear = LinearizeView(view, camera, pose, false, &corners);
+    if (!linear) return std::nullopt;
+    const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> normals(linear->d_pose.transpose() * linear->d_pose);
+    if (normals.info() != Eigen::Success || !normals.isPositive()) return std::nullopt;
+    pose = geometry::Perturb(-normals.solve(linear->d_pose.transpose() * linear->residuals), pose);
+  }
+  return LinearizeView(view, camera, pose, true, &corners);
+}
+
 void AddView(const View& view, int cluster, const RigState& state, Units* units) {
   const Eigen::Matrix3Xd corners = BentCorners(view, state);
   const geometry::Camera& camera = state.cameras[static_cast<size_t>(view.camera_idx)];
-  const auto linear = LinearizeView(view, camera, CamFromBoard(view, state), true, &corners);
+  const auto linear = AtOwnPose(view, camera, CamFromBoard(view, state), corners);
   if (!linear) return;
   const Eigen::LDLT<Eigen::Matrix<double, 6, 6>> pose(linear->d_pose.transpose() * linear->d_pose);
   if (pose.info() != Eigen::Success || !pose.isPositive()) return;

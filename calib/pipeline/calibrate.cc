@@ -114,14 +114,13 @@ bool Adjust(const CalibrateInput& input, const CalibrateOptions& options, const 
   return Keep(solved, report);
 }
 
-/// Boards that were held still count for what they are worth, and so do corners whose errors their board has in common.
+/// Boards that were held still count for what they are worth.
 void DiscountHeldBoards(Work* work, CalibrateReport* report) {
   const size_t cameras = work->state.cameras.size();
   const std::vector<int> of_view = ClusterViews(work->views);
   const std::vector<int> of_frame = ClusterFrames(work->views, of_view, work->state.frames.size());
   const auto correlation = RepeatCorrelation(work->views, of_frame, BundleResiduals(work->views, work->state), cameras);
   work->evidence = DiscountRepeats(work->views, of_frame, correlation);
-  DiscountByBoards(VarianceByBoards(work->evidence, of_view, work->state, work->bundle.fix_lens), &work->evidence);
   std::vector<std::set<int>> places(cameras);
   for (size_t v = 0; v < work->views.size(); ++v) {
     if ((work->views[v].weights.array() > 0).any()) places[work->views[v].camera_idx].insert(of_view[v]);
@@ -140,6 +139,26 @@ WithOmitted Considered(const CalibrateInput& input, const CalibrateOptions& opti
   return AddOmittedTerms(work.state, work.bundle, chosen, sigma_px);
 }
 
+void StoreCovariance(const RigCovariance& covariance, const HeldCovariance& held, const Work& work, CalibrateReport* report) {
+  internal::StoreCalibrationCovariance(covariance, held, work, &report->rig);
+  for (size_t c = 0; c < work.state.cameras.size(); ++c)
+    report->cameras[c].focal_sigma_px = std::sqrt((covariance.params[c](0, 0) + covariance.params[c](1, 1)) / 2);
+}
+
+/// What is stated counts the errors that the corners of one board share. What can be solved does not hang on them: a camera
+/// that moved has them, too, and its motion is looked for in the solution.
+void CountSharedErrors(const CalibrateInput& input, const CalibrateOptions& options, Work* work, CalibrateReport* report) {
+  const std::vector<double> ratio =
+      VarianceByBoards(work->evidence, ClusterViews(work->views), work->state, work->bundle.fix_lens);
+  if (std::all_of(ratio.begin(), ratio.end(), [](double one) { return one == 1; })) return;
+  DiscountByBoards(ratio, &work->evidence);
+  const HeldCovariance held = HeldCovarianceOf(input.start, work->state, work->bundle);
+  const WithOmitted considered = Considered(input, options, *work, report->sigma_px);
+  const RigCovariance covariance =
+      ComputeCovariance(work->evidence, considered.state, considered.options, report->sigma_px, held);
+  if (covariance.status == Status::kOk) StoreCovariance(covariance, held, *work, report);
+}
+
 /// `culprits` receives the cameras whose lenses the boards do not determine.
 void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, CalibrateReport* report,
                    std::vector<int>* culprits) {
@@ -151,11 +170,9 @@ void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options,
     *culprits = report->culprits = covariance.undetermined_lenses;
     return Stop(covariance.status, covariance.message, report);
   }
-  internal::StoreCalibrationCovariance(covariance, held, work, &report->rig);
+  StoreCovariance(covariance, held, work, report);
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
-    CameraReport& camera = report->cameras[c];
-    camera.focal_sigma_px = std::sqrt((covariance.params[c](0, 0) + covariance.params[c](1, 1)) / 2);
-    const std::string open = internal::WhyFocalLengthIsOpen(work, camera, c);
+    const std::string open = internal::WhyFocalLengthIsOpen(work, report->cameras[c], c);
     if (open.empty()) continue;
     culprits->push_back(static_cast<int>(c)), report->culprits = *culprits;
     Stop(Status::kDegenerate, open, report);
@@ -219,6 +236,7 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
   DiscountHeldBoards(work, report);
   const bool converged = report->status == Status::kOk;
   AddCovariance(input, options, *work, report, culprits);
+  if (report->status == Status::kOk) CountSharedErrors(input, options, work, report);
   if (!converged && culprits->empty()) *culprits = WeakestLenses(work->evidence, work->state, work->bundle);
   if (!converged && culprits->empty()) *culprits = internal::MostDemanding(*work);
 }

@@ -4,12 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <cstdlib>
-#include <filesystem>
 
 #include "core/random.h"
 #include "core/units.h"
 #include "dataset/pose/markers.h"
+#include "tests/support/test_data.h"
 
 namespace mvstudio::markers {
 namespace {
@@ -109,9 +108,8 @@ TEST(GaitEvents, NobodyWalksIsAnAnswer) {
 }
 
 TEST(GaitEvents, OfRecordedPeople) {
-  const char* data = std::getenv("MVSTUDIO_DATA");
-  const std::string folder = std::string(data ? data : "../shared/data") + "/bvh/";
-  if (!std::filesystem::exists(folder + "zombie.bvh")) GTEST_SKIP() << "recording " << folder << "zombie.bvh is not there";
+  MVS_NEEDS_DATA("bvh");
+  const std::string folder = mvstudio::testing::DataRoot() + "/bvh/";
   const auto events = [&](const std::string& name, const std::string& up) {
     const dataset::MarkerFile file = dataset::ReadMarkers(folder + name, "cm", up);
     return FindGaitEvents(MarkersOf(file.pose, file.pose.frame_rate_hz).at(0), true);
