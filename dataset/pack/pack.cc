@@ -13,6 +13,7 @@
 #include "core/check.h"
 #include "core/disk/lock.h"
 #include "core/error.h"
+#include "dataset/pack/image_codec.h"
 #include "dataset/pack/pack_data.h"
 #include "geometry/rig/rig_io.h"
 
