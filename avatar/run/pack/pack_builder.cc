@@ -29,7 +29,6 @@
 namespace mvstudio::avatar {
 namespace {
 
-constexpr ChoiceWords<PoseBy, 2> kPoseBy = {{{PoseBy::kJoints, "joints"}, {PoseBy::kImages, "images"}}};
 constexpr int kFitSizePx = 96;
 constexpr int64_t kMinPersonPx = 16;  // a crop with less of the person is of no use
 
@@ -270,11 +269,6 @@ double MeanTemplateIou(const AvatarPack& pack) {
 }
 
 }  // namespace
-
-std::string_view ToString(PoseBy pose_by) { return WordOf(kPoseBy, pose_by); }
-void FromString(const std::string& text, PoseBy* pose_by) {
-  *pose_by = KnownChoice(kPoseBy, text, "option 'pose-by' must be joints or images");
-}
 
 int ChoosePerson(const dataset::PanopticDataset& data, int requested) {
   std::map<int, int> frames;

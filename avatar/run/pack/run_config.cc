@@ -16,6 +16,7 @@ namespace {
 
 using Json = nlohmann::json;  // the ordered kind looks at every key for each one that it reads
 using JsonView = BasicJsonView<Json>;
+constexpr ChoiceWords<PoseBy, 2> kPoseBy = {{{PoseBy::kJoints, "joints"}, {PoseBy::kImages, "images"}}};
 constexpr const char* kGirthNames[kNumGirthGroups] = {"trunk", "head", "arms", "legs"};
 
 Json ParseFile(const std::string& path) {
@@ -65,6 +66,11 @@ void ReadSplit(const JsonView& file, DatasetSplit* split) {
 }
 
 }  // namespace
+
+std::string_view ToString(PoseBy pose_by) { return WordOf(kPoseBy, pose_by); }
+void FromString(const std::string& text, PoseBy* pose_by) {
+  *pose_by = KnownChoice(kPoseBy, text, "option 'pose-by' must be joints or images");
+}
 
 void WriteRunConfig(const RunConfig& config, const std::string& path) {
   using Ordered = nlohmann::ordered_json;
