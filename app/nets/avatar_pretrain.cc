@@ -139,7 +139,7 @@ class Run {
     set_ = sets_.SetOf(avatar::ModelFromTensors(checkpoint, path).step);
     pack_ = sets_.Draw(set_);
     trainer_.emplace(pack_, checkpoint, path, options_.train, run_);
-    earlier_s_ = folder_.files.TakeUpHistory(trainer_->model().step);
+    earlier_s_ = folder_.files.ContinueHistory(trainer_->model().step);
   }
 
   /// Throws CancelledError after saving.
@@ -306,7 +306,7 @@ CommandResult Pretrain(const PretrainInput& input, const PretrainOptions& option
   const bool again = IsSame(folder, state, digest, overwrite);
   if (again && state["finished"] == true) {
     const JsonView kept(folder.path(), state);
-    const double wall_s = folder.files.TakeUpHistory(kept["result"]["steps"].LongInt());
+    const double wall_s = folder.files.ContinueHistory(kept["result"]["steps"].LongInt());
     return Finished(state["result"], wall_s, true, folder, input);
   }
   Run run(input, options, &folder, context);

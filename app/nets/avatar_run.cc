@@ -94,7 +94,7 @@ void AvatarRun::ForgetScores() const {
   RemoveOurs({Path("avatar_eval.result.json"), Path(avatar::kProtocolFile), Path("eval")});
 }
 
-double AvatarRun::TakeUpHistory(int64_t step) {
+double AvatarRun::ContinueHistory(int64_t step) {
   if (!fs::exists(Path("history.csv"))) return 0;
   std::istringstream lines(ReadFile(Path("history.csv")));
   std::string line;

@@ -25,7 +25,7 @@ class AvatarRun {
   /// Removes scores, because they belong to weights that are about to change.
   void ForgetScores() const;
   /// Reads the rows up to `step` of an older history, to continue from there; returns the seconds it took.
-  double TakeUpHistory(int64_t step);
+  double ContinueHistory(int64_t step);
 
   void AddRow(const avatar::HistoryRow& row, double wall_s);
   /// Checkpoint, history, texture preview and sample pictures, each file atomically.

@@ -57,7 +57,7 @@ void LoadAdam(Adam& adam, const TensorFile& file, const std::string& prefix, con
 
 }  // namespace
 
-void Trainer::State::TakeUp(const TensorFile& file, const std::string& path) {
+void Trainer::State::Restore(const TensorFile& file, const std::string& path) {
   LoadAdam(network, file, "adam", path);
   if (!texels.slots.empty()) LoadAdam(texels, file, "adam_textures", path);
   if (v2v()) {
@@ -73,7 +73,7 @@ void Trainer::State::TakeUp(const TensorFile& file, const std::string& path) {
     std::istringstream(file.metadata.at("loss_scale")) >> loss_scale;
     std::istringstream(file.metadata.at("steps_since_scale")) >> steps_since_scale;
   }
-  TakeUpHanded(file, path);
+  RestoreGivenWeights(file, path);
 }
 
 void Trainer::State::LoadCritic(const TensorFile& file, const std::string& path) {
@@ -95,7 +95,7 @@ Trainer::Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std
   state_->seed = SeedFrom(checkpoint, path);
   state_->model = ModelFromTensors(checkpoint, path);
   state_->Prepare(pack, run);
-  state_->TakeUp(checkpoint, path);
+  state_->Restore(checkpoint, path);
   state_->pictures_per_step = int64_t{TrainOptionsFrom(checkpoint, path).batch} * RanksFrom(checkpoint, path);
 }
 

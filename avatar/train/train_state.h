@@ -118,9 +118,9 @@ struct Trainer::State {
   void Judge(const HistoryRow& row);
 
   /// Restores moments, discriminator and flags of a checkpoint, after the model.
-  void TakeUp(const TensorFile& file, const std::string& path);
+  void Restore(const TensorFile& file, const std::string& path);
   void SaveHanded(TensorFile* file) const;
-  void TakeUpHanded(const TensorFile& file, const std::string& path);
+  void RestoreGivenWeights(const TensorFile& file, const std::string& path);
   void LoadCritic(const TensorFile& file, const std::string& path);
 };
 

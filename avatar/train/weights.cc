@@ -154,7 +154,7 @@ void Trainer::State::SaveHanded(TensorFile* file) const {
   file->metadata["best_score"] = ToText(best_score);
 }
 
-void Trainer::State::TakeUpHanded(const TensorFile& file, const std::string& path) {
+void Trainer::State::RestoreGivenWeights(const TensorFile& file, const std::string& path) {
   const NamedTensors model_tensors = Tensors(), live = WithPrefix(file, "live.", model_tensors, path);
   start_ssim = Number<double>(file, "start_ssim", std::nan("")), last_ssim = Number<double>(file, "last_ssim", std::nan(""));
   if (const auto start = file.tensors.find("start.textures"); start != file.tensors.end())

@@ -182,21 +182,21 @@ void Choose(const Problem& problem, const Assembly& assembly, int reference, Rig
 // Messages.
 
 /// How much of the lists is written.
-struct Brevity {
+struct MessageLimits {
   size_t groups, names, letters;
 };
 
-std::string Name(const Problem& problem, const RigState& state, int rank, const Brevity& brevity) {
+std::string Name(const Problem& problem, const RigState& state, int rank, const MessageLimits& limits) {
   const std::string& name = state.cameras[problem.camera_of[rank]].name;
-  return name.size() <= brevity.letters ? name : name.substr(0, brevity.letters - 2) + "..";
+  return name.size() <= limits.letters ? name : name.substr(0, limits.letters - 2) + "..";
 }
 
-std::string Names(const Problem& problem, const RigState& state, const std::vector<int>& group, const Brevity& brevity) {
+std::string Names(const Problem& problem, const RigState& state, const std::vector<int>& group, const MessageLimits& limits) {
   std::string text = "{";
-  for (size_t i = 0; i < std::min(group.size(), brevity.names); ++i) {
-    text += (i ? ", " : "") + Name(problem, state, group[i], brevity);
+  for (size_t i = 0; i < std::min(group.size(), limits.names); ++i) {
+    text += (i ? ", " : "") + Name(problem, state, group[i], limits);
   }
-  if (group.size() > brevity.names) text += ", " + std::to_string(group.size() - brevity.names) + " more";
+  if (group.size() > limits.names) text += ", " + std::to_string(group.size() - limits.names) + " more";
   return text + "}";
 }
 
@@ -246,8 +246,8 @@ Miss FindMiss(const Problem& problem, const PosedGroups& cameras, const RigState
 }
 
 std::string ClosestText(const Problem& problem, const Assembly& assembly, const RigState& state, const Miss& miss,
-                        const Brevity& brevity) {
-  const std::string a = Name(problem, state, miss.rank_a, brevity), b = Name(problem, state, miss.rank_b, brevity);
+                        const MessageLimits& limits) {
+  const std::string a = Name(problem, state, miss.rank_a, limits), b = Name(problem, state, miss.rank_b, limits);
   if (miss.gap > 0) {
     return "; closest are " + a + " in frame " + std::to_string(miss.frame_a) + " and " + b + " in frame " +
            std::to_string(miss.frame_b);
@@ -263,20 +263,20 @@ std::string ClosestText(const Problem& problem, const Assembly& assembly, const 
 }
 
 std::string MissingLink(const Problem& problem, const Assembly& assembly, const RigState& state, const Miss& miss,
-                        const Brevity& brevity) {
+                        const MessageLimits& limits) {
   const auto& groups = assembly.cameras.groups;
   const std::vector<int> frames = CountFrames(problem, assembly.cameras);
-  const size_t listed = std::min(groups.size(), brevity.groups);
+  const size_t listed = std::min(groups.size(), limits.groups);
   std::string text = "the cameras fall into " + std::to_string(groups.size()) + " groups that share no board: ", counts;
   for (size_t g = 0; g < listed; ++g) {
-    text += (g ? ", " : "") + Names(problem, state, groups[g], brevity);
+    text += (g ? ", " : "") + Names(problem, state, groups[g], limits);
     counts += (g ? ", " : "") + std::to_string(frames[g]);
   }
   if (groups.size() > listed) text += ", " + std::to_string(groups.size() - listed) + " more";
   text += " (" + counts + " frames)";
   const bool seen = std::isfinite(miss.gap);
-  if (seen) text += ClosestText(problem, assembly, state, miss, brevity);
-  const Brevity one = {1, 1, brevity.letters};
+  if (seen) text += ClosestText(problem, assembly, state, miss, limits);
+  const MessageLimits one = {1, 1, limits.letters};
   text += "; film the board where a camera of " + Names(problem, state, groups[0], one) + " and one of " +
           Names(problem, state, groups[seen ? miss.group : 1], one) + " both see it";
   return text + (miss.gap > 0 ? ", or check that their frames are paired, or print boards on both sides"
@@ -290,9 +290,9 @@ void Refuse(const Problem& problem, const Assembly& assembly, const RigState& st
     start->near_miss = {problem.camera_of[miss.rank_a], problem.camera_of[miss.rank_b], miss.frame_a, miss.frame_b};
   }
   start->status = Status::kDegenerate;
-  for (const Brevity& brevity :
-       {Brevity{4, 6, 40}, Brevity{4, 3, 24}, Brevity{3, 2, 16}, Brevity{2, 1, 12}, Brevity{2, 1, 6}}) {
-    start->message = MissingLink(problem, assembly, state, miss, brevity);
+  constexpr MessageLimits kShorter[] = {{4, 6, 40}, {4, 3, 24}, {3, 2, 16}, {2, 1, 12}, {2, 1, 6}};
+  for (const MessageLimits& limits : kShorter) {
+    start->message = MissingLink(problem, assembly, state, miss, limits);
     if (start->message.size() < kMaxLetters) return;
   }
 }

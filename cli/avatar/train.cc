@@ -277,7 +277,7 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
       app::BuildPacks(data, model, options, context.run, &config, ReadReferences(arguments.run, config, model));
   avatar::Trainer trainer(packs.train, checkpoint, files.checkpoint_path(), options, context.run, PerceptualNet(&options));
   const int64_t before = trainer.model().step;
-  const double earlier_s = ranks.first() ? files.TakeUpHistory(before) : 0;
+  const double earlier_s = ranks.first() ? files.ContinueHistory(before) : 0;
   CommandResult result = TrainHere(trainer, files, packs, options, earlier_s, ranks, context);
   if (!ranks.first()) return result;
   FillCommon(config, packs, arguments.run, SecondsSince(begin), &result);

@@ -15,6 +15,7 @@
 #include "cli/program/redact.h"
 #include "cli/program/result.h"
 #include "core/check.h"
+#include "core/disk/lock.h"
 #include "core/disk/manifest.h"
 #include "core/disk/replace.h"
 
@@ -176,6 +177,7 @@ LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global
   std::vector<std::string> argv = {"mvstudio"};
   argv.insert(argv.end(), words.begin(), words.end());
   LineOutcome outcome;
+  const OutputLockScope until_recorded;
   const auto start = Clock::now();
   try {
     RunParsed(words, argv, global, run, &outcome);

@@ -1,6 +1,7 @@
 #include "cli/program/stage.h"
 
 #include "core/disk/files.h"
+#include "core/disk/lock.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/process.h"
@@ -46,6 +47,7 @@ CommandResult ResultFrom(const StageJson& json, int exit) {
 }
 
 LineOutcome RunChild(const std::vector<std::string>& words, const StageOptions& options) {
+  ReleaseIdleOutputs();
   const ScratchFolder scratch(options.folder);
   std::vector<std::string> line = After(kThisProgram, words);
   line.push_back("--json");

@@ -9,6 +9,7 @@
 #include <cerrno>
 #include <cstring>
 #include <ctime>
+#include <iterator>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -50,17 +51,31 @@ struct Held {
   FileLock lock;
   std::vector<std::string> made_folders;  // for its sake: they go again when nothing came into them
   int count = 1;
+  int idle_depth = 0;  // of the scope in which `count` became 0
   pid_t process = getpid();
 };
 
 struct HeldLocks {
   std::recursive_mutex mutex;             // sweeping asks what is locked
   std::map<std::string, Held> by_output;  // normal path of what is locked
+  int depth = 0;                          // of OutputLockScope
 };
 
 HeldLocks& AllHeld() {
   static auto* held = new HeldLocks;
   return *held;
+}
+
+/// Those that no OutputLock holds and that became so in a scope of this depth or a deeper one.
+void ReleaseIdle(HeldLocks& held, int depth) {
+  std::vector<std::string> made;
+  for (auto at = held.by_output.begin(); at != held.by_output.end();) {
+    const Held& lock = at->second;
+    const bool idle = lock.count == 0 && lock.idle_depth >= depth && lock.process == getpid();
+    if (idle) made.insert(made.end(), lock.made_folders.begin(), lock.made_folders.end());
+    at = idle ? held.by_output.erase(at) : std::next(at);
+  }
+  internal::RemoveEmpty(made);
 }
 
 /// Beside the output; inside it where the folder around it cannot be written to.
@@ -158,9 +173,26 @@ OutputLock::~OutputLock() {
   const std::lock_guard<std::recursive_mutex> guard(held.mutex);
   const auto found = held.by_output.find(key_);
   if (found == held.by_output.end() || --found->second.count > 0) return;
-  const std::vector<std::string> made = found->second.made_folders;
-  held.by_output.erase(found);
-  internal::RemoveEmpty(made);
+  found->second.idle_depth = held.depth;
+  if (held.depth == 0) ReleaseIdle(held, 0);
+}
+
+OutputLockScope::OutputLockScope() {
+  HeldLocks& held = AllHeld();
+  const std::lock_guard<std::recursive_mutex> guard(held.mutex);
+  ++held.depth;
+}
+
+OutputLockScope::~OutputLockScope() {
+  HeldLocks& held = AllHeld();
+  const std::lock_guard<std::recursive_mutex> guard(held.mutex);
+  ReleaseIdle(held, held.depth--);
+}
+
+void ReleaseIdleOutputs() {
+  HeldLocks& held = AllHeld();
+  const std::lock_guard<std::recursive_mutex> guard(held.mutex);
+  ReleaseIdle(held, 0);
 }
 
 namespace internal {

@@ -30,6 +30,19 @@ class OutputLock {
   std::string key_;
 };
 
+/// While one lives, outputs that were locked in it stay locked when their OutputLock goes: what is recorded about a run is
+/// written before anybody else may write there. Scopes nest; each gives back its own.
+class OutputLockScope {
+ public:
+  OutputLockScope();
+  ~OutputLockScope();
+  OutputLockScope(const OutputLockScope&) = delete;
+  OutputLockScope& operator=(const OutputLockScope&) = delete;
+};
+
+/// Gives back what only scopes hold, for a child of this process that is to write there.
+void ReleaseIdleOutputs();
+
 /// Same on a separately named file, without an exception: `owned()` is false when another process holds it.
 class FileLock {
  public:

@@ -9,11 +9,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-class Weaver {
+class ClothNetBuilder {
  public:
-  Weaver(const DressedBody& dressed, const ClothMaterial& material) : dressed_(dressed), material_(material) {}
+  ClothNetBuilder(const DressedBody& dressed, const ClothMaterial& material) : dressed_(dressed), material_(material) {}
 
-  ClothNet Run() {
+  ClothNet Build() {
     AddMasses();
     for (const Garment& g : dressed_.garments) AddEdges(g);
     net_.structural = net_.edges.size();
@@ -109,6 +109,8 @@ class Weaver {
 
 }  // namespace
 
-ClothNet MakeClothNet(const DressedBody& dressed, const ClothMaterial& material) { return Weaver(dressed, material).Run(); }
+ClothNet MakeClothNet(const DressedBody& dressed, const ClothMaterial& material) {
+  return ClothNetBuilder(dressed, material).Build();
+}
 
 }  // namespace mvstudio::synth
