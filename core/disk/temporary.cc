@@ -84,6 +84,31 @@ bool IsFree(int fd, bool folder) {
   return fcntl(fd, F_OFD_SETLK, &whole) == 0;
 }
 
+/// Locks what was just made. False when another process took it for a leftover in between, and removes it. Where the file system
+/// knows no locks nobody can.
+bool Keep(int fd, bool folder, const std::string& path) {
+  if (!IsFree(fd, folder) && (errno == EWOULDBLOCK || errno == EACCES)) return false;
+  struct stat mine {
+  }, named{};
+  return fstat(fd, &mine) != 0 || (lstat(path.c_str(), &named) == 0 && mine.st_ino == named.st_ino);
+}
+
+/// Calls `make`, which returns a descriptor or -1 with errno, until what it made at `path` is kept; -1 with errno when it fails.
+/// EAGAIN: swept before it could be opened.
+template <class Make>
+int MakeToKeep(const std::string& path, bool folder, const Make& make) {
+  constexpr int kTries = 1000;
+  for (int i = 0; i < kTries; ++i) {
+    const int fd = make();
+    const bool swept = fd < 0 && (errno == EAGAIN || (i > 0 && errno == EEXIST));  // by whoever has not removed it yet
+    if ((fd < 0 && !swept) || (fd >= 0 && Keep(fd, folder, path))) return fd;
+    if (fd >= 0) close(fd);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  errno = EBUSY;
+  return -1;
+}
+
 /// What an interrupted swap moved away goes back unless the new folder is there.
 void SweepOld(const std::string& path) {
   const std::optional<Manifest> manifest = ReadManifest(path);
@@ -115,7 +140,7 @@ void SweepFolder(const std::string& path) {
   if (manifest && manifest->whole) {
     RemoveOurs({path});  // the old folder of a swap: what somebody added to it since stays
   } else if (manifest || HoldsAtMostARecord(path)) {
-    RemoveItem(path, TemporaryKind::kFolder);
+    internal::RemoveWorkFolder(path);  // once: after that the name may be somebody's again
   }
 }
 
@@ -178,28 +203,31 @@ std::string OldFolderBeside(const std::string& path) {
 int CreateTemporary(const std::string& temporary, const std::string& final_path) {
   const int flags = O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
   RegisterTemporary(temporary, final_path, TemporaryKind::kFile);
-  const int fd = Allowed("create", final_path) ? open(temporary.c_str(), flags, 0666) : -1;
+  const auto make = [&] { return open(temporary.c_str(), flags, 0666); };
+  const int fd = Allowed("create", final_path) ? MakeToKeep(temporary, false, make) : -1;
   if (fd < 0) {
     const int code = errno;
     UnregisterTemporary(temporary);
     ThrowErrno(final_path, "cannot create", code);
   }
-  IsFree(fd, false);  // takes the lock
   return fd;
 }
 
 int CreateWorkFolder(const std::string& temporary, const std::string& final_path) {
   RegisterTemporary(temporary, final_path, TemporaryKind::kFolder);
-  int fd = -1;
-  if (Allowed("folder", final_path) && mkdir(temporary.c_str(), 0777) == 0)
-    fd = open(temporary.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const auto make = [&] {
+    if (mkdir(temporary.c_str(), 0777) != 0) return -1;
+    const int made = open(temporary.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (made < 0 && errno == ENOENT) errno = EAGAIN;
+    return made;
+  };
+  const int fd = Allowed("folder", final_path) ? MakeToKeep(temporary, true, make) : -1;
   if (fd < 0) {
     const int code = errno;
     rmdir(temporary.c_str());
     UnregisterTemporary(temporary);
     ThrowErrno(final_path, "cannot create folder", code);
   }
-  IsFree(fd, true);  // takes the lock
   Manifest unfinished;
   unfinished.whole = false;
   try {

@@ -36,6 +36,7 @@ bool IsFreeForOthers(const std::string& path) {
     } catch (...) {
       _exit(1);
     }
+    ReleaseIdleOutputs();  // scopes are inherited
     _exit(0);
   }
   int status = 0;

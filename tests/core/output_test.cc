@@ -319,6 +319,25 @@ TEST(OutputFiles, AreNeverInputsNorWhatAnotherCommandWrote) {
   SetWriterName("", "");
 }
 
+TEST(Sweep, TakesNothingThatAnotherProcessIsJustMaking) {
+  const TempDir root;
+  const pid_t sweeper = fork();
+  if (sweeper == 0) {
+    for (;;) RemoveLeftovers(root.path());
+  }
+  for (int i = 0; i < 10000; ++i) {
+    const std::string name = internal::TemporaryBeside(root / "a.csv");
+    const int fd = internal::CreateTemporary(name, root / "a.csv");
+    EXPECT_TRUE(fs::exists(name)) << i;
+    unlink(name.c_str());
+    internal::UnregisterTemporary(name);
+    close(fd);
+  }
+  for (int i = 0; i < 100; ++i) EXPECT_NO_THROW({ const ScratchFolder scratch(root.path()); }) << i;
+  kill(sweeper, SIGKILL);
+  waitpid(sweeper, nullptr, 0);
+}
+
 TEST(Sweep, LeavesWhatOnlyLooksLikeALeftover) {
   const TempDir root;
   Put(root / ".mvstudio-notes.txt", "mine");
