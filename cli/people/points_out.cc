@@ -3,8 +3,6 @@
 #include <cmath>
 #include <filesystem>
 
-#include "app/people/pose_truth.h"
-#include "app/words.h"
 #include "core/disk/manifest.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -12,11 +10,13 @@
 #include "dataset/footage/frame_rate.h"
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
+#include "stages/people/pose_truth.h"
+#include "stages/words.h"
 
 namespace mvstudio::cli {
 
-using app::CommandResult;
 using nlohmann::ordered_json;
+using stages::CommandResult;
 
 namespace {
 
@@ -29,7 +29,7 @@ void CompareWritten(const MarkerFolderArguments& arguments, const dataset::Pose3
   const auto compare = [&](const char* key, const std::string& path, bool align) {
     if (path.empty()) return;
     ordered_json& json = result->metrics[key]["written"];
-    json = app::ComparisonToJson(app::CompareWithTruth(written, path, {align, with.marker_unit}));
+    json = stages::ComparisonToJson(stages::CompareWithTruth(written, path, {align, with.marker_unit}));
     result->text += ComparisonText(key, ", filled and filtered as written", json).substr(1) + "\n";
   };
   compare("trc", with.trc, false);
@@ -54,10 +54,10 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
   const dataset::Pose3d pose = dataset::ReadPose3d(out);
   const auto compare = [&](const char* key, const std::string& truth, bool align) {
     if (truth.empty()) return;
-    const app::TruthComparison comparison = app::CompareWithTruth(pose, truth, {align, arguments.marker_unit});
-    result->metrics[key] = app::ComparisonToJson(comparison);
+    const stages::TruthComparison comparison = stages::CompareWithTruth(pose, truth, {align, arguments.marker_unit});
+    result->metrics[key] = stages::ComparisonToJson(comparison);
     result->inputs.push_back(truth);
-    if (comparison.comparison.num == 0) app::AddNothingInCommon(key, truth, comparison.comparison.why_none, result);
+    if (comparison.comparison.num == 0) stages::AddNothingInCommon(key, truth, comparison.comparison.why_none, result);
     for (const std::string& note : comparison.notes)
       result->warnings.push_back({"TRI-MARKER-FILE", note, "check the file, or export it again"});
     if (comparison.unit_doubt.empty()) return;
@@ -70,8 +70,8 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
 std::string ComparisonText(const std::string& key, const std::string& what, const ordered_json& m) {
   if (m["num"] == 0) return "\nagainst " + key + what + ": nothing could be compared, " + m["why_none"].get<std::string>();
   std::string text = Format("\nagainst %s%s: median %s, p95 %s, %d joints", key.c_str(), what.c_str(),
-                            app::LengthText(NumberOf(m["median_mm"]) / 1e3).c_str(),
-                            app::LengthText(NumberOf(m["p95_mm"]) / 1e3).c_str(), m["num"].get<int>());
+                            stages::LengthText(NumberOf(m["median_mm"]) / 1e3).c_str(),
+                            stages::LengthText(NumberOf(m["p95_mm"]) / 1e3).c_str(), m["num"].get<int>());
   if (m.contains("unit"))
     text += Format(" (its unit %s, %s up)", m["unit"].get<std::string>().c_str(), m["up"].get<std::string>().c_str());
   if (m.contains("without_counterpart"))
@@ -81,11 +81,11 @@ std::string ComparisonText(const std::string& key, const std::string& what, cons
   return text;
 }
 
-void FillMarkerOptions(const std::optional<app::FoundTake>& found, double footage_hz, const app::PoseChanges& changes,
-                       app::MarkerOptions* options, CommandResult* result) {
+void FillMarkerOptions(const std::optional<stages::FoundTake>& found, double footage_hz, const stages::PoseChanges& changes,
+                       stages::MarkerOptions* options, CommandResult* result) {
   const double session_hz = found ? found->take.fps_hz.value_or(found->session.fps_hz.value_or(0)) : 0;
   const double stated_hz = session_hz > 0 ? session_hz : footage_hz;
-  const double changed_hz = app::StepRateHz(changes);
+  const double changed_hz = stages::StepRateHz(changes);
   if (options->rate_hz > 0 && stated_hz > 0 && changed_hz == 0 && !dataset::IsSameRate(options->rate_hz, stated_hz)) {
     result->warnings.push_back({"MRK-RATE",
                                 Format("the %s has %g frames a second; --frame-rate %g is used",
@@ -123,10 +123,10 @@ void DropOldMarkers(const std::string& folder, CommandResult* result) {
 void WriteMarkerFolder(const MarkerFolderArguments& arguments, AtomicFolder* folder, CommandResult* result) {
   if (result->metrics["num_points"] == 0) return;
   const dataset::Pose3d pose = dataset::ReadPose3d(arguments.points);
-  app::CheckMarkerWorld(pose.world, arguments.options, result);
+  stages::CheckMarkerWorld(pose.world, arguments.options, result);
   const auto work = PrepareMarkers(pose, arguments.options, arguments.points);
   WriteMarkers(work, pose, arguments.options, folder->work_path(), arguments.folder, result);
-  dataset::Pose3d written = app::PoseOf(work);
+  dataset::Pose3d written = stages::PoseOf(work);
   written.skeleton = pose.skeleton, written.definition = pose.definition;
   CompareWritten(arguments, written, result);
   folder->Commit();

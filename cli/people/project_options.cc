@@ -22,7 +22,7 @@ std::string FilterInSeconds(const std::string& filter, double rate_hz) {
 }  // namespace
 
 void ApplyProject(const dataset::ProjectSettings& settings, const std::set<std::string>& given, triangulate::TakeOptions* take,
-                  app::MarkerOptions* markers, app::CommandResult* result) {
+                  stages::MarkerOptions* markers, stages::CommandResult* result) {
   nlohmann::ordered_json used = nlohmann::ordered_json::object();
   std::string text;
   const auto use = [&](const char* option, const std::string& value) {
@@ -54,7 +54,7 @@ void ApplyProject(const dataset::ProjectSettings& settings, const std::set<std::
 }
 
 void WriteProjectParts(const dataset::ProjectSettings& settings, const geometry::Rig& rig, const std::string& project,
-                       const std::string& out, dataset::Pose3d* pose, app::CommandResult* result) {
+                       const std::string& out, dataset::Pose3d* pose, stages::CommandResult* result) {
   namespace fs = std::filesystem;
   if (!settings.axes.empty() || !settings.reference_point.empty()) {
     const dataset::ProjectWorld world = WorldOfProject(settings, pose->rows, project);

@@ -6,10 +6,6 @@
 #include <map>
 #include <optional>
 
-#include "app/input/pose_input.h"
-#include "app/input/project_input.h"
-#include "app/input/session_input.h"
-#include "app/input/take_frames.h"
 #include "cli/program/arguments.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
@@ -24,6 +20,10 @@
 #include "dataset/session/timeline_source.h"
 #include "dataset/time/motion_sync.h"
 #include "dataset/time/sync_file.h"
+#include "stages/input/pose_input.h"
+#include "stages/input/project_input.h"
+#include "stages/input/session_input.h"
+#include "stages/input/take_frames.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -34,8 +34,8 @@ using triangulate::SyncResult;
 using triangulate::SyncStatus;
 
 struct Arguments {
-  app::PoseArguments pose;
-  app::SessionArguments session;
+  stages::PoseArguments pose;
+  stages::SessionArguments session;
   std::string project, out, from = "poses";
   double fps = 0;
   bool range_given = false;
@@ -155,28 +155,28 @@ std::string Summary(const SyncResult& sync, double fps) {
 }
 
 /// What --session and --take say, in place of the flags that were not given.
-std::optional<app::FoundTake> FillFromSession(Arguments* arguments, CommandResult* result) {
-  std::optional<app::FoundTake> found = app::FindTake(arguments->session, result);
+std::optional<stages::FoundTake> FillFromSession(Arguments* arguments, CommandResult* result) {
+  std::optional<stages::FoundTake> found = stages::FindTake(arguments->session, result);
   if (!found) return found;
   if (arguments->out.empty()) arguments->out = dataset::TakeFolder(found->session, "sync", found->take.name);
   if (arguments->fps <= 0) arguments->fps = found->take.fps_hz.value_or(found->session.fps_hz.value_or(0));
   if (arguments->from != "poses") return found;
   const bool own = !arguments->pose.pose2d.empty();
-  app::FillPoses(*found, arguments->session, &arguments->pose);
-  if (!own) app::LeaveOutUncalibrated(&arguments->pose, result);
+  stages::FillPoses(*found, arguments->session, &arguments->pose);
+  if (!own) stages::LeaveOutUncalibrated(&arguments->pose, result);
   return found;
 }
 
 /// Detectors number the frames that were recorded; dropped ones must count too.
-void CountDropped(const app::FoundTake& found, const Arguments& arguments, app::PoseInput* input, CommandResult* result) {
-  if (!app::RenumberByClock(found, arguments.session, input)) return;
-  input->frames = app::ToFrames(input->tracks, input->rig, arguments.pose.calib);
+void CountDropped(const stages::FoundTake& found, const Arguments& arguments, stages::PoseInput* input, CommandResult* result) {
+  if (!stages::RenumberByClock(found, arguments.session, input)) return;
+  input->frames = stages::ToFrames(input->tracks, input->rig, arguments.pose.calib);
   result->warnings.push_back({"SYN-DROPPED", "cameras dropped or doubled frames: offsets count the time steps of their clocks",
                               "see mvstudio session timeline"});
 }
 
 /// Whole frames by which each camera's numbers lead the reference's, by the videos' time codes; empty unless all have one.
-std::map<std::string, int> OffsetsByTimeCodes(const app::FoundTake& found, const Arguments& arguments) {
+std::map<std::string, int> OffsetsByTimeCodes(const stages::FoundTake& found, const Arguments& arguments) {
   dataset::TakeTimelineOptions options;
   options.allow_outside = arguments.session.allow_outside;
   options.time_codes = true;
@@ -197,7 +197,7 @@ std::map<std::string, int> OffsetsByTimeCodes(const app::FoundTake& found, const
 }
 
 /// Moves the frames so that those of one time code have one number, the earliest camera's numbers staying.
-void AlignByTimeCodes(const std::map<std::string, int>& offsets, app::PoseInput* input) {
+void AlignByTimeCodes(const std::map<std::string, int>& offsets, stages::PoseInput* input) {
   int largest = 0;
   for (const auto& [camera, offset] : offsets) largest = std::max(largest, offset);
   for (dataset::Pose2dTrack& track : input->tracks) {
@@ -229,16 +229,16 @@ void Write(const dataset::SyncFile& file, const Arguments& arguments, CommandRes
   result->outputs.push_back({path, "sync"});
 }
 
-CommandResult RunPoses(const Arguments& arguments, const std::optional<app::FoundTake>& found, CommandContext& context,
+CommandResult RunPoses(const Arguments& arguments, const std::optional<stages::FoundTake>& found, CommandContext& context,
                        CommandResult result) {
   constexpr double kRangeSeconds = 3;
   if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
-  app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
+  stages::PoseInput input = stages::ReadPoseInput(arguments.pose, &result);
   if (found) CountDropped(*found, arguments, &input, &result);
   const std::map<std::string, int> first = found ? OffsetsByTimeCodes(*found, arguments) : std::map<std::string, int>{};
   if (!first.empty()) {
     AlignByTimeCodes(first, &input);
-    input.frames = app::ToFrames(input.tracks, input.rig, arguments.pose.calib);
+    input.frames = stages::ToFrames(input.tracks, input.rig, arguments.pose.calib);
   }
   result.metrics["first_offsets"] = first.empty() ? "none" : "timecodes";
   const geometry::Rig filmed = Filmed(input.rig, input.tracks);
@@ -249,7 +249,7 @@ CommandResult RunPoses(const Arguments& arguments, const std::optional<app::Foun
   SyncResult sync = SynchronizeCameras(triangulate::Prepare(filmed),
                                        filmed.cameras.size() == input.rig.cameras.size()
                                            ? input.frames
-                                           : app::ToFrames(input.tracks, filmed, arguments.pose.calib),
+                                           : stages::ToFrames(input.tracks, filmed, arguments.pose.calib),
                                        options, context.run);
   UndoAlignment(first, &sync);
   AddMetrics(sync, arguments.fps, &result);
@@ -299,7 +299,7 @@ void WidenToFrames(dataset::SyncFile* file) {
   }
 }
 
-CommandResult RunTimestamps(const Arguments& arguments, const app::FoundTake& found, CommandContext& context,
+CommandResult RunTimestamps(const Arguments& arguments, const stages::FoundTake& found, CommandContext& context,
                             CommandResult result) {
   const bool by_codes = arguments.from == "timecodes";
   if (!by_codes && found.take.timestamps.empty()) {
@@ -318,7 +318,7 @@ CommandResult RunTimestamps(const Arguments& arguments, const app::FoundTake& fo
   return result;
 }
 
-CommandResult RunMotion(const Arguments& arguments, const app::FoundTake& found, CommandContext& context,
+CommandResult RunMotion(const Arguments& arguments, const stages::FoundTake& found, CommandContext& context,
                         CommandResult result) {
   const auto& footage = found.take.footage;
   std::vector<dataset::MotionEnergy> motion(footage.size());
@@ -349,7 +349,7 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   if (arguments.fps != 0 && !dataset::IsFrameRate(arguments.fps))
     throw UsageError(std::string("--fps ") + dataset::kFrameRates);
   CommandResult result;
-  if (!arguments.project.empty()) app::FillFromProject(arguments.project, arguments.session, &arguments.pose, &result);
+  if (!arguments.project.empty()) stages::FillFromProject(arguments.project, arguments.session, &arguments.pose, &result);
   const auto found = arguments.project.empty() ? FillFromSession(&arguments, &result) : std::nullopt;
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
   const OutputFolder place(

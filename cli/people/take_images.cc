@@ -24,7 +24,7 @@ void CheckFootage(const ImageArguments& arguments) {
 
 double FootageRateHz(const ImageArguments& arguments) {
   double rate_hz = 0;
-  for (const app::NamedPath& camera : arguments.video) {
+  for (const stages::NamedPath& camera : arguments.video) {
     const double stated_hz = dataset::DescribeFootage(camera.path).fps_hz;
     if (rate_hz > 0 && !dataset::IsSameRate(rate_hz, stated_hz)) return 0;
     rate_hz = stated_hz;
@@ -34,7 +34,7 @@ double FootageRateHz(const ImageArguments& arguments) {
 
 void CheckCameras(const ImageArguments& arguments, const geometry::Rig& rig, const std::string& calib_path) {
   for (const auto* named : {&arguments.video, &arguments.images}) {
-    for (const app::NamedPath& camera : *named) {
+    for (const stages::NamedPath& camera : *named) {
       if (rig.Find(camera.name) >= 0) continue;
       throw UsageError("footage of camera " + camera.name + ", which is not in " + calib_path + ": it has " +
                        Join(CameraNames(rig), ", "));
@@ -42,9 +42,9 @@ void CheckCameras(const ImageArguments& arguments, const geometry::Rig& rig, con
   }
 }
 
-app::TakeImages ImagesOf(const std::optional<app::FoundTake>& found, const TimingArguments& timing,
-                         const ImageArguments& arguments, const FrameNumbering& numbering) {
-  app::TakeImages images{arguments.video, numbering.timeline};
+stages::TakeImages ImagesOf(const std::optional<stages::FoundTake>& found, const TimingArguments& timing,
+                            const ImageArguments& arguments, const FrameNumbering& numbering) {
+  stages::TakeImages images{arguments.video, numbering.timeline};
   images.cameras.insert(images.cameras.end(), arguments.images.begin(), arguments.images.end());
   if (!numbering.in_footage) images.cameras.clear();
   if (!found || !images.cameras.empty() || !numbering.in_footage) return images;

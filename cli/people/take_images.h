@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "app/input/session_input.h"
-#include "app/people/joint_views.h"
 #include "cli/people/take_timing.h"
+#include "stages/input/session_input.h"
+#include "stages/people/joint_views.h"
 
 namespace CLI {
 class App;
@@ -16,7 +16,7 @@ class App;
 namespace mvstudio::cli {
 
 struct ImageArguments {
-  std::vector<app::NamedPath> video, images;
+  std::vector<stages::NamedPath> video, images;
 
   std::vector<std::string> Paths() const;
 };
@@ -34,7 +34,7 @@ double FootageRateHz(const ImageArguments& arguments);
 void CheckCameras(const ImageArguments& arguments, const geometry::Rig& rig, const std::string& calib_path);
 
 /// What is named, else the session's, where the frames of the take can be found in it.
-app::TakeImages ImagesOf(const std::optional<app::FoundTake>& found, const TimingArguments& timing,
-                         const ImageArguments& arguments, const FrameNumbering& numbering);
+stages::TakeImages ImagesOf(const std::optional<stages::FoundTake>& found, const TimingArguments& timing,
+                            const ImageArguments& arguments, const FrameNumbering& numbering);
 
 }  // namespace mvstudio::cli

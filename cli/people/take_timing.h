@@ -4,18 +4,18 @@
 #include <optional>
 #include <string>
 
-#include "app/input/pose_input.h"
-#include "app/input/session_input.h"
 #include "cli/program/command.h"
 #include "core/choice/auto_on_off.h"
 #include "dataset/time/timeline.h"
+#include "stages/input/pose_input.h"
+#include "stages/input/session_input.h"
 #include "triangulate/take/take.h"
 
 namespace mvstudio::cli {
 
 /// What says which frames of all cameras belong together.
 struct TimingArguments {
-  app::SessionArguments session;
+  stages::SessionArguments session;
   std::string sync;  ///< sync.json; may be empty
   AutoOnOff calibration_offsets = AutoOnOff::kAuto;
   std::string calib;  ///< path, for messages
@@ -28,8 +28,8 @@ struct FrameNumbering {
 };
 
 /// Frames of all cameras that belong together: by what the take states, else by what the calibration does.
-FrameNumbering ApplyTiming(const std::optional<app::FoundTake>& found, const TimingArguments& timing,
-                           const triangulate::TakeOptions& options, const RunContext& run, app::PoseInput* input,
+FrameNumbering ApplyTiming(const std::optional<stages::FoundTake>& found, const TimingArguments& timing,
+                           const triangulate::TakeOptions& options, const RunContext& run, stages::PoseInput* input,
                            CommandResult* result);
 
 }  // namespace mvstudio::cli

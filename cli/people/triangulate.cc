@@ -4,17 +4,6 @@
 #include <functional>
 #include <set>
 
-#include "app/calib/calibration_use.h"
-#include "app/input/pose_input.h"
-#include "app/input/project_input.h"
-#include "app/input/session_input.h"
-#include "app/input/take_frames.h"
-#include "app/people/filter_check.h"
-#include "app/people/human_shape.h"
-#include "app/people/joint_views.h"
-#include "app/people/likely_cause.h"
-#include "app/people/marker_export.h"
-#include "app/people/triangulate_metrics.h"
 #include "cli/people/points_out.h"
 #include "cli/people/project_options.h"
 #include "cli/people/take_images.h"
@@ -27,6 +16,17 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/pose/pose3d.h"
+#include "stages/calib/calibration_use.h"
+#include "stages/input/pose_input.h"
+#include "stages/input/project_input.h"
+#include "stages/input/session_input.h"
+#include "stages/input/take_frames.h"
+#include "stages/people/filter_check.h"
+#include "stages/people/human_shape.h"
+#include "stages/people/joint_views.h"
+#include "stages/people/likely_cause.h"
+#include "stages/people/marker_export.h"
+#include "stages/people/triangulate_metrics.h"
 #include "triangulate/skeleton/refine.h"
 #include "triangulate/take/cause.h"
 #include "triangulate/take/steps.h"
@@ -39,7 +39,7 @@ using nlohmann::ordered_json;
 
 struct Arguments {
   TimingArguments timing;
-  app::PoseArguments pose;
+  stages::PoseArguments pose;
   ImageArguments images;  ///< for the report
   std::string project, out;
   std::set<std::string> given;  ///< options that were typed, of those that a project may state
@@ -49,7 +49,7 @@ struct Arguments {
   bool refine = false;
   triangulate::TakeOptions options;
   triangulate::SkeletonRefineOptions refine_options;
-  app::MarkerOptions markers;
+  stages::MarkerOptions markers;
   bool had_points = false;  ///< those of an earlier run are in the folder
 };
 
@@ -65,11 +65,11 @@ std::string Summary(const CommandResult& result) {
   const int done = m["num_points"].get<int>(), tried = m["num_joints_tried"].get<int>();
   std::string text = Format("%d of %d joints triangulated", done, tried);
   if (done > 0)
-    text +=
-        Format(", reprojection RMS median %.3f px, sigma %.3f px, median sigma %s, %.0f points/s", number(m["median_rms_px"]),
-               number(m["sigma_px"]), app::LengthText(number(m["median_sigma_mm"]) / 1e3).c_str(), number(m["points_per_s"]));
+    text += Format(", reprojection RMS median %.3f px, sigma %.3f px, median sigma %s, %.0f points/s",
+                   number(m["median_rms_px"]), number(m["sigma_px"]),
+                   stages::LengthText(number(m["median_sigma_mm"]) / 1e3).c_str(), number(m["points_per_s"]));
   text += Format("\nmethod %s; one camera left out: ", m["method"].get<std::string>().c_str()) + LeftOutText(m["holdout"]);
-  if (!m["limb_std_mm"].is_null()) text += "; bone lengths vary by " + app::LengthText(number(m["limb_std_mm"]) / 1e3);
+  if (!m["limb_std_mm"].is_null()) text += "; bone lengths vary by " + stages::LengthText(number(m["limb_std_mm"]) / 1e3);
   for (const char* key : {"trc", "truth"}) {
     if (!m.contains(key)) continue;
     text += ComparisonText(key, "", m[key]);
@@ -86,8 +86,8 @@ std::string WhyWithoutCovariance(const triangulate::TakeOptions& options, const 
 
 /// What is done with the take once its single points are there: joints of each person together where that predicts left-out
 /// cameras better, and what such cameras say of the filter.
-void RefineTake(const Arguments& arguments, const app::PoseInput& input, const RunContext& run, triangulate::TakeResult* take,
-                CommandResult* result) {
+void RefineTake(const Arguments& arguments, const stages::PoseInput& input, const RunContext& run,
+                triangulate::TakeResult* take, CommandResult* result) {
   const bool filters = arguments.markers.filter != "none" || arguments.markers.fill_frames > 0;
   if (!(arguments.refine || filters) || take->method.IsExhaustiveDlt()) return;
   triangulate::TakeOptions options = arguments.options;
@@ -105,21 +105,21 @@ void RefineTake(const Arguments& arguments, const app::PoseInput& input, const R
   triangulate::SkeletonRefineResult refined =
       RefineSkeleton(problem.rig, *take, input.skeleton.bones, solve, arguments.refine_options, run);
   take->points = std::move(refined.points);
-  app::AddRefinementMetrics(refined.report, &result->metrics);
-  result->text += app::RefinementText(refined.report);
+  stages::AddRefinementMetrics(refined.report, &result->metrics);
+  result->text += stages::RefinementText(refined.report);
 }
 
 /// Solves the take and writes its points; what was settled for all of it comes back.
-triangulate::TakeResult SolveWhole(const Arguments& arguments, const app::PoseInput& input, const RunContext& run,
-                                   app::PointStatistics* statistics, CommandResult* result) {
+triangulate::TakeResult SolveWhole(const Arguments& arguments, const stages::PoseInput& input, const RunContext& run,
+                                   stages::PointStatistics* statistics, CommandResult* result) {
   triangulate::TakeResult take =
-      triangulate::TriangulateTake(input.rig, input.frames, app::BodyOf(input.skeleton), arguments.options, run);
+      triangulate::TriangulateTake(input.rig, input.frames, stages::BodyOf(input.skeleton), arguments.options, run);
   RefineTake(arguments, input, run, &take, result);
   statistics->Add(take);
   statistics->AddFrames(input.frames, arguments.options);
-  dataset::Pose3d pose = app::ToPose3d(take, input.skeleton);
-  pose.covariance_note = app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method));
-  pose.world = app::WorldText(input.rig);
+  dataset::Pose3d pose = stages::ToPose3d(take, input.skeleton);
+  pose.covariance_note = stages::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method));
+  pose.world = stages::WorldText(input.rig);
   pose.frame_rate_hz = arguments.markers.rate_hz;
   WriteProjectParts(arguments.of_project, input.rig, arguments.project, arguments.out, &pose, result);
   dataset::WritePose3d(pose, arguments.out);
@@ -127,7 +127,7 @@ triangulate::TakeResult SolveWhole(const Arguments& arguments, const app::PoseIn
 }
 
 /// As many frames as a chunk has, in runs spread over the take.
-std::vector<triangulate::DetectedFrame> Sample(const app::PoseParts& parts, size_t chunk) {
+std::vector<triangulate::DetectedFrame> Sample(const stages::PoseParts& parts, size_t chunk) {
   constexpr size_t kRuns = 8;
   const size_t length = (chunk + kRuns - 1) / kRuns, count = parts.num_frames();
   CommandResult ignored;  // skipped files are listed when their chunk is read
@@ -142,10 +142,10 @@ std::vector<triangulate::DetectedFrame> Sample(const app::PoseParts& parts, size
 }
 
 /// The same chunk by chunk: noise and method from frames spread over the take.
-triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseParts& parts, const RunContext& run,
-                                    app::PointStatistics* statistics, CommandResult* result) {
-  const app::PoseInput& input = parts.input();
-  const triangulate::TakeBody body = app::BodyOf(input.skeleton);
+triangulate::TakeResult SolveChunks(const Arguments& arguments, const stages::PoseParts& parts, const RunContext& run,
+                                    stages::PointStatistics* statistics, CommandResult* result) {
+  const stages::PoseInput& input = parts.input();
+  const triangulate::TakeBody body = stages::BodyOf(input.skeleton);
   const size_t chunk = static_cast<size_t>(arguments.chunk_frames);
   triangulate::TakeResult settled;
   triangulate::TakeStream stream(input.rig, body,
@@ -157,13 +157,14 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseP
     const triangulate::TakeResult part = stream.Push(frames, run);
     statistics->Add(part);
     statistics->AddFrames(frames, arguments.options);
-    *rows = app::ToPose3d(part, input.skeleton).rows;
+    *rows = stages::ToPose3d(part, input.skeleton).rows;
     begin += chunk;
     return true;
   };
-  dataset::Pose3d head = app::ToPose3d({}, input.skeleton);
-  head.covariance_note = app::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method));
-  head.world = app::WorldText(input.rig);
+  dataset::Pose3d head = stages::ToPose3d({}, input.skeleton);
+  head.covariance_note =
+      stages::CovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, settled.method));
+  head.world = stages::WorldText(input.rig);
   head.frame_rate_hz = arguments.markers.rate_hz;
   dataset::WritePose3d(head, next, arguments.out);
   return settled;
@@ -172,7 +173,7 @@ triangulate::TakeResult SolveChunks(const Arguments& arguments, const app::PoseP
 using GiveFrames = std::function<std::vector<triangulate::DetectedFrame>()>;
 
 /// The cameras as the take is solved with them.
-geometry::Rig RigOf(const triangulate::TakeOptions& options, const app::PoseInput& input) {
+geometry::Rig RigOf(const triangulate::TakeOptions& options, const stages::PoseInput& input) {
   geometry::Rig rig = input.rig;
   if (!options.ignore_distortion) return rig;
   for (geometry::RigCamera& camera : rig.cameras) camera.camera = PinholeOf(camera.camera), camera.params_covariance.reset();
@@ -181,28 +182,28 @@ geometry::Rig RigOf(const triangulate::TakeOptions& options, const app::PoseInpu
 
 /// When the take is lost or does not fit: why. Else whether its cameras are synchronous. `sample` gives frames of it. True when
 /// a cause was clear.
-bool SayWhy(const Arguments& arguments, const app::PoseInput& input, const triangulate::TakeResult& take,
+bool SayWhy(const Arguments& arguments, const stages::PoseInput& input, const triangulate::TakeResult& take,
             const GiveFrames& sample, const RunContext& run, CommandResult* result) {
   const geometry::Rig rig = RigOf(arguments.options, input);
   triangulate::CauseOptions options;
   options.min_score = arguments.options.min_score, options.max_persons = arguments.options.max_persons;
   const bool timed = !arguments.timing.sync.empty();
-  const triangulate::TakeBody body = app::BodyOf(input.skeleton);
+  const triangulate::TakeBody body = stages::BodyOf(input.skeleton);
   if (result->errors.empty() || result->errors.back().code == "TRI-NO-COMMON") {
     const bool apart = std::any_of(take.cameras.begin(), take.cameras.end(), [](const triangulate::CameraDiagnosis& camera) {
       return 2 * camera.num_rejected > camera.num_detections;
     });
-    if (!apart) return app::AddTiming(CheckTiming(rig, sample(), options, run), timed, result);
-    return app::AddCameraCause(RankCauses(rig, sample(), body, options, run), timed, result);
+    if (!apart) return stages::AddTiming(CheckTiming(rig, sample(), options, run), timed, result);
+    return stages::AddCameraCause(RankCauses(rig, sample(), body, options, run), timed, result);
   }
   Notice& error = result->errors.back();
   if (error.code == "TRI-SKELETON") return true;  // a cause already
   const triangulate::CauseReport report = RankCauses(rig, sample(), body, options, run);
-  error.hint = app::AddLikelyCause(report, "TRI-CAUSE", error.hint, result);
+  error.hint = stages::AddLikelyCause(report, "TRI-CAUSE", error.hint, result);
   return !report.message.empty();
 }
 
-void CheckViews(const triangulate::TakeOptions& options, const app::PoseInput& input) {
+void CheckViews(const triangulate::TakeOptions& options, const stages::PoseInput& input) {
   const int cameras = static_cast<int>(input.cameras.size());
   if (options.min_views <= cameras) return;
   throw UsageError(Format("--min-views %d: only %d cameras have 2D joints, so that no point can have as many views",
@@ -220,20 +221,21 @@ void KeepOneError(CommandResult* result) {
 }
 
 /// What is said of a take however it was read.
-void Conclude(const Arguments& arguments, const app::PoseInput& input, const triangulate::TakeResult& take,
-              const app::PointStatistics& statistics, const GiveFrames& sample, const RunContext& run, CommandResult* result) {
+void Conclude(const Arguments& arguments, const stages::PoseInput& input, const triangulate::TakeResult& take,
+              const stages::PointStatistics& statistics, const GiveFrames& sample, const RunContext& run,
+              CommandResult* result) {
   statistics.AddTo(input.skeleton, &result->metrics);
-  app::AddTakeMetrics(take, input.skeleton, &result->metrics);
+  stages::AddTakeMetrics(take, input.skeleton, &result->metrics);
   statistics.WarnOfAbsence(input, result);
   statistics.WarnOfPersons(arguments.options.max_persons, result);
   if (statistics.num_ok() > 0) AddComparisons(arguments.comparison, arguments.out, result);
-  app::CheckLimbs(take, input, result);
-  app::CheckUp(take, input, result);
+  stages::CheckLimbs(take, input, result);
+  stages::CheckUp(take, input, result);
   const bool known = statistics.CheckLoss(arguments.options, result);
-  if (result->errors.empty()) app::CheckConsistency(take, input.rig, result);
+  if (result->errors.empty()) stages::CheckConsistency(take, input.rig, result);
   const bool lost = !result->errors.empty();
   // Of a lost take the cameras' own figures are of chance.
-  if (!known && !SayWhy(arguments, input, take, sample, run, result) && !lost) app::AddCameraWarnings(take, result);
+  if (!known && !SayWhy(arguments, input, take, sample, run, result) && !lost) stages::AddCameraWarnings(take, result);
   KeepOneError(result);
   if (arguments.had_points && KeepsOlder(PointsPath(arguments), result)) return;
   for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"}) {
@@ -241,7 +243,7 @@ void Conclude(const Arguments& arguments, const app::PoseInput& input, const tri
         {(std::filesystem::path(arguments.out) / name).string(), name == std::string("points.csv") ? "points" : ""});
   }
   result->text = Summary(*result) + "\n" + result->text;
-  app::ReportCovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method), result);
+  stages::ReportCovarianceUse(input.rig, input.cameras, WhyWithoutCovariance(arguments.options, take.method), result);
   if (result->metrics.contains("calibration_offsets")) {
     const ordered_json& offsets = result->metrics["calibration_offsets"];
     result->text += std::string("calibration's time offsets: ") + (offsets["applied"].get<bool>() ? "applied" : "not applied") +
@@ -271,7 +273,7 @@ void CheckArguments(const Arguments& arguments) {
 }
 
 std::vector<std::string> InputsOf(const Arguments& arguments) {
-  const app::PoseArguments& pose = arguments.pose;
+  const stages::PoseArguments& pose = arguments.pose;
   const ComparisonArguments& comparison = arguments.comparison;
   return Joined(Joined(PathsIn(pose.pose2d), {pose.points2d, pose.calib, comparison.trc, comparison.truth}),
                 arguments.images.Paths());
@@ -279,7 +281,7 @@ std::vector<std::string> InputsOf(const Arguments& arguments) {
 
 std::vector<std::string> FilesOf(const Arguments& arguments) {
   const dataset::ProjectSettings& project = arguments.of_project;
-  std::vector<std::string> files = {"points.csv", "covariance.csv", "pose3d.json", app::kJointViewsFolder};
+  std::vector<std::string> files = {"points.csv", "covariance.csv", "pose3d.json", stages::kJointViewsFolder};
   if (!project.axes.empty() || !project.reference_point.empty()) files.push_back("calibration.json");
   if (!project.angles.empty()) files.push_back("angles.csv");
   return files;
@@ -288,14 +290,14 @@ std::vector<std::string> FilesOf(const Arguments& arguments) {
 CommandResult Run(Arguments arguments, CommandContext& context) {
   CommandResult result;
   if (!arguments.project.empty()) {
-    arguments.of_project = app::FillFromProject(arguments.project, arguments.timing.session, &arguments.pose, &result);
+    arguments.of_project = stages::FillFromProject(arguments.project, arguments.timing.session, &arguments.pose, &result);
     ApplyProject(arguments.of_project, arguments.given, &arguments.options, &arguments.markers, &result);
   }
-  const auto found = arguments.project.empty() ? app::FindTake(arguments.timing.session, &result) : std::nullopt;
+  const auto found = arguments.project.empty() ? stages::FindTake(arguments.timing.session, &result) : std::nullopt;
   if (found) {
     const bool own = !arguments.pose.pose2d.empty();
-    app::FillPoses(*found, arguments.timing.session, &arguments.pose);
-    if (!own) app::LeaveOutUncalibrated(&arguments.pose, &result);
+    stages::FillPoses(*found, arguments.timing.session, &arguments.pose);
+    if (!own) stages::LeaveOutUncalibrated(&arguments.pose, &result);
     if (arguments.out.empty()) arguments.out = dataset::TakeFolder(found->session, "pose3d", found->take.name);
   }
   if (arguments.pose.calib.empty()) throw UsageError("--calib is required, or a --session that has a calibration");
@@ -310,20 +312,20 @@ CommandResult Run(Arguments arguments, CommandContext& context) {
   std::unique_ptr<AtomicFolder> markers;
   if (!arguments.markers.to.empty()) markers = std::make_unique<AtomicFolder>(MarkerFolder(arguments), true);
   if (arguments.chunk_frames > 0) {
-    const app::PoseParts parts(arguments.pose, &result);
+    const stages::PoseParts parts(arguments.pose, &result);
     CheckViews(arguments.options, parts.input());
-    app::ReportOffsetsUnused(parts.input().rig, "--chunk-frames reads the take in parts", &result);
-    app::PointStatistics statistics(static_cast<int>(parts.input().skeleton.joints.size()), parts.input().limbs);
+    stages::ReportOffsetsUnused(parts.input().rig, "--chunk-frames reads the take in parts", &result);
+    stages::PointStatistics statistics(static_cast<int>(parts.input().skeleton.joints.size()), parts.input().limbs);
     const triangulate::TakeResult take = SolveChunks(arguments, parts, context.run, &statistics, &result);
     const auto sample = [&] { return Sample(parts, static_cast<size_t>(arguments.chunk_frames)); };
     Conclude(arguments, parts.input(), take, statistics, sample, context.run, &result);
   } else {
-    app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
+    stages::PoseInput input = stages::ReadPoseInput(arguments.pose, &result);
     CheckCameras(arguments.images, input.rig, arguments.pose.calib);
     arguments.timing.calib = arguments.pose.calib;
     CheckViews(arguments.options, input);
     const FrameNumbering numbering = ApplyTiming(found, arguments.timing, arguments.options, context.run, &input, &result);
-    app::PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
+    stages::PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
     const triangulate::TakeResult take = SolveWhole(arguments, input, context.run, &statistics, &result);
     Conclude(
         arguments, input, take, statistics, [&] { return input.frames; }, context.run, &result);
@@ -353,8 +355,7 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   StartGroup(sub, "Session");
   AddOption(sub, "--project", arguments->project,
             "folder of an anipose, caliscope or Pose2Sim project instead: calibration and 2D points come from it; --take names "
-            "one of "
-            "its takes");
+            "one of its takes");
   StartGroup(sub, "Output");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder,
             "folder for points.csv, covariance.csv, pose3d.json; SESSION/pose3d/TAKE unless given");
@@ -375,8 +376,7 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   StartGroup(sub, "Points");
   AddOption(sub, "--chunk-frames", arguments->chunk_frames,
             "for takes longer than memory: frames of --pose2d processed at a time (a table is held whole); noise and method "
-            "come from "
-            "frames spread over the take; 0: all at once")
+            "come from frames spread over the take; 0: all at once")
       ->capture_default_str();
   StartGroup(sub, "Marker files");
   AddOptions(sub, arguments->markers);

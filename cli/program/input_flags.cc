@@ -6,11 +6,11 @@
 
 namespace mvstudio::cli {
 
-void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
+void AddReadOptions(CLI::App* sub, stages::CalibReadOptions& options) {
   AddChoice(sub, "--from", options.from, "format of the input: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(OneOf(app::CalibrationFormatChoices()));
+      ->check(OneOf(stages::CalibrationFormatChoices()));
   AddChoice(sub, "--size", options.size, "WIDTHxHEIGHT px: image size where the file does not give it");
   AddChoice(sub, "--unit", options.unit, "unit of length of files that name none: m, cm, mm or in")
       ->capture_default_str()
@@ -23,7 +23,7 @@ void AddReadOptions(CLI::App* sub, app::CalibReadOptions& options) {
   AddMeaningOptions(sub, options);
 }
 
-void AddMeaningOptions(CLI::App* sub, app::CalibReadOptions& options) {
+void AddMeaningOptions(CLI::App* sub, stages::CalibReadOptions& options) {
   AddChoice(sub, "--lens", options.lens,
             "auto, perspective or fisheye: of files that do not say it (opencv, easymocap, nerfstudio, toml)")
       ->capture_default_str();
@@ -43,7 +43,7 @@ void AddPoseMendingOptions(CLI::App* sub, bool& invert, bool& mirror) {
           "the file is left-handed (x right, y up, z forward, of world and cameras): turn y over in both");
 }
 
-void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
+void AddTakeArguments(CLI::App* sub, stages::TakeArguments& arguments) {
   const GroupScope footage(sub, "Footage");
   AddChoices(sub, "--video", arguments.video, "CAMERA=FILE; repeat for each camera")->allow_extra_args(true);
   AddChoices(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in an image's name is its frame");
@@ -53,7 +53,7 @@ void AddTakeArguments(CLI::App* sub, app::TakeArguments& arguments) {
   AddFlag(sub, "--allow-outside", arguments.allow_outside, "allow the session to name files outside its folder");
 }
 
-void AddSessionArguments(CLI::App* sub, app::SessionArguments& arguments, const std::string& what,
+void AddSessionArguments(CLI::App* sub, stages::SessionArguments& arguments, const std::string& what,
                          const std::string& unless_given) {
   const GroupScope session(sub, "Session");
   AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: " + what + " come from it");
@@ -68,7 +68,7 @@ void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& 
 namespace {
 
 /// NAMES of cameras, or the flag alone for all.
-void AddCameraSet(CLI::App* sub, const std::string& name, app::CameraSet& cameras, const std::string& help) {
+void AddCameraSet(CLI::App* sub, const std::string& name, stages::CameraSet& cameras, const std::string& help) {
   AddWordsOption(
       sub, name,
       [&cameras, name](const std::vector<std::string>& texts) { FromString(Join(texts, ","), name.substr(2), &cameras); },
@@ -79,7 +79,7 @@ void AddCameraSet(CLI::App* sub, const std::string& name, app::CameraSet& camera
 
 }  // namespace
 
-void AddPoseChanges(CLI::App* sub, app::PoseChanges& changes) {
+void AddPoseChanges(CLI::App* sub, stages::PoseChanges& changes) {
   const GroupScope group(sub, "What the 2D joints mean");
   AddCameraSet(sub, "--normalized", changes.normalized,
                "coordinates are 0 to 1 of the image's width and height; of all cameras, or of those named, with commas");
@@ -103,7 +103,7 @@ void AddPoseChanges(CLI::App* sub, app::PoseChanges& changes) {
   AddFlag(sub, "--ignore-scores", changes.ignore_scores, "every joint that has coordinates counts as seen with score 1");
 }
 
-void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
+void AddPoseArguments(CLI::App* sub, stages::PoseArguments& arguments) {
   const GroupScope input(sub, "Calibration and 2D joints");
   AddOption(sub, "--calib", arguments.calib, "calibration file: ours, Panoptic's, or any that calib convert reads")->required();
   AddChoices(sub, "--pose2d", arguments.pose2d,
@@ -124,7 +124,7 @@ void AddPoseArguments(CLI::App* sub, app::PoseArguments& arguments) {
   AddPoseChanges(sub, arguments.changes);
 }
 
-void AddCornerArguments(CLI::App* sub, app::CornerArguments& arguments) {
+void AddCornerArguments(CLI::App* sub, stages::CornerArguments& arguments) {
   const GroupScope boards(sub, "Boards and footage");
   AddChoices(sub, "--board", arguments.boards,
              "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
