@@ -2,14 +2,14 @@
 
 #include <string>
 
-#include "stages/result.h"
+#include "stages/input_notes.h"
 
 namespace mvstudio::stages {
 
 /// Says which frames were asked for that are not there: `beyond` of a FrameChoice.
-inline void TellFrames(const std::string& beyond, CommandResult* result) {
+inline void TellFrames(const std::string& beyond, InputNotes* notes) {
   if (!beyond.empty())
-    result->warnings.push_back({"CLI-FRAMES", beyond, "look at the numbers: files count from 0 or as they are named"});
+    notes->warnings.push_back({"CLI-FRAMES", beyond, "look at the numbers: files count from 0 or as they are named"});
 }
 
 }  // namespace mvstudio::stages

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/notice.h"
+#include "stages/input_notes.h"
 
 /// The result of a stage of mvstudio: figures, files, warnings and exit code.
 namespace mvstudio::stages {
@@ -26,7 +26,8 @@ enum ExitCode {
 };
 
 /// The result of a command. Exceptions become an `error` result with the exit code of their type.
-struct CommandResult {
+/// Where its input was partial and nothing else is to be said, the exit code is kExitPartial.
+struct CommandResult : InputNotes {
   int exit = kExitOk;
   nlohmann::ordered_json metrics = nlohmann::ordered_json::object();
   struct Output {
@@ -34,12 +35,14 @@ struct CommandResult {
     std::string role;  ///< "calibration", "points", "dataset", "checkpoint", "heldout-picture", …; may be empty
   };
   std::vector<Output> outputs;
-  std::vector<Notice> warnings;
   std::vector<Notice> errors;
   std::string text;  ///< printed to stdout without --json
   std::string
       folder;  ///< when set: the whole result is kept as folder/<command>.result.json and provenance.jsonl gets a line there
-  std::vector<std::string> inputs;  ///< files and folders read, for provenance
+
+  /// Appends what a part of the command has to say; its exit code, if it has one, and its metrics replace those of the same
+  /// name.
+  void Add(CommandResult part);
 };
 
 /// JSON has no NaN and no infinity: null for values that are not finite.

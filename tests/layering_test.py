@@ -141,6 +141,8 @@ MAY_INCLUDE |= {
     "stages/click": WITHOUT_TORCH | {"stages"},
     "stages/dataset": WITHOUT_TORCH | {"stages"},
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},

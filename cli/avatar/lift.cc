@@ -304,7 +304,7 @@ void RegisterApply(CLI::App& lift, Registry& registry) {
   AddOption(sub, "--min-score", a->min_score, "0..1; joints with a lower score count as not seen")->capture_default_str();
   AddOption(sub, "--frame-rate", a->rate_hz, "frames a second, e.g. 60, stated beside the joints for those who read them");
   AddPoseMendingOptions(sub, a->read.invert, a->read.mirror);
-  AddPoseChanges(sub, a->changes);
+  AddOptions(sub, a->changes);
   AddOption(sub, "--stride", a->stride, "frames between the five that are lifted together; 2 for twice the learned frame rate")
       ->capture_default_str();
   AddOption(sub, "--smooth", a->smooth, "frames; standard deviation of a Gaussian over time; 0: every frame by itself")

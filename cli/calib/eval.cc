@@ -204,7 +204,8 @@ CommandResult Eval(Arguments arguments, CommandContext& context) {
   ReportLeftOut(check.found.unknown, arguments.calibration, &result);
   FillMetrics(check, &result.metrics);
   if (check.status == Status::kOk) result.text += Summary(check);
-  stages::ReportCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone", &result);
+  result.Add(
+      stages::DescribeCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone"));
   if (check.status != Status::kOk) {
     result.exit = kExitIllPosed;
     result.errors.push_back({"CAL-UNSOLVED", check.message, "show the board to at least two cameras at a time"});

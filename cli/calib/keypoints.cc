@@ -213,17 +213,18 @@ void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const cal
   if (after.num_detections == 0) return;
   // A camera that is late by a frame bends the rig where its time is not what the others' is.
   const triangulate::CauseReport timing = CheckTiming(report.rig, posed.frames, CauseOptionsOf(arguments), run);
-  const bool late = stages::AddTiming(timing, !arguments.sync.empty(), result);
-  if (!late && !report.unsteady.empty()) {
+  const stages::CauseFinding late = stages::CauseInTiming(timing, !arguments.sync.empty());
+  result->Add(late.said);
+  if (!late.clear && !report.unsteady.empty()) {
     if (!report.kept_input) result->exit = kExitQualityGate;
     (report.kept_input ? result->warnings : result->errors)
         .push_back(
             {"CAL-UNSTEADY", report.unsteady,
              "cameras that are not synchronous (`mvstudio sync`, --sync), that moved during the take, or wrong names do this"});
   }
-  std::string hint = "check that calibration and poses belong to the same cameras";
   const auto why = WhyNoFit(arguments, posed, body, run);
-  if (why) hint = stages::AddLikelyCause(*why, "CAL-CAUSE", hint, result);
+  const auto cause = stages::CauseOfLoss(why, "CAL-CAUSE", "check that calibration and poses belong to the same cameras");
+  result->Add(cause.said);
   // Exchanged cameras can be adjusted until they fit: the given world is then lost.
   const bool over = std::any_of(report.cameras.begin(), report.cameras.end(),
                                 [](const auto& camera) { return camera.rotation_rad > 0.5 * kPi; });
@@ -233,7 +234,7 @@ void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const cal
   result->errors.push_back({"CAL-NOFIT",
                             Format("%.1f %% of the detections fit the calibration that was written, mean residual %.2f px%s",
                                    100 * after.carried, after.residual_px, over ? ", and it turns cameras over" : ""),
-                            hint});
+                            cause.remedy});
 }
 
 /// The whole rig with the adjusted cameras in their places.
@@ -336,7 +337,7 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
             "--from-keypoints: m, cm, mm or in: of a calibration that names no unit; m unless given");
   AddOption(sub, "--sync", arguments.sync,
             "--from-keypoints: sync.json of `mvstudio sync`: time offsets and rates of the cameras");
-  AddPoseChanges(sub, arguments.changes);
+  AddOptions(sub, arguments.changes);
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
@@ -373,10 +374,10 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   result.metrics["status"] = std::string(ToString(report.status));
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    std::string hint = "people or markers must be seen by several cameras at once, in many places";
-    const auto why = WhyNoFit(arguments, posed, stages::BodyOf(input.skeleton), context.run);
-    if (why) hint = stages::AddLikelyCause(*why, "CAL-CAUSE", hint, &result);
-    result.errors.push_back({"CAL-UNSOLVED", report.message, hint});
+    const auto cause = stages::CauseOfLoss(WhyNoFit(arguments, posed, stages::BodyOf(input.skeleton), context.run), "CAL-CAUSE",
+                                           "people or markers must be seen by several cameras at once, in many places");
+    result.Add(cause.said);
+    result.errors.push_back({"CAL-UNSOLVED", report.message, cause.remedy});
     result.text = report.message + "\n";
     return result;
   }
@@ -387,9 +388,8 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   if (!lengths.empty() && !ScaleByLengths(lengths, input.skeleton.joints, arguments, posed, report.rig, &written, &result))
     return result;
   result.folder = out;
-  const std::string path = out + "/calibration.json";
-  geometry::WriteRig(written, path);
-  result.outputs.push_back({path, "calibration"});
+  result.outputs.push_back({out + "/calibration.json", "calibration"});
+  geometry::WriteRig(written, result.outputs.back().path);
   result.text = Summary(report) + result.text;
   if (lenses_only)
     result.text += "all frames placed the cameras first: the figures above are held out from the adjustment alone\n";

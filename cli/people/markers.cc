@@ -41,9 +41,9 @@ CommandResult Run(Arguments arguments) {
   CommandResult result;
   AtomicFolder folder(arguments.out, arguments.overwrite, InputsOf(arguments));
   const stages::PointsInput input = ReadInput(&arguments, &result);
-  stages::CheckMarkerWorld(input.pose.world, arguments.options, &result);
+  Append(stages::MarkerWorldDoubts(input.pose.world, arguments.options), &result.warnings);
   const auto work = PrepareMarkers(input.pose, arguments.options, arguments.points.path);
-  WriteMarkers(work, input.pose, arguments.options, folder.work_path(), arguments.out, &result);
+  result.Add(DescribeMarkers(WriteMarkers(work, input.pose, arguments.options, folder.work_path(), arguments.out)));
   folder.Commit();
   result.folder = arguments.out;
   return result;

@@ -293,7 +293,7 @@ void RegisterMask(CLI::App& app, Registry& registry) {
       "session's pose3d/TAKE where it is there");
   AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints, a name or a file FILE.toml")->capture_default_str();
-  AddPoseChanges(sub, arguments->changes);
+  AddOptions(sub, arguments->changes);
   StartGroup(sub, "Output");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "new folder; the session's masks/TAKE unless given");
   AddOptions(sub, arguments->run);

@@ -32,10 +32,7 @@ void AddSessionArguments(CLI::App* sub, stages::SessionArguments& arguments, con
 /// Adds --skeleton: a known name or a file; `what` begins the help.
 void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& what);
 
-/// Adds what the numbers of 2D joints may mean: --normalized, --flip-y, --rotate, --rate, …
-void AddPoseChanges(CLI::App* sub, stages::PoseChanges& changes);
-
-/// Adds --calib, --pose2d, --points2d, --skeleton and the changes.
+/// Adds --calib, which is required, --pose2d, --points2d, --skeleton and the changes.
 void AddPoseArguments(CLI::App* sub, stages::PoseArguments& arguments);
 
 void AddCornerArguments(CLI::App* sub, stages::CornerArguments& arguments);

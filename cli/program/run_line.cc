@@ -116,6 +116,7 @@ void SeeFlags(const std::vector<std::string>& words, const std::vector<std::stri
 
 void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::string>& argv) {
   const WriterScope writer(outcome.command);
+  if (outcome.result.partial && outcome.result.exit == kExitOk) outcome.result.exit = kExitPartial;
   NameFlags(&outcome.result);
   stages::NameCameras(&outcome.result);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);

@@ -266,8 +266,9 @@ bool AddErrors(const Arguments& arguments, const triangulate::TakeProblem& probl
     return true;
   }
   for (const Trial& trial : trials) {
-    if (!trial.why_no_truth.empty() && result->errors.empty())
-      stages::AddNothingInCommon("truth", arguments.truth, trial.why_no_truth, result);
+    if (trial.why_no_truth.empty() || !result->errors.empty()) continue;
+    result->exit = kExitQualityGate;
+    result->errors.push_back(stages::NothingInCommon("truth", arguments.truth, trial.why_no_truth));
   }
   return false;
 }

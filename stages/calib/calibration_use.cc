@@ -55,14 +55,15 @@ std::string CovarianceUse(const geometry::Rig& rig, const std::vector<std::strin
   return CovarianceLine(KnowledgeOf(rig, stated, cameras), unused_because);
 }
 
-void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because,
-                         CommandResult* result) {
+CommandResult DescribeCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras,
+                                    const std::string& unused_because) {
+  CommandResult result;
   const geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
   const Knowledge knowledge = KnowledgeOf(rig, stated, cameras);
   const bool used = knowledge.any && unused_because.empty();
   const std::string line = CovarianceLine(knowledge, unused_because);
   const char* assumed = used && !stated.correlated ? "blocks independent of each other" : nullptr;
-  result->metrics["calibration_covariance"] = {
+  result.metrics["calibration_covariance"] = {
       {"used", used},
       {"reason", line},
       {"known", knowledge.known},
@@ -71,8 +72,9 @@ void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string
       {"assumed_for_missing", knowledge.missing.empty() ? ordered_json() : ordered_json("unknown: their part is left out")},
       {"assumed", assumed ? ordered_json(assumed) : ordered_json()}};
   if (used && !knowledge.missing.empty())
-    result->warnings.push_back({"CAL-COVARIANCE-MISSING", line, "calibrate again, or take the sigmas for lower bounds"});
-  result->text += line + "\n";
+    result.warnings.push_back({"CAL-COVARIANCE-MISSING", line, "calibrate again, or take the sigmas for lower bounds"});
+  result.text = line + "\n";
+  return result;
 }
 
 void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std::vector<std::string>& also) {
@@ -121,24 +123,29 @@ bool HaveDrift(const std::vector<triangulate::Clock>& clocks) {
 
 }  // namespace
 
-void ReportOffsetsUnused(const geometry::Rig& rig, const std::string& why, CommandResult* result) {
-  if (OffsetsOfCalibration(rig).empty()) return;
-  result->metrics["calibration_offsets"] = {{"applied", false}, {"reason", why}};
+nlohmann::ordered_json OffsetUseJson(const OffsetUse& use) {
+  ordered_json json = {{"applied", use.applied}, {"reason", use.reason}};
+  if (use.applied) json["frames"] = use.frames;
+  return json;
 }
 
-void ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& options, const RunContext& run, PoseInput* input,
-                             CommandResult* result) {
+std::optional<OffsetUse> OffsetsUnused(const geometry::Rig& rig, const std::string& why) {
+  if (OffsetsOfCalibration(rig).empty()) return std::nullopt;
+  return OffsetUse{false, why};
+}
+
+std::optional<OffsetUse> ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& options, const RunContext& run,
+                                                 PoseInput* input, InputNotes* notes) {
   const std::vector<double> offsets = OffsetsOfCalibration(input->rig);
-  if (offsets.empty()) return;
-  if (how == AutoOnOff::kOff) return ReportOffsetsUnused(input->rig, "option 'calibration-offsets' off", result);
+  if (offsets.empty()) return std::nullopt;
+  if (how == AutoOnOff::kOff) return OffsetsUnused(input->rig, "option 'calibration-offsets' off");
   const std::vector<triangulate::Clock> clocks = ClocksOf(input->rig);
   if (how == AutoOnOff::kAuto && HaveDrift(clocks)) {
     const std::string why = "its clocks run at different rates, so the offsets are those of its own recording";
-    ReportOffsetsUnused(input->rig, why, result);
-    result->warnings.push_back({"TRI-OFFSETS-UNUSED", "the calibration's time offsets are not applied: " + why,
-                                "run mvstudio sync on this take; where it is the recording of the calibration, force them with "
-                                "option 'calibration-offsets' on"});
-    return;
+    notes->warnings.push_back({"TRI-OFFSETS-UNUSED", "the calibration's time offsets are not applied: " + why,
+                               "run mvstudio sync on this take; where it is the recording of the calibration, force them with "
+                               "option 'calibration-offsets' on"});
+    return OffsetsUnused(input->rig, why);
   }
   std::string reason = "option 'calibration-offsets' on";
   if (how == AutoOnOff::kAuto) {
@@ -146,15 +153,14 @@ void ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& opti
         triangulate::TryOffsets(input->rig, input->frames, offsets, BodyOf(input->skeleton), options, run);
     reason = trial.reason;
     if (!trial.confirmed) {
-      ReportOffsetsUnused(input->rig, reason, result);
-      result->warnings.push_back({"TRI-OFFSETS-UNUSED",
-                                  "the calibration's time offsets are not applied, the take does not confirm them: " + reason,
-                                  "run mvstudio sync on this take, or force them with option 'calibration-offsets' on"});
-      return;
+      notes->warnings.push_back({"TRI-OFFSETS-UNUSED",
+                                 "the calibration's time offsets are not applied, the take does not confirm them: " + reason,
+                                 "run mvstudio sync on this take, or force them with option 'calibration-offsets' on"});
+      return OffsetsUnused(input->rig, reason);
     }
   }
   input->frames = triangulate::ApplyClocks(input->frames, clocks);
-  result->metrics["calibration_offsets"] = {{"applied", true}, {"reason", reason}, {"frames", offsets}};
+  return OffsetUse{true, reason, offsets};
 }
 
 }  // namespace mvstudio::stages

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,10 +20,10 @@ namespace mvstudio::stages {
 /// stated.
 std::string CovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because);
 
-/// Same as metrics["calibration_covariance"] (used, reason, known, missing, correlated, assumed) and as a line at the end
-/// of the text. Adds the warning CAL-COVARIANCE-MISSING when some of `cameras` have a covariance and others do not.
-void ReportCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because,
-                         CommandResult* result);
+/// Same as metrics["calibration_covariance"] (used, reason, known, missing, correlated, assumed) and as a line of text, with the
+/// warning CAL-COVARIANCE-MISSING when some of `cameras` have a covariance and others do not.
+CommandResult DescribeCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras,
+                                    const std::string& unused_because);
 
 /// For a rig that a command wrote: metrics["covariance_missing"], a warning for cameras whose covariance is unknown, and a
 /// warning when the joint covariance is too large for the file. `also`: more cameras whose errors were unknown to the
@@ -32,11 +33,21 @@ void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std
 /// Time offsets of the calibration in the rig's order, 0 where a camera has none; empty when no camera has a relevant one.
 std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig);
 
-/// Reports that the calibration's offsets are not applied, and why; nothing without offsets.
-void ReportOffsetsUnused(const geometry::Rig& rig, const std::string& why, CommandResult* result);
+/// Whether time offsets that a calibration states were applied, and why.
+struct OffsetUse {
+  bool applied = false;
+  std::string reason;
+  std::vector<double> frames = {};  ///< in the rig's order, where they were applied
+};
+
+/// metrics["calibration_offsets"].
+nlohmann::ordered_json OffsetUseJson(const OffsetUse& use);
+
+/// The calibration's offsets are not applied, for this reason; nothing without offsets.
+std::optional<OffsetUse> OffsetsUnused(const geometry::Rig& rig, const std::string& why);
 
 /// Applies the calibration's offsets to the detections: with kAuto when the take confirms them.
-void ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& options, const RunContext& run, PoseInput* input,
-                             CommandResult* result);
+std::optional<OffsetUse> ApplyCalibrationOffsets(AutoOnOff how, const triangulate::TakeOptions& options, const RunContext& run,
+                                                 PoseInput* input, InputNotes* notes);
 
 }  // namespace mvstudio::stages

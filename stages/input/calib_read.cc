@@ -123,13 +123,13 @@ void RequirePoses(const geometry::Rig& rig, const std::string& path) {
                     "or by people or a wand (`mvstudio calib refine`, option 'from-keypoints')");
 }
 
-void AddDoubts(const geometry::Rig& rig, CommandResult* result) { AddNotes(geometry::DoubtsAbout(rig), result); }
+void AddDoubts(const geometry::Rig& rig, InputNotes* notes) { AddNotes(geometry::DoubtsAbout(rig), notes); }
 
-void AddNotes(const std::vector<Notice>& notes, CommandResult* result) {
-  for (const Notice& note : notes) {
-    const bool said = std::any_of(result->warnings.begin(), result->warnings.end(),
+void AddNotes(const std::vector<Notice>& more, InputNotes* notes) {
+  for (const Notice& note : more) {
+    const bool said = std::any_of(notes->warnings.begin(), notes->warnings.end(),
                                   [&](const auto& warning) { return warning.code == note.code && warning.text == note.text; });
-    if (!said) result->warnings.push_back(note);
+    if (!said) notes->warnings.push_back(note);
   }
 }
 

@@ -34,10 +34,10 @@ struct CalibReadOptions {
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, const CalibReadOptions& options);
 
 /// Turns notes into warnings.
-void AddNotes(const std::vector<Notice>& notes, CommandResult* result);
+void AddNotes(const std::vector<Notice>& more, InputNotes* notes);
 
 /// Same for a calibration that was read without notes: implausible properties become warnings.
-void AddDoubts(const geometry::Rig& rig, CommandResult* result);
+void AddDoubts(const geometry::Rig& rig, InputNotes* notes);
 
 /// "auto" and the names of calib::CalibrationFormat one by one, with their aliases.
 std::vector<std::string> CalibrationFormatChoices();

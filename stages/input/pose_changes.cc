@@ -318,21 +318,21 @@ void RefuseEqual(const std::vector<Pose2dTrack>& tracks, const geometry::Rig& ri
   }
 }
 
-std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there, CommandResult* result) {
+std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there, InputNotes* notes) {
   if (changes.frames.empty()) return there;
   FrameChoice choice =
       KnownFrames("option 'frames'", ParseRanges("option 'frames'", changes.frames), there, "the 2D poses of all cameras");
-  TellFrames(choice.beyond, result);
+  TellFrames(choice.beyond, notes);
   return std::move(choice.frames);
 }
 
-void LimitFrames(const PoseChanges& changes, std::vector<Pose2dTrack>* tracks, CommandResult* result) {
+void LimitFrames(const PoseChanges& changes, std::vector<Pose2dTrack>* tracks, InputNotes* notes) {
   if (changes.frames.empty()) return;
   std::vector<int> there;
   for (const Pose2dTrack& track : *tracks) {
     for (const auto& [frame, people] : track.frames) there.push_back(frame);
   }
-  const std::vector<int> kept = LimitFrames(changes, there, result);
+  const std::vector<int> kept = LimitFrames(changes, there, notes);
   for (Pose2dTrack& track : *tracks) {
     for (auto it = track.frames.begin(); it != track.frames.end();)
       it = std::binary_search(kept.begin(), kept.end(), it->first) ? std::next(it) : track.frames.erase(it);

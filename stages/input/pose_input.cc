@@ -15,15 +15,15 @@
 namespace mvstudio::stages {
 namespace {
 
-void ListSkipped(const std::vector<std::string>& skipped, CommandResult* result) {
+void ListSkipped(const std::vector<std::string>& skipped, InputNotes* notes) {
   constexpr size_t kShown = 5;
   if (skipped.empty()) return;
-  result->exit = kExitPartial;
+  notes->partial = true;
   for (size_t i = 0; i < std::min(skipped.size(), kShown); ++i) {
-    result->warnings.push_back({"POSE-SKIPPED", skipped[i], "the rest was used; run the detector again on these frames"});
+    notes->warnings.push_back({"POSE-SKIPPED", skipped[i], "the rest was used; run the detector again on these frames"});
   }
   if (skipped.size() > kShown) {
-    result->warnings.push_back({"POSE-SKIPPED", "and " + std::to_string(skipped.size() - kShown) + " more", ""});
+    notes->warnings.push_back({"POSE-SKIPPED", "and " + std::to_string(skipped.size() - kShown) + " more", ""});
   }
 }
 
@@ -38,17 +38,17 @@ std::string SkeletonNameOf(const PoseArguments& arguments) {
 
 geometry::Skeleton SkeletonOf(const PoseArguments& arguments) { return geometry::SkeletonFrom(SkeletonNameOf(arguments)); }
 
-PoseInput ReadRig(const PoseArguments& arguments, CommandResult* result) {
+PoseInput ReadRig(const PoseArguments& arguments, InputNotes* notes) {
   if (arguments.pose2d.empty() == arguments.points2d.empty())
     throw UsageError("give either option 'pose2d' or option 'points2d'");
   PoseInput input;
-  result->inputs.push_back(arguments.calib);
-  if (geometry::IsSkeletonFile(SkeletonNameOf(arguments))) result->inputs.push_back(SkeletonNameOf(arguments));
+  notes->inputs.push_back(arguments.calib);
+  if (geometry::IsSkeletonFile(SkeletonNameOf(arguments))) notes->inputs.push_back(SkeletonNameOf(arguments));
   CalibReadOptions read;
   if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "unit", &read.unit);
   read.invert = arguments.invert, read.mirror = arguments.mirror;
   const calib::ImportedRig imported = ReadCalibrationFiles({arguments.calib}, read);
-  AddNotes(imported.notes, result);
+  AddNotes(imported.notes, notes);
   input.rig = imported.rig;
   if (!arguments.lenses_suffice) RequirePoses(input.rig, arguments.calib);
   return input;
@@ -61,12 +61,12 @@ void CheckNamedOnce(const std::vector<NamedPath>& pose2d) {
   }
 }
 
-void TakeSet(dataset::Pose2dSet set, const std::vector<std::string>& paths, CommandResult* result, PoseInput* input) {
+void TakeSet(dataset::Pose2dSet set, const std::vector<std::string>& paths, InputNotes* notes, PoseInput* input) {
   input->skeleton = std::move(set.skeleton);
   input->tracks = std::move(set.tracks);
-  result->inputs.insert(result->inputs.end(), paths.begin(), paths.end());
-  ListSkipped(set.skipped, result);
-  for (const dataset::Pose2dTrack& track : input->tracks) ListSkipped(track.skipped, result);
+  notes->inputs.insert(notes->inputs.end(), paths.begin(), paths.end());
+  ListSkipped(set.skipped, notes);
+  for (const dataset::Pose2dTrack& track : input->tracks) ListSkipped(track.skipped, notes);
 }
 
 std::vector<std::string> PathsOf(const std::vector<NamedPath>& pose2d) {
@@ -75,17 +75,17 @@ std::vector<std::string> PathsOf(const std::vector<NamedPath>& pose2d) {
   return paths;
 }
 
-void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, CommandResult* result, PoseInput* input) {
+void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, InputNotes* notes, PoseInput* input) {
   CheckNamedOnce(arguments.pose2d);
   if (HasTrackerFile(arguments.pose2d))
-    return TakeSet(ReadTrackerFiles(arguments, result), PathsOf(arguments.pose2d), result, input);
+    return TakeSet(ReadTrackerFiles(arguments, notes), PathsOf(arguments.pose2d), notes, input);
   input->skeleton = SkeletonOf(arguments);
   for (const auto& [camera, path] : arguments.pose2d) {
     const bool file = std::filesystem::is_regular_file(path);
     input->tracks.push_back(file ? dataset::ReadPoseResults(path, camera, input->skeleton)
                                  : dataset::ReadOpenPoseFolder(path, camera, input->skeleton, range));
-    result->inputs.push_back(path);
-    ListSkipped(input->tracks.back().skipped, result);
+    notes->inputs.push_back(path);
+    ListSkipped(input->tracks.back().skipped, notes);
   }
 }
 
@@ -103,7 +103,7 @@ void LeaveOutJoints(const std::vector<std::string>& names, PoseInput* input) {
 }
 
 /// Joints of a skeleton that was asked for and that no file gives.
-void WarnOfMissing(const PoseInput& input, CommandResult* result) {
+void WarnOfMissing(const PoseInput& input, InputNotes* notes) {
   std::vector<char> seen(input.skeleton.joints.size(), 0);
   for (const dataset::Pose2dTrack& track : input.tracks) {
     for (const auto& [frame, people] : track.frames) {
@@ -117,13 +117,13 @@ void WarnOfMissing(const PoseInput& input, CommandResult* result) {
     if (!seen[j]) missing.push_back(input.skeleton.joints[j]);
   }
   if (missing.empty()) return;
-  result->warnings.push_back({"POSE-JOINTS-MISSING",
-                              "the files have none of these joints of skeleton " + input.skeleton.name + ": " + SomeOf(missing),
-                              "joints are found by their names: the skeleton's must be those of the files"});
+  notes->warnings.push_back({"POSE-JOINTS-MISSING",
+                             "the files have none of these joints of skeleton " + input.skeleton.name + ": " + SomeOf(missing),
+                             "joints are found by their names: the skeleton's must be those of the files"});
 }
 
 /// Frames that some cameras lack have fewer partners; cut videos would look the same.
-void WarnOfFrames(const PoseInput& input, CommandResult* result) {
+void WarnOfFrames(const PoseInput& input, InputNotes* notes) {
   constexpr double kFew = 0.9;
   constexpr size_t kLeastFrames = 10;
   std::set<int> all;
@@ -138,22 +138,22 @@ void WarnOfFrames(const PoseInput& input, CommandResult* result) {
                std::to_string(track.frames.begin()->first) + " to " + std::to_string(track.frames.rbegin()->first) + ")";
   }
   if (lacking.empty()) return;
-  result->warnings.push_back({"POSE-FRAMES-DIFFER",
-                              "of " + std::to_string(all.size()) + " frames (" + std::to_string(*all.begin()) + " to " +
-                                  std::to_string(*all.rbegin()) + ") " + lacking + ": the others have no partner there",
-                              "if its video begins or ends elsewhere, frames with equal numbers may be other moments: "
-                              "mvstudio sync finds offsets"});
+  notes->warnings.push_back({"POSE-FRAMES-DIFFER",
+                             "of " + std::to_string(all.size()) + " frames (" + std::to_string(*all.begin()) + " to " +
+                                 std::to_string(*all.rbegin()) + ") " + lacking + ": the others have no partner there",
+                             "if its video begins or ends elsewhere, frames with equal numbers may be other moments: "
+                             "mvstudio sync finds offsets"});
 }
 
 /// The same camera under two names: triangulation counts its pixels once.
-void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<std::string>& cameras, CommandResult* result) {
+void WarnOfDuplicates(const geometry::Rig& rig, const std::vector<std::string>& cameras, InputNotes* notes) {
   if (geometry::HasLensesOnly(rig)) return;
   const std::vector<int> duplicate_of = triangulate::Prepare(rig).duplicate_of;
   for (const std::string& name : cameras) {
     const int camera = rig.Find(name);
     if (camera < 0 || duplicate_of[static_cast<size_t>(camera)] < 0) continue;
     const std::string& original = rig.cameras[static_cast<size_t>(duplicate_of[static_cast<size_t>(camera)])].camera.name;
-    result->warnings.push_back(
+    notes->warnings.push_back(
         {"TRI-DUPLICATE", name + " has the lens and the place of " + original + ": it counts once where their pixels agree",
          "leave one of the two out"});
   }
@@ -174,27 +174,27 @@ void Change(const PoseArguments& arguments, const geometry::Rig& rig, PoseInput*
   LeaveOutJoints(arguments.without_joints, input);
 }
 
-void CheckCameras(const PoseInput& input, CommandResult* result) {
+void CheckCameras(const PoseInput& input, InputNotes* notes) {
   if (input.cameras.size() < 2) throw UsageError("at least two cameras are needed, option 'pose2d' NAME=FOLDER once for each");
-  WarnOfDuplicates(input.rig, input.cameras, result);
+  WarnOfDuplicates(input.rig, input.cameras, notes);
 }
 
 /// All but the frames.
-PoseInput ReadWholeTracks(const PoseArguments& arguments, CommandResult* result) {
-  PoseInput input = ReadRig(arguments, result);
+PoseInput ReadWholeTracks(const PoseArguments& arguments, InputNotes* notes) {
+  PoseInput input = ReadRig(arguments, notes);
   if (arguments.points2d.empty()) {
-    ReadTracks(arguments, {}, result, &input);
-    LimitFrames(arguments.changes, &input.tracks, result);
-    WarnOfFrames(input, result);
+    ReadTracks(arguments, {}, notes, &input);
+    LimitFrames(arguments.changes, &input.tracks, notes);
+    WarnOfFrames(input, notes);
   } else {
-    TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, result), {arguments.points2d}, result, &input);
-    LimitFrames(arguments.changes, &input.tracks, result);
+    TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, notes), {arguments.points2d}, notes, &input);
+    LimitFrames(arguments.changes, &input.tracks, notes);
   }
   const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
-  if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, result);
+  if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, notes);
   Change(arguments, input.rig, &input);
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
-  CheckCameras(input, result);
+  CheckCameras(input, notes);
   input.limbs = LimbsOf(input.skeleton);
   return input;
 }
@@ -222,17 +222,17 @@ triangulate::TakeBody BodyOf(const geometry::Skeleton& skeleton) {
   return body;
 }
 
-PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result) {
-  PoseInput input = ReadWholeTracks(arguments, result);
+PoseInput ReadPoseInput(const PoseArguments& arguments, InputNotes* notes) {
+  PoseInput input = ReadWholeTracks(arguments, notes);
   input.frames = ToFrames(input.tracks, input.rig, arguments.calib);
   return input;
 }
 
-PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : arguments_(arguments) {
+PoseParts::PoseParts(const PoseArguments& arguments, InputNotes* notes) : arguments_(arguments) {
   std::set<int> numbers;
   const auto is_folder = [](const NamedPath& named) { return std::filesystem::is_directory(named.path); };
   if (arguments.points2d.empty() && std::all_of(arguments.pose2d.begin(), arguments.pose2d.end(), is_folder)) {
-    input_ = ReadRig(arguments, result);
+    input_ = ReadRig(arguments, notes);
     input_.skeleton = SkeletonOf(arguments);
     input_.limbs = LimbsOf(input_.skeleton);
     if (!arguments.changes.rate.empty())
@@ -244,11 +244,11 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
       num_files_[camera] = frames.size();
       numbers.insert(frames.begin(), frames.end());
     }
-    const std::vector<int> kept = LimitFrames(arguments.changes, std::vector<int>(numbers.begin(), numbers.end()), result);
+    const std::vector<int> kept = LimitFrames(arguments.changes, std::vector<int>(numbers.begin(), numbers.end()), notes);
     numbers = std::set<int>(kept.begin(), kept.end());
-    CheckCameras(input_, result);
+    CheckCameras(input_, notes);
   } else {
-    input_ = ReadWholeTracks(arguments, result);
+    input_ = ReadWholeTracks(arguments, notes);
     tracks_.swap(input_.tracks);
     for (const dataset::Pose2dTrack& track : tracks_) {
       for (const auto& [frame, people] : track.frames) numbers.insert(frame);
@@ -257,13 +257,13 @@ PoseParts::PoseParts(const PoseArguments& arguments, CommandResult* result) : ar
   numbers_.assign(numbers.begin(), numbers.end());
 }
 
-std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end, CommandResult* result) const {
+std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end, InputNotes* notes) const {
   end = std::min(end, numbers_.size());
   if (begin >= end) return {};
   const dataset::FrameRange range{numbers_[begin], numbers_[end - 1], true};
   if (!tracks_.empty()) return ToFrames(tracks_, input_.rig, arguments_.calib, range);
   PoseInput part;
-  CommandResult own;
+  InputNotes own;
   ReadTracks(arguments_, range, &own, &part);
   LimitToNumbers(numbers_, &part);
   Change(arguments_, input_.rig, &part);
@@ -274,8 +274,8 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
       throw FormatError("camera " + track.camera, "",
                         "more than half of its files cannot be read; the first: " + *damaged.begin());
   }
-  if (own.exit != kExitOk) result->exit = own.exit;
-  result->warnings.insert(result->warnings.end(), own.warnings.begin(), own.warnings.end());
+  notes->partial = notes->partial || own.partial;
+  notes->warnings.insert(notes->warnings.end(), own.warnings.begin(), own.warnings.end());
   return ToFrames(part.tracks, input_.rig, arguments_.calib);
 }
 

@@ -5,16 +5,22 @@
 #include <string>
 #include <vector>
 
+#include "core/join.h"
 #include "dataset/pose/pose2d.h"
 #include "geometry/rig/rig.h"
 #include "geometry/skeleton/skeleton.h"
 #include "stages/input/pose_changes.h"
-#include "stages/result.h"
+#include "stages/input_notes.h"
 #include "stages/words.h"
 #include "triangulate/take/take.h"
 
 /// A calibration and its cameras' 2D joints of people: the input of every command that works on 2D joints.
 namespace mvstudio::stages {
+
+inline constexpr char kInvertHelp[] =
+    "the file gives poses the other way round (world from camera for camera from world): invert them";
+inline constexpr char kMirrorHelp[] =
+    "the file is left-handed (x right, y up, z forward, of world and cameras): turn y over in both";
 
 struct PoseArguments {
   std::string calib;
@@ -29,6 +35,30 @@ struct PoseArguments {
   PoseChanges changes = {};
   std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, DeepLabCut's and SLEAP's too, one per camera
 };
+
+/// What triangulate and sync take; the other fields are filled from projects and by other commands.
+template <class Visitor>
+void VisitFields(Visitor&& visit, PoseArguments& o) {
+  StartGroup(visit, "Calibration and 2D joints");
+  visit("calib", o.calib, "calibration file: ours, Panoptic's, or any that calib convert reads");
+  visit("pose2d", o.pose2d,
+        "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video: COCO, AlphaPose, MMPose, "
+        "DeepLabCut (.h5, .csv), SLEAP (analysis .h5, .csv); repeat for each camera");
+  visit("points2d", o.points2d,
+        "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals, or "
+        "caliscope's xy_TRACKER.csv");
+  visit("skeleton", o.skeleton,
+        Join(geometry::SkeletonNames(), " | ") +
+            ", or a file FILE.toml of your own (docs/formats.md); body25 unless given, of option 'points2d', DeepLabCut and "
+            "SLEAP "
+            "the joints in the file");
+  VisitStyled(visit, OptionStyle::kList, "without-joint", o.without_joints,
+              "names of joints, with commas, whose detections are left out");
+  visit("unit,calib-unit", o.calib_unit, "m, cm, mm or in: of a calibration that names no unit; m unless given");
+  VisitStyled(visit, OptionStyle::kSwitch, "invert", o.invert, kInvertHelp);
+  VisitStyled(visit, OptionStyle::kSwitch, "mirror", o.mirror, kMirrorHelp);
+  VisitFields(visit, o.changes);
+}
 
 struct PoseInput {
   geometry::Rig rig;
@@ -48,20 +78,20 @@ triangulate::TakeBody BodyOf(const geometry::Skeleton& skeleton);
 
 /// Reads everything; the files become inputs of `result`. Unreadable parts are listed in its warnings and make it partial
 /// (exit 6). Throws UsageError for fewer than two cameras or one given twice.
-PoseInput ReadPoseInput(const PoseArguments& arguments, CommandResult* result);
+PoseInput ReadPoseInput(const PoseArguments& arguments, InputNotes* notes);
 
 /// Same in parts, for takes larger than memory. Folders of OpenPose files are read as needed; of data in a single file the
 /// tracks are held, 24 bytes for each joint of each image.
 class PoseParts {
  public:
-  PoseParts(const PoseArguments& arguments, CommandResult* result);
+  PoseParts(const PoseArguments& arguments, InputNotes* notes);
 
   /// Without tracks and frames.
   const PoseInput& input() const { return input_; }
   size_t num_frames() const { return numbers_.size(); }
   /// The frames with indices [begin, end) of the take. Lists unreadable files; throws FormatError once they are more than
   /// half of a camera's files.
-  std::vector<triangulate::DetectedFrame> Read(size_t begin, size_t end, CommandResult* result) const;
+  std::vector<triangulate::DetectedFrame> Read(size_t begin, size_t end, InputNotes* notes) const;
 
  private:
   PoseArguments arguments_;

@@ -27,9 +27,9 @@ const dataset::SessionTake& BoardTake(const dataset::Session& session, const std
   return *board;
 }
 
-void AddWarnings(const dataset::Session& session, CommandResult* result) {
+void AddWarnings(const dataset::Session& session, InputNotes* notes) {
   for (const std::string& warning : session.warnings)
-    result->warnings.push_back({"SES-KEY", warning, "see docs/formats.md for the keys of mvstudio.toml"});
+    notes->warnings.push_back({"SES-KEY", warning, "see docs/formats.md for the keys of mvstudio.toml"});
 }
 
 /// Frames of a track under new numbers; those without one are left out. True when any number changed.
@@ -49,12 +49,12 @@ bool Renumber(const std::vector<std::pair<int64_t, int64_t>>& numbers, dataset::
 
 }  // namespace
 
-std::optional<FoundTake> FindTake(const SessionArguments& arguments, CommandResult* result) {
+std::optional<FoundTake> FindTake(const SessionArguments& arguments, InputNotes* notes) {
   if (arguments.session.empty() && !arguments.take.empty()) throw UsageError("option 'take' needs option 'session'");
   if (arguments.session.empty()) return std::nullopt;
   FoundTake found{dataset::ReadSession(arguments.session, arguments.allow_outside), {}};
   found.take = dataset::TakeOf(found.session, arguments.take);
-  AddWarnings(found.session, result);
+  AddWarnings(found.session, notes);
   return found;
 }
 
@@ -74,10 +74,10 @@ void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseAr
   }
 }
 
-void LeaveOutUncalibrated(PoseArguments* pose, CommandResult* result) {
+void LeaveOutUncalibrated(PoseArguments* pose, InputNotes* notes) {
   std::vector<std::string> cameras, kept;
   for (const NamedPath& named : pose->pose2d) cameras.push_back(named.name);
-  if (cameras.empty() || !NameUncalibrated(pose->calib, cameras, &kept, result)) return;
+  if (cameras.empty() || !NameUncalibrated(pose->calib, cameras, &kept, notes)) return;
   const auto is_out = [&](const NamedPath& named) { return std::find(kept.begin(), kept.end(), named.name) == kept.end(); };
   pose->pose2d.erase(std::remove_if(pose->pose2d.begin(), pose->pose2d.end(), is_out), pose->pose2d.end());
 }
@@ -97,12 +97,12 @@ std::vector<std::string> CamerasWithoutBoard(const SessionArguments& arguments) 
   return without;
 }
 
-void FillCorners(const SessionArguments& arguments, CornerArguments* corners, CommandResult* result) {
+void FillCorners(const SessionArguments& arguments, CornerArguments* corners, InputNotes* notes) {
   if (arguments.session.empty() && !arguments.take.empty()) throw UsageError("option 'take' needs option 'session'");
   corners->boards = calib::SingleBoards(corners->boards);
   if (arguments.session.empty()) return;
   const dataset::Session session = dataset::ReadSession(arguments.session, arguments.allow_outside);
-  AddWarnings(session, result);
+  AddWarnings(session, notes);
   if (corners->boards.empty()) {
     if (session.board.empty())
       throw UsageError(session.folder + "/mvstudio.toml names no board: add board = \"…\", or give option 'board'");
@@ -116,7 +116,7 @@ void FillCorners(const SessionArguments& arguments, CornerArguments* corners, Co
   for (const dataset::SessionFootage& f : take.footage)
     corners->cameras.push_back({f.camera, dataset::ResolveInSession(session, f.path, arguments.allow_outside)});
   if (corners->cameras.empty()) throw UsageError("take " + take.name + " of " + session.folder + " has no footage");
-  if (corners->cameras.size() > 1) corners->timeline = TimelineOf(session, take, arguments.allow_outside, true, result);
+  if (corners->cameras.size() > 1) corners->timeline = TimelineOf(session, take, arguments.allow_outside, true, notes);
 }
 
 bool RenumberByClock(const FoundTake& found, const SessionArguments& arguments, PoseInput* input) {

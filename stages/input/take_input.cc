@@ -16,7 +16,7 @@ namespace {
 
 using dataset::CameraFootage;
 
-void AddFootage(const std::string& option, const std::vector<NamedPath>& footage, TakeInput* input, CommandResult* result) {
+void AddFootage(const std::string& option, const std::vector<NamedPath>& footage, TakeInput* input, InputNotes* notes) {
   for (const NamedPath& named : footage) {
     const auto& [camera, path] = named;
     const std::string word = option + " " + ToString(named);
@@ -26,28 +26,28 @@ void AddFootage(const std::string& option, const std::vector<NamedPath>& footage
     if (!why.empty()) throw UsageError(word + ": a camera's name becomes a file name, and this one " + why);
     if (twice) throw UsageError(word + ": camera " + camera + " was given footage twice");
     input->footage.push_back({camera, path, ""});
-    result->inputs.push_back(path);
+    notes->inputs.push_back(path);
   }
 }
 
 void WarnIfOlder(const dataset::Session& session, const dataset::SessionTake& take, const std::string& timeline,
-                 bool allow_outside, CommandResult* result) {
+                 bool allow_outside, InputNotes* notes) {
   std::error_code error;
   const auto written = std::filesystem::last_write_time(timeline, error);
   for (const dataset::SessionFootage& f : take.footage) {
     const auto filmed = std::filesystem::last_write_time(dataset::ResolveInSession(session, f.path, allow_outside), error);
     if (error || filmed <= written) continue;
-    result->warnings.push_back({"SES-TIMELINE", timeline + " is older than the footage of camera " + f.camera,
-                                "run mvstudio session timeline again if the footage changed"});
+    notes->warnings.push_back({"SES-TIMELINE", timeline + " is older than the footage of camera " + f.camera,
+                               "run mvstudio session timeline again if the footage changed"});
     return;
   }
 }
 
-void ReadSessionTake(const TakeArguments& arguments, TakeInput* input, CommandResult* result) {
+void ReadSessionTake(const TakeArguments& arguments, TakeInput* input, InputNotes* notes) {
   input->session = dataset::ReadSession(arguments.session, arguments.allow_outside);
   const dataset::Session& session = *input->session;
   for (const std::string& warning : session.warnings) {
-    result->warnings.push_back({"SES-KEY", warning, "see docs/formats.md for the keys of mvstudio.toml"});
+    notes->warnings.push_back({"SES-KEY", warning, "see docs/formats.md for the keys of mvstudio.toml"});
   }
   const dataset::SessionTake& take = dataset::TakeOf(session, arguments.take);
   if (take.footage.empty()) throw UsageError("take " + take.name + " of " + session.folder + " has no footage");
@@ -55,12 +55,12 @@ void ReadSessionTake(const TakeArguments& arguments, TakeInput* input, CommandRe
   input->fps_hz = take.fps_hz.value_or(session.fps_hz.value_or(0));
   input->calibration = dataset::CalibrationOf(session, arguments.allow_outside);
   const auto timeline =
-      arguments.with_timeline ? TimelineOf(session, take, arguments.allow_outside, arguments.make_timeline, result) : nullptr;
+      arguments.with_timeline ? TimelineOf(session, take, arguments.allow_outside, arguments.make_timeline, notes) : nullptr;
   for (const dataset::SessionFootage& f : take.footage) {
     CameraFootage footage{f.camera, dataset::ResolveInSession(session, f.path, arguments.allow_outside), ""};
     if (!f.plate.empty()) footage.plate = dataset::ResolveInSession(session, f.plate, arguments.allow_outside);
     footage.timeline = timeline;
-    result->inputs.push_back(footage.path);
+    notes->inputs.push_back(footage.path);
     input->footage.push_back(std::move(footage));
   }
 }
@@ -104,11 +104,11 @@ void RefuseSameFootage(const std::vector<NamedPath>& footage, bool of_session) {
 }
 
 std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& session, const dataset::SessionTake& take,
-                                                    bool allow_outside, bool make, CommandResult* result) {
+                                                    bool allow_outside, bool make, InputNotes* notes) {
   const std::string path = dataset::TimelinePath(session, take.name);
   if (std::filesystem::exists(path)) {
-    result->inputs.push_back(path);
-    WarnIfOlder(session, take, path, allow_outside, result);
+    notes->inputs.push_back(path);
+    WarnIfOlder(session, take, path, allow_outside, notes);
     return std::make_shared<dataset::Timeline>(dataset::ReadTimeline(path));
   }
   const bool related = !take.timestamps.empty() || !dataset::SyncPathOf(session, take, allow_outside).empty();
@@ -117,13 +117,13 @@ std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& sess
   options.allow_outside = allow_outside;
   dataset::TakeTimeline made = dataset::BuildTakeTimeline(session, take, options);
   for (const std::string& note : made.notes) {
-    result->warnings.push_back({"SES-TIMELINE", note, "see mvstudio session timeline"});
+    notes->warnings.push_back({"SES-TIMELINE", note, "see mvstudio session timeline"});
   }
   return std::make_shared<dataset::Timeline>(std::move(made.timeline));
 }
 
 bool NameUncalibrated(const std::string& calibration, const std::vector<std::string>& cameras, std::vector<std::string>* kept,
-                      CommandResult* result) {
+                      InputNotes* notes) {
   const geometry::Rig rig = ReadCalibrationFiles({calibration}, {}).rig;
   std::vector<std::string> out;
   for (const std::string& camera : cameras) (rig.Find(camera) >= 0 ? *kept : out).push_back(camera);
@@ -133,17 +133,17 @@ bool NameUncalibrated(const std::string& calibration, const std::vector<std::str
                       "has no " + Join(out, ", ") + ", so fewer than two cameras are left; it has " +
                           Join(geometry::CameraNames(rig), ", ") + ": calibrate them, or give the session its names");
   }
-  result->warnings.push_back({"CAL-LEFTOUT", calibration + " has no calibration of " + Join(out, ", ") + ": left out here",
-                              "film the board with it and calibrate again; the other cameras are used"});
-  if (result->exit == kExitOk) result->exit = kExitPartial;
+  notes->warnings.push_back({"CAL-LEFTOUT", calibration + " has no calibration of " + Join(out, ", ") + ": left out here",
+                             "film the board with it and calibrate again; the other cameras are used"});
+  notes->partial = true;
   return true;
 }
 
-void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, CommandResult* result) {
+void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, InputNotes* notes) {
   if (!take->session || calibration.empty()) return;
   std::vector<std::string> cameras, kept;
   for (const CameraFootage& footage : take->footage) cameras.push_back(footage.camera);
-  if (!NameUncalibrated(calibration, cameras, &kept, result)) return;
+  if (!NameUncalibrated(calibration, cameras, &kept, notes)) return;
   const auto is_out = [&](const CameraFootage& f) { return std::find(kept.begin(), kept.end(), f.camera) == kept.end(); };
   take->footage.erase(std::remove_if(take->footage.begin(), take->footage.end(), is_out), take->footage.end());
 }
@@ -152,22 +152,22 @@ std::string TakeInput::Folder(const std::string& kind, const std::string& camera
   return session ? dataset::TakeFolder(*session, kind, take, camera) : "";
 }
 
-TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result) {
+TakeInput ReadTakeInput(const TakeArguments& arguments, InputNotes* notes) {
   TakeInput input;
   const bool named = !arguments.video.empty() || !arguments.images.empty();
   if (!arguments.session.empty() && named)
     throw UsageError("give either option 'session', or option 'video' and option 'images'");
   if (arguments.session.empty() && !arguments.take.empty()) throw UsageError("option 'take' needs option 'session'");
-  if (!arguments.session.empty()) ReadSessionTake(arguments, &input, result);
-  AddFootage("option 'video'", arguments.video, &input, result);
-  AddFootage("option 'images'", arguments.images, &input, result);
+  if (!arguments.session.empty()) ReadSessionTake(arguments, &input, notes);
+  AddFootage("option 'video'", arguments.video, &input, notes);
+  AddFootage("option 'images'", arguments.images, &input, notes);
   for (const NamedPath& plate : arguments.plate) {
     const auto found = std::find_if(input.footage.begin(), input.footage.end(),
                                     [&](const CameraFootage& f) { return f.camera == plate.name; });
     if (found == input.footage.end())
       throw UsageError("option 'plate' " + ToString(plate) + ": camera " + plate.name + " has no footage");
     found->plate = plate.path;
-    result->inputs.push_back(plate.path);
+    notes->inputs.push_back(plate.path);
   }
   std::vector<NamedPath> named_footage;
   for (const CameraFootage& footage : input.footage) named_footage.push_back({footage.camera, footage.path});

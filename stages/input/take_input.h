@@ -8,7 +8,7 @@
 #include "dataset/build/build.h"
 #include "dataset/session/session.h"
 #include "dataset/time/timeline.h"
-#include "stages/result.h"
+#include "stages/input_notes.h"
 #include "stages/words.h"
 
 /// The footage of one take: the input of every command that reads images of people.
@@ -42,20 +42,20 @@ void RefuseSameFootage(const std::vector<NamedPath>& footage, bool of_session);
 
 /// Takes the footage of cameras that a session's calibration lacks out, names them (CAL-LEFTOUT) and makes the result partial.
 /// Does nothing without --session or calibration. Throws FormatError when fewer than two cameras would stay.
-void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, CommandResult* result);
+void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, InputNotes* notes);
 /// True where some of `cameras` stay out; `kept` are those that the calibration has.
 bool NameUncalibrated(const std::string& calibration, const std::vector<std::string>& cameras, std::vector<std::string>* kept,
-                      CommandResult* result);
+                      InputNotes* notes);
 
 /// Reads sync/TAKE.timeline.json. Without it, makes a timeline if the take has time stamps or a sync file and `make` is
 /// set; else null. Doubts become warnings.
 std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& session, const dataset::SessionTake& take,
-                                                    bool allow_outside, bool make, CommandResult* result);
+                                                    bool allow_outside, bool make, InputNotes* notes);
 
-/// Reads the footage's names and adds them to result->inputs; the session's warnings become warnings of the result. Throws
+/// Reads the footage's names and adds them to notes->inputs; the session's warnings become warnings of the result. Throws
 /// UsageError for a plate without footage, a camera given twice, or --session together with footage, FormatError for one
 /// recording under two names, and what ReadSession and ResolveInSession throw. --plate may replace plates of a session. The
 /// footage of a session has sync/TAKE.timeline.json, or a timeline made now when the take has time stamps or a sync file.
-TakeInput ReadTakeInput(const TakeArguments& arguments, CommandResult* result);
+TakeInput ReadTakeInput(const TakeArguments& arguments, InputNotes* notes);
 
 }  // namespace mvstudio::stages

@@ -18,23 +18,23 @@ TrackerKind KindOf(const std::string& path) {
   return std::filesystem::is_regular_file(path, error) ? dataset::DetectTracker(path) : TrackerKind::kNone;
 }
 
-void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>& joints, CommandResult* result) {
+void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>& joints, InputNotes* notes) {
   std::vector<std::string> lacking;
   for (const std::string& joint : joints) {
     if (std::find(camera.joints.begin(), camera.joints.end(), joint) == camera.joints.end()) lacking.push_back(joint);
   }
   if (!lacking.empty()) {
-    result->warnings.push_back({"POSE-JOINTS-DIFFER",
-                                camera.track.camera + ": its file lacks " + std::to_string(lacking.size()) + " of " +
-                                    std::to_string(joints.size()) + " joints that other cameras have: " + SomeOf(lacking),
-                                "the others still give these joints; track all cameras with one network if they should too"});
+    notes->warnings.push_back({"POSE-JOINTS-DIFFER",
+                               camera.track.camera + ": its file lacks " + std::to_string(lacking.size()) + " of " +
+                                   std::to_string(joints.size()) + " joints that other cameras have: " + SomeOf(lacking),
+                               "the others still give these joints; track all cameras with one network if they should too"});
   }
   if (camera.individuals.size() > 1) {
-    result->warnings.push_back({"POSE-INDIVIDUALS",
-                                camera.track.camera + ": " + std::to_string(camera.individuals.size()) + " individuals (" +
-                                    SomeOf(camera.individuals) +
-                                    "); they are matched across cameras by their places, and numbered, without their names",
-                                "option 'max-persons' says how many are kept"});
+    notes->warnings.push_back({"POSE-INDIVIDUALS",
+                               camera.track.camera + ": " + std::to_string(camera.individuals.size()) + " individuals (" +
+                                   SomeOf(camera.individuals) +
+                                   "); they are matched across cameras by their places, and numbered, without their names",
+                               "option 'max-persons' says how many are kept"});
   }
 }
 
@@ -68,7 +68,7 @@ bool HasTrackerFile(const std::vector<NamedPath>& pose2d) {
                      [](const NamedPath& named) { return KindOf(named.path) != TrackerKind::kNone; });
 }
 
-dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, CommandResult* result) {
+dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, InputNotes* notes) {
   std::vector<TrackedPoints> cameras;
   for (const auto& [camera, path] : arguments.pose2d) {
     if (KindOf(path) == TrackerKind::kNone) {
@@ -79,7 +79,7 @@ dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, CommandResul
     cameras.push_back(dataset::ReadTrackerFile(path, camera));
   }
   const std::vector<std::string> joints = dataset::UnitedJoints(cameras);
-  for (const TrackedPoints& camera : cameras) SayWhatDiffers(camera, joints, result);
+  for (const TrackedPoints& camera : cameras) SayWhatDiffers(camera, joints, notes);
   dataset::Pose2dSet set;
   set.skeleton = arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones)
                                             : geometry::SkeletonFrom(arguments.skeleton);
@@ -87,7 +87,7 @@ dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, CommandResul
   return set;
 }
 
-dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& skeleton, CommandResult* result) {
+dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& skeleton, InputNotes* notes) {
   const geometry::Skeleton given = skeleton.empty() ? geometry::Skeleton() : geometry::SkeletonFrom(skeleton);
   const geometry::Skeleton* named = skeleton.empty() ? nullptr : &given;
   const TrackerKind kind = KindOf(path);
@@ -100,10 +100,10 @@ dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& s
   }
   dataset::CaliscopePoints points = dataset::ReadCaliscopeCsv(path, named);
   if (points.num_beyond > 0) {
-    result->warnings.push_back({"POSE-POINTS-BEYOND",
-                                std::to_string(points.num_beyond) + " rows are of points that skeleton " + given.name +
-                                    " does not have, and are left out",
-                                "leave option 'skeleton' out to keep every point under its number"});
+    notes->warnings.push_back({"POSE-POINTS-BEYOND",
+                               std::to_string(points.num_beyond) + " rows are of points that skeleton " + given.name +
+                                   " does not have, and are left out",
+                               "leave option 'skeleton' out to keep every point under its number"});
   }
   return std::move(points.set);
 }

@@ -15,30 +15,27 @@ namespace {
 
 using nlohmann::ordered_json;
 
-/// What no centres of joints tell.
-constexpr char kNotDetermined[] =
-    "tilt of the pelvis against the trunk, adduction and rotation of the knee, inversion of the foot, turn of the forearm";
-
 bool HasUp(const dataset::Pose3d& pose) { return pose.world.find("axes of camera ") == std::string::npos; }
 
-ordered_json AngleJson(const markers::AngleTake& take, size_t angle) {
+AngleReport::Angle AngleFigures(const markers::AngleTake& take, size_t angle) {
   std::vector<double> values, sigmas;
-  std::map<std::string, int> missing;
+  AngleReport::Angle figures;
+  figures.name = markers::AngleDefinitions()[angle].name;
   for (int f = 0; f < take.num_frames(); ++f) {
     const markers::Angle& at = take.At(f, angle);
     if (at.status != markers::AngleStatus::kOk) {
-      ++missing[std::string(ToString(at.status))];
+      ++figures.missing[std::string(ToString(at.status))];
       continue;
     }
     values.push_back(at.deg);
     if (std::isfinite(at.sigma_deg)) sigmas.push_back(at.sigma_deg);
   }
-  ordered_json json = {{"frames", values.size()}, {"missing", missing}};
-  if (values.empty()) return json;
-  json["min_deg"] = *std::min_element(values.begin(), values.end());
-  json["max_deg"] = *std::max_element(values.begin(), values.end());
-  json["median_sigma_deg"] = FiniteOrNull(UpperMedian(std::move(sigmas), std::nan("")));
-  return json;
+  figures.num_frames = static_cast<int>(values.size());
+  if (values.empty()) return figures;
+  figures.min_deg = *std::min_element(values.begin(), values.end());
+  figures.max_deg = *std::max_element(values.begin(), values.end());
+  figures.median_sigma_deg = UpperMedian(std::move(sigmas), std::nan(""));
+  return figures;
 }
 
 }  // namespace
@@ -59,20 +56,8 @@ AngleFiles AnglesOfPerson(const markers::MarkerTake& take, const dataset::Pose3d
   const markers::AngleTake angles = AnglesOf(take, HasUp(pose), covariance);
   AngleFiles files;
   files.csv = AnglesCsvText(angles), files.mot = MotText(angles, name);
-  int told = 0, partly = 0;
-  std::string gone;
-  for (size_t a = 0; a < markers::AngleDefinitions().size(); ++a) {
-    const ordered_json json = AngleJson(angles, a);
-    const int frames = json["frames"].get<int>();
-    const std::string& angle = markers::AngleDefinitions()[a].name;
-    files.metrics[angle] = json;
-    told += frames > 0, partly += frames > 0 && frames < angles.num_frames();
-    if (frames == 0) gone += (gone.empty() ? "" : ", ") + angle;
-  }
-  files.text = Format("person %d: %d of %zu joint angles", take.person, told, markers::AngleDefinitions().size());
-  if (partly > 0) files.text += Format(", %d of them not in every frame (`status` says why)", partly);
-  if (!gone.empty()) files.text += "; in no frame: " + gone;
-  files.text += std::string("; no joint centres tell: ") + kNotDetermined + "\n";
+  files.report.num_frames = angles.num_frames();
+  for (size_t a = 0; a < markers::AngleDefinitions().size(); ++a) files.report.angles.push_back(AngleFigures(angles, a));
   return files;
 }
 

@@ -74,21 +74,16 @@ std::string Shown(const std::vector<std::string>& texts) {
 }
 
 /// Limbs of people, of another size: metres taken for other units.
-void CheckScale(const std::map<int, LimbMeans>& persons, CommandResult* result) {
+std::optional<LimbJudgement::Thigh> ThighOfWrongSize(const std::map<int, LimbMeans>& persons) {
   constexpr double kLeastThighM = 0.12, kMostThighM = 0.75;  // an infant's, more than the tallest person's
   for (const auto& [person, means] : persons) {
     for (const char* thigh : {"RHip-RKnee", "LHip-LKnee"}) {
       const auto found = means.find(thigh);
       if (found == means.end() || (found->second > kLeastThighM && found->second < kMostThighM)) continue;
-      result->warnings.push_back(
-          {"TRI-SCALE",
-           Format("person %d: the thigh %s is %.4g m long, its proportions are those of a person", person, thigh,
-                  found->second),
-           "the calibration's unit is not the metre, or its board's size was wrong: scale the rig by a known "
-           "length, or calibrate with the measured board"});
-      return;
+      return LimbJudgement::Thigh{person, thigh, found->second};
     }
   }
+  return std::nullopt;
 }
 
 /// Positions of one person in one frame, by joint.
@@ -154,29 +149,46 @@ std::vector<std::string> BonesOutOfRange(const std::vector<TakePoint>& points, c
   return texts;
 }
 
-void CheckLimbs(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result) {
-  const std::vector<std::string> beyond = BonesOutOfRange(take.points, input.skeleton);
-  if (!beyond.empty()) {
-    result->warnings.push_back(
-        {"TRI-LIMBS", "bones outside the lengths of skeleton " + input.skeleton.name + ": " + Shown(beyond),
-         "check the joints' names, the order of the cameras and the calibration's unit; else the range"});
-  }
-  if (!input.skeleton.human && !input.skeleton.bones.empty()) return;
+LimbJudgement JudgeLimbs(const triangulate::TakeResult& take, const PoseInput& input) {
+  LimbJudgement judgement;
+  judgement.out_of_range = BonesOutOfRange(take.points, input.skeleton);
+  if (!input.skeleton.human && !input.skeleton.bones.empty()) return judgement;
   const std::map<int, LimbMeans> persons = MeansOf(take.points, input.skeleton);
-  const std::vector<std::string> impossible = ImpossibleLimbsOf(persons);
-  if (impossible.empty()) return CheckScale(persons, result);
-  const std::vector<std::string> fitting = SkeletonsThatFit(take.points, input.skeleton);
-  if (!fitting.empty()) {
-    result->exit = kExitQualityGate;
-    result->errors.push_back({"TRI-SKELETON",
-                              "no person has such limbs: " + Shown(impossible) + "; read as " + Join(fitting, " or ") +
-                                  ", the same points have limbs of people",
-                              "the joints are probably not those of " + input.skeleton.name +
-                                  ": run again with option 'skeleton' " + fitting.front()});
-    return;
+  judgement.impossible = ImpossibleLimbsOf(persons);
+  if (judgement.impossible.empty()) {
+    judgement.wrong_size = ThighOfWrongSize(persons);
+  } else {
+    judgement.fitting = SkeletonsThatFit(take.points, input.skeleton);
   }
-  result->warnings.push_back({"TRI-LIMBS", "no person has such limbs: " + Shown(impossible),
-                              "check the skeleton of the detector, the order of the cameras and their calibration"});
+  return judgement;
+}
+
+CommandResult DescribeLimbs(const LimbJudgement& limbs, const std::string& skeleton) {
+  CommandResult result;
+  if (!limbs.out_of_range.empty()) {
+    result.warnings.push_back({"TRI-LIMBS",
+                               "bones outside the lengths of skeleton " + skeleton + ": " + Shown(limbs.out_of_range),
+                               "check the joints' names, the order of the cameras and the calibration's unit; else the range"});
+  }
+  const std::string impossible = "no person has such limbs: " + Shown(limbs.impossible);
+  if (limbs.WrongSkeleton()) {
+    result.exit = kExitQualityGate;
+    result.errors.push_back(
+        {"TRI-SKELETON", impossible + "; read as " + Join(limbs.fitting, " or ") + ", the same points have limbs of people",
+         "the joints are probably not those of " + skeleton + ": run again with option 'skeleton' " + limbs.fitting.front()});
+  } else if (!limbs.impossible.empty()) {
+    result.warnings.push_back(
+        {"TRI-LIMBS", impossible, "check the skeleton of the detector, the order of the cameras and their calibration"});
+  }
+  if (limbs.wrong_size) {
+    result.warnings.push_back(
+        {"TRI-SCALE",
+         Format("person %d: the thigh %s is %.4g m long, its proportions are those of a person", limbs.wrong_size->person,
+                limbs.wrong_size->name.c_str(), limbs.wrong_size->length_m),
+         "the calibration's unit is not the metre, or its board's size was wrong: scale the rig by a known "
+         "length, or calibrate with the measured board"});
+  }
+  return result;
 }
 
 double TrunkTiltDeg(const std::vector<TakePoint>& points, const geometry::Skeleton& skeleton) {
@@ -208,17 +220,16 @@ std::string WorldText(const geometry::Rig& rig) {
   return axes;
 }
 
-void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result) {
+CommandResult DescribeUp(double tilt, const geometry::Rig& rig, const std::string& folder) {
   constexpr double kMostTiltDeg = 45, kOnTheirHeadsDeg = 150;
-  const double tilt = TrunkTiltDeg(take.points, input.skeleton);
-  const std::string fixed_by = input.rig.gauge.empty() ? "not said" : input.rig.gauge;
-  result->metrics["world"] = {{"fixed_by", fixed_by}, {"trunk_tilt_deg", FiniteOrNull(tilt)}};
-  if (!(tilt > kMostTiltDeg)) return;
-  const std::string folder = result->folder.empty() ? "FOLDER" : result->folder;
+  const std::string fixed_by = rig.gauge.empty() ? "not said" : rig.gauge;
+  CommandResult result;
+  result.metrics["world"] = {{"fixed_by", fixed_by}, {"trunk_tilt_deg", FiniteOrNull(tilt)}};
+  if (!(tilt > kMostTiltDeg)) return result;
   std::string hint =
       "files that say z or y up show people lying: move the rig onto the floor they walked on (mvstudio calib align "
       "CALIB option 'floor-joints' " +
-      ShellWord(folder) +
+      ShellWord(folder.empty() ? "FOLDER" : folder) +
       ") and triangulate again, or calibrate with option 'world' board:FRAME; ignore this where people did lie";
   // Cameras of one height see a world that is turned over as well as the true one.
   if (tilt > kOnTheirHeadsDeg)
@@ -226,11 +237,12 @@ void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, Comman
         "does y count from the images' lower edge (option 'flip-y'), or is the calibration left-handed (option 'mirror')? "
         "else " +
         hint;
-  result->warnings.push_back(
+  result.warnings.push_back(
       {"TRI-UP",
        Format("the world's z is not up: people's trunks lean %.0f degrees from it; what fixes the world: %s", tilt,
               fixed_by.c_str()),
        hint});
+  return result;
 }
 
 }  // namespace mvstudio::stages

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "stages/input/pose_input.h"
+#include "stages/result.h"
 #include "triangulate/take/take.h"
 
 /// Whether triangulated joints are those of people: lengths of limbs against each other, and which way is up.
@@ -26,10 +28,26 @@ std::vector<std::string> SkeletonsThatFit(const std::vector<triangulate::TakePoi
 /// Bones whose mean length lies outside the range that their skeleton states, each as text with its lengths.
 std::vector<std::string> BonesOutOfRange(const std::vector<triangulate::TakePoint>& points, const geometry::Skeleton& skeleton);
 
-/// Bones outside their stated range: a warning "TRI-LIMBS" that names them. Of people, and of joints without bones:
-/// limbs that no person has: where another skeleton fits, the joints were read as the wrong one: exit 4, "TRI-SKELETON". Else a
-/// warning "TRI-LIMBS". With possible limbs of the wrong size a warning "TRI-SCALE".
-void CheckLimbs(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result);
+/// What a take's limbs say against it.
+struct LimbJudgement {
+  std::vector<std::string> out_of_range;  ///< BonesOutOfRange
+  /// Of people, and of joints without bones: ImpossibleLimbs of every person; then the skeletons that fit instead.
+  std::vector<std::string> impossible, fitting;
+  struct Thigh {
+    int person = 0;
+    std::string name;
+    double length_m = 0;
+  };
+  std::optional<Thigh> wrong_size;  ///< of possible limbs: metres taken for other units
+
+  /// The joints were read as those of another skeleton.
+  bool WrongSkeleton() const { return !fitting.empty(); }
+};
+LimbJudgement JudgeLimbs(const triangulate::TakeResult& take, const PoseInput& input);
+
+/// Warnings "TRI-LIMBS" of bones outside their stated range and of limbs that no person has, "TRI-SCALE" of the wrong size; the
+/// wrong skeleton is an error "TRI-SKELETON", exit 4. `skeleton`: its name.
+CommandResult DescribeLimbs(const LimbJudgement& limbs, const std::string& skeleton);
 
 /// Angle between the mean direction that the skeleton calls up, else from hips to shoulders, and the world's z, degrees, over
 /// all people and frames; NaN where fewer than ten frames show it.
@@ -38,7 +56,7 @@ double TrunkTiltDeg(const std::vector<triangulate::TakePoint>& points, const geo
 /// What points in this rig's world state of their axes.
 std::string WorldText(const geometry::Rig& rig);
 
-/// Metrics `world`; a warning "TRI-UP" where the trunks say that z is not up.
-void CheckUp(const triangulate::TakeResult& take, const PoseInput& input, CommandResult* result);
+/// Metrics `world`; a warning "TRI-UP" where the trunks say that z is not up. `folder`: of the points.
+CommandResult DescribeUp(double trunk_tilt_deg, const geometry::Rig& rig, const std::string& folder);
 
 }  // namespace mvstudio::stages

@@ -15,10 +15,10 @@ nlohmann::ordered_json ToJson(const triangulate::CauseTrial& trial) {
           {"clear", trial.clear}};
 }
 
-void AddMetrics(const triangulate::CauseReport& report, CommandResult* result) {
-  auto& causes = result->metrics["causes"] = nlohmann::ordered_json::array();
-  causes.push_back(ToJson(report.as_given));
+nlohmann::ordered_json CausesJson(const triangulate::CauseReport& report) {
+  nlohmann::ordered_json causes = nlohmann::ordered_json::array({ToJson(report.as_given)});
   for (const triangulate::CauseTrial& trial : report.trials) causes.push_back(ToJson(trial));
+  return causes;
 }
 
 /// What to do about clocks that do not fit: nothing that was done already.
@@ -29,17 +29,19 @@ std::string TimingRemedy(const triangulate::CauseTrial& trial, bool timed) {
 
 /// The motion asks for offsets that change the residuals little: it is slow, or errors of the calibration hide it. Said where
 /// they change them at all.
-void WarnOfTiming(const triangulate::CauseReport& report, bool timed, CommandResult* result) {
+CommandResult SlightTiming(const triangulate::CauseReport& report, bool timed) {
   constexpr double kLeastGain = 0.05;
-  if (report.trials.empty()) return;
+  CommandResult result;
+  if (report.trials.empty()) return result;
   const triangulate::CauseTrial& trial = report.trials[0];
-  if (trial.offset_frames < 0.5 || trial.residual_px > (1 - kLeastGain) * report.as_given.residual_px) return;
-  AddMetrics(report, result);
-  result->warnings.push_back(
+  if (trial.offset_frames < 0.5 || trial.residual_px > (1 - kLeastGain) * report.as_given.residual_px) return result;
+  result.metrics["causes"] = CausesJson(report);
+  result.warnings.push_back(
       {"TRI-TIMING",
        "the motion says that the cameras are not synchronous: it fits " + trial.assumption +
            Format("; mean residual %.2f px instead of %.2f px", trial.residual_px, report.as_given.residual_px),
        TimingRemedy(trial, timed)});
+  return result;
 }
 
 /// What the best assumptions would leave; none of them explains the take.
@@ -55,45 +57,47 @@ std::string NothingExplains(const triangulate::CauseReport& report) {
 
 }  // namespace
 
-std::string AddLikelyCause(const triangulate::CauseReport& report, const std::string& code, const std::string& otherwise,
-                           CommandResult* result) {
-  AddMetrics(report, result);
-  if (report.message.empty()) {
-    if (report.as_given.num_detections > 0 && !report.trials.empty())
-      result->warnings.push_back({code, NothingExplains(report), otherwise});
-    return otherwise;
+CauseFinding CauseOfLoss(const std::optional<triangulate::CauseReport>& given, const std::string& code,
+                         const std::string& otherwise) {
+  if (!given) return {{}, false, otherwise};
+  const triangulate::CauseReport& report = *given;
+  CauseFinding finding{{}, !report.message.empty(), otherwise};
+  finding.said.metrics["causes"] = CausesJson(report);
+  if (finding.clear) {
+    finding.remedy = report.trials[0].remedy;
+    finding.said.warnings.push_back({code, "likeliest cause: " + report.message, finding.remedy});
+  } else if (report.as_given.num_detections > 0 && !report.trials.empty()) {
+    finding.said.warnings.push_back({code, NothingExplains(report), otherwise});
   }
-  const std::string remedy = report.trials[0].remedy;
-  result->warnings.push_back({code, "likeliest cause: " + report.message, remedy});
-  return remedy;
+  return finding;
 }
 
-bool AddTiming(const triangulate::CauseReport& report, bool timed, CommandResult* result) {
-  if (report.message.empty()) {
-    WarnOfTiming(report, timed, result);
-    return false;
-  }
-  AddMetrics(report, result);
+CauseFinding CauseInTiming(const triangulate::CauseReport& report, bool timed) {
+  if (report.message.empty()) return {SlightTiming(report, timed)};
   const triangulate::CauseTrial& trial = report.trials[0];
-  const Notice notice{"TRI-TIMING", "the cameras are not synchronous: " + report.message, TimingRemedy(trial, timed)};
+  CauseFinding finding{{}, true, TimingRemedy(trial, timed)};
+  finding.said.metrics["causes"] = CausesJson(report);
+  const Notice notice{"TRI-TIMING", "the cameras are not synchronous: " + report.message, finding.remedy};
   if (trial.offset_frames < 0.5 && trial.cause != triangulate::Cause::kRates) {
-    result->warnings.push_back(notice);
+    finding.said.warnings.push_back(notice);
   } else {
-    result->exit = kExitQualityGate;
-    result->errors.push_back(notice);
+    finding.said.exit = kExitQualityGate;
+    finding.said.errors.push_back(notice);
   }
-  return true;
+  return finding;
 }
 
-bool AddCameraCause(const triangulate::CauseReport& report, bool timed, CommandResult* result) {
+CauseFinding CauseInCamera(const triangulate::CauseReport& report, bool timed) {
   using triangulate::Cause;
-  if (!report.trials.empty()) AddMetrics(report, result);
-  if (report.message.empty() || report.trials[0].cause == Cause::kMoved) return false;
+  CauseFinding finding;
+  if (!report.trials.empty()) finding.said.metrics["causes"] = CausesJson(report);
+  if (report.message.empty() || report.trials[0].cause == Cause::kMoved) return finding;
   const triangulate::CauseTrial& trial = report.trials[0];
-  if (trial.cause == Cause::kTimeOffset || trial.cause == Cause::kRates) return AddTiming(report, timed, result);
-  result->exit = kExitQualityGate;
-  result->errors.push_back({"TRI-CAUSE", "likeliest cause: " + report.message, trial.remedy});
-  return true;
+  if (trial.cause == Cause::kTimeOffset || trial.cause == Cause::kRates) return CauseInTiming(report, timed);
+  finding.clear = true, finding.remedy = trial.remedy;
+  finding.said.exit = kExitQualityGate;
+  finding.said.errors.push_back({"TRI-CAUSE", "likeliest cause: " + report.message, trial.remedy});
+  return finding;
 }
 
 }  // namespace mvstudio::stages

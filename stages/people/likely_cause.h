@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "stages/result.h"
@@ -12,18 +13,25 @@ namespace mvstudio::stages {
 /// not count, also in takes where that is the case for most people.
 inline constexpr double kLostShare = 0.5;
 
-/// Adds metrics["causes"], and the warning `code` where an assumption clearly explains the loss. Returns its remedy, or
-/// `otherwise`, after a warning of what the best assumptions would leave.
-std::string AddLikelyCause(const triangulate::CauseReport& report, const std::string& code, const std::string& otherwise,
-                           CommandResult* result);
+/// What is said of a cause.
+struct CauseFinding {
+  CommandResult said;
+  bool clear = false;
+  std::string remedy = {};  ///< what to do
+};
 
-/// Adds what CheckTiming found, if it is clear: an error (TRI-TIMING, kExitQualityGate), or a warning where cameras differ by
+/// metrics["causes"], and the warning `code` where an assumption clearly explains the loss, with its remedy. Else the remedy is
+/// `otherwise`, after a warning of what the best assumptions would leave. Nothing is said without a report.
+CauseFinding CauseOfLoss(const std::optional<triangulate::CauseReport>& report, const std::string& code,
+                         const std::string& otherwise);
+
+/// What CheckTiming found, if it is clear: an error (TRI-TIMING, kExitQualityGate), or a warning where cameras differ by
 /// less than half a frame, which footage without a common trigger does, or where the offset is sure but changes the
-/// residuals by 5 % and more, but little (the motion is slow). `timed`: offsets were given. True when it is clear.
-bool AddTiming(const triangulate::CauseReport& report, bool timed, CommandResult* result);
+/// residuals by 5 % and more, but little (the motion is slow). `timed`: offsets were given.
+CauseFinding CauseInTiming(const triangulate::CauseReport& report, bool timed);
 
 /// The same where a camera fits no point of the others: a clear cause of another kind is an error (TRI-CAUSE,
 /// kExitQualityGate), but for a camera that moved.
-bool AddCameraCause(const triangulate::CauseReport& report, bool timed, CommandResult* result);
+CauseFinding CauseInCamera(const triangulate::CauseReport& report, bool timed);
 
 }  // namespace mvstudio::stages

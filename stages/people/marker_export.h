@@ -1,5 +1,7 @@
 #pragma once
 
+#include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -57,10 +59,19 @@ std::vector<MarkerWork> PrepareMarkers(const dataset::Pose3d& pose, const Marker
 dataset::Pose3d PoseOf(const std::vector<MarkerWork>& work);
 
 /// Joint angles of one person as files, and what there is to say of them.
+struct AngleReport {
+  struct Angle {
+    std::string name;
+    int num_frames = 0;                                     ///< with a value
+    std::map<std::string, int> missing;                     ///< frames without one, by reason
+    double min_deg = 0, max_deg = 0, median_sigma_deg = 0;  ///< NaN: no sigma is known
+  };
+  std::vector<Angle> angles;
+  int num_frames = 0;
+};
 struct AngleFiles {
   std::string csv, mot;
-  nlohmann::ordered_json metrics;
-  std::string text;  ///< a line
+  AngleReport report;
 };
 /// `pose`: the joints as triangulated, for their covariances; its world says whether anything is up.
 AngleFiles AnglesOfPerson(const markers::MarkerTake& take, const dataset::Pose3d& pose, const std::string& name);
@@ -83,15 +94,44 @@ std::string ConvertFormat(const ConvertOptions& options, const std::string& out)
 void ConvertMarkers(const dataset::Pose3d& pose, const ConvertOptions& options, const std::string& out,
                     const std::string& work_folder, CommandResult* result);
 
+/// What was written of a take.
+struct MarkerReport {
+  struct Person {
+    int person = 0, first_frame = 0, num_frames = 0;
+    std::vector<std::string> names;  ///< of the markers
+    markers::FillReport filled;
+    std::vector<markers::MarkerMotion> before, after;
+    markers::Displacement moved;
+    std::vector<std::string> not_in_opensim;  ///< joints that its files leave out
+    struct Bvh {
+      size_t num_joints = 0;
+      double rms_m = 0, max_m = 0;  ///< what bones of one length leave
+      int num_held = 0;             ///< frames without a root
+    };
+    std::optional<Bvh> bvh;
+    std::optional<AngleReport> angles;
+  };
+  MarkerOptions options;
+  std::string world;  ///< of the joints: Pose3d::world
+  std::vector<Person> persons;
+  bool without_bones = false;  ///< a .bvh was asked for and not written
+  struct File {
+    std::string path, role;
+  };
+  std::vector<File> files;
+};
+
 /// Writes person<N>.trc, .c3d, .csv, .bvh, the files for OpenSim and markers.html into the folder. `pose` is what the markers
-/// were made of. A skeleton without bones has no hierarchy: then a warning says so, the other files are written, and the result
-/// is partial (exit 6). Adds the outputs, as they will be called below `final_folder`, the metrics `markers` and a line of
-/// text. Says which joints OpenSim's files leave out.
-void WriteMarkers(const std::vector<MarkerWork>& work, const dataset::Pose3d& pose, const MarkerOptions& options,
-                  const std::string& folder, const std::string& final_folder, CommandResult* result);
+/// were made of. Files are reported as they will be called below `final_folder`.
+MarkerReport WriteMarkers(const std::vector<MarkerWork>& work, const dataset::Pose3d& pose, const MarkerOptions& options,
+                          const std::string& folder, const std::string& final_folder);
+
+/// Metrics `markers` and a line of text for each person; warnings of joints that OpenSim's files leave out, and of a skeleton
+/// without bones, which has no hierarchy: the result is then partial (exit 6).
+CommandResult DescribeMarkers(const MarkerReport& report);
 
 /// A warning "MRK-WORLD" where the joints' world (Pose3d::world) is that of a camera, and a file that says y up is written.
-void CheckMarkerWorld(const std::string& world, const MarkerOptions& options, CommandResult* result);
+std::vector<Notice> MarkerWorldDoubts(const std::string& world, const MarkerOptions& options);
 
 /// Curves of every joint before and after, as a page; of long takes the middle.
 std::string MarkerPage(const std::vector<MarkerWork>& work, const MarkerOptions& options);

@@ -31,12 +31,10 @@ TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string&
   return {ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows), reference, align)};
 }
 
-void AddNothingInCommon(const std::string& key, const std::string& path, const std::string& why, CommandResult* result) {
-  if (result->exit == kExitOk || result->exit == kExitPartial) result->exit = kExitQualityGate;
-  result->errors.push_back(
-      {"TRI-NO-COMMON", "option '" + key + "' " + path + ": nothing could be compared: " + why,
-       "joints are compared by frame and name: give the reference of this take (a marker file's frame 1 is our frame 0), and "
-       "joints called as in it"});
+Notice NothingInCommon(const std::string& option, const std::string& path, const std::string& why) {
+  return {"TRI-NO-COMMON", "option '" + option + "' " + path + ": nothing could be compared: " + why,
+          "joints are compared by frame and name: give the reference of this take (a marker file's frame 1 is our frame 0), and "
+          "joints called as in it"};
 }
 
 nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth) {

@@ -26,8 +26,8 @@ struct TruthComparison {
 /// Throws IoError, FormatError.
 TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, const TruthOptions& options);
 
-/// A comparison with nothing is none: it fails. `key`: the option that gave `path`; `why`: Pose3dComparison::why_none.
-void AddNothingInCommon(const std::string& key, const std::string& path, const std::string& why, CommandResult* result);
+/// A comparison with nothing is none: it fails (kExitQualityGate). `option` gave `path`; `why`: Pose3dComparison::why_none.
+Notice NothingInCommon(const std::string& option, const std::string& path, const std::string& why);
 
 /// Figures of a comparison with nothing are null.
 nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth);

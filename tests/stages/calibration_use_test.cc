@@ -55,7 +55,7 @@ TEST(CalibrationUse, OneLineSaysWhatIsInTheSigmas) {
 TEST(CalibrationUse, TheSameAsMetricsWithWhatEachCameraLacks) {
   CommandResult result;
   result.text = "before\n";
-  ReportCovarianceUse(Partly(), {}, "", &result);
+  result.Add(DescribeCovarianceUse(Partly(), {}, ""));
   const nlohmann::ordered_json use = result.metrics["calibration_covariance"];
   EXPECT_EQ(use["used"], true);
   EXPECT_EQ(use["known"], nlohmann::ordered_json::array({"a"}));
@@ -72,7 +72,7 @@ TEST(CalibrationUse, NothingIsWarnedOfWhereAllOrNothingIsKnownOrUsed) {
   for (const auto& [rig, unused, used] :
        {std::tuple(Known(), "", true), {Unknown(), "", false}, {Partly(), "it is off", false}}) {
     CommandResult result;
-    ReportCovarianceUse(rig, {}, unused, &result);
+    result.Add(DescribeCovarianceUse(rig, {}, unused));
     EXPECT_EQ(result.metrics["calibration_covariance"]["used"], used);
     EXPECT_THAT(result.warnings, IsEmpty());
     EXPECT_EQ(result.metrics["calibration_covariance"]["assumed"].is_null(), !used);
@@ -80,7 +80,7 @@ TEST(CalibrationUse, NothingIsWarnedOfWhereAllOrNothingIsKnownOrUsed) {
   geometry::Rig joint = Known();
   joint.joint_covariance = Eigen::MatrixXd::Identity(30, 30);
   CommandResult result;
-  ReportCovarianceUse(joint, {}, "", &result);
+  result.Add(DescribeCovarianceUse(joint, {}, ""));
   EXPECT_EQ(result.metrics["calibration_covariance"]["correlated"], true);
   EXPECT_TRUE(result.metrics["calibration_covariance"]["assumed"].is_null());
 }
@@ -88,7 +88,7 @@ TEST(CalibrationUse, NothingIsWarnedOfWhereAllOrNothingIsKnownOrUsed) {
 /// What is known of a camera that takes no part is in nobody's sigma.
 TEST(CalibrationUse, KnowledgeOfOtherCamerasIsNotUsed) {
   CommandResult result;
-  ReportCovarianceUse(Partly(), {"c"}, "", &result);
+  result.Add(DescribeCovarianceUse(Partly(), {"c"}, ""));
   EXPECT_EQ(result.metrics["calibration_covariance"]["used"], false);
   EXPECT_THAT(result.warnings, IsEmpty()) << "no camera that takes part has a covariance";
   EXPECT_THAT(result.text, HasSubstr("unknown"));
@@ -106,12 +106,10 @@ TEST(CalibrationUse, OffsetsThatMoveNothingAreNone) {
   EXPECT_THAT(OffsetsOfCalibration(WithOffset(0.004)), IsEmpty());
   EXPECT_THAT(OffsetsOfCalibration(WithOffset(0.006)), ElementsAre(0, 0.006, 0));
   EXPECT_THAT(OffsetsOfCalibration(WithOffset(-0.006)), ElementsAre(0, -0.006, 0));
-  CommandResult none, some;
-  ReportOffsetsUnused(WithOffset(0.004), "why", &none);
-  EXPECT_TRUE(none.metrics.empty());
-  ReportOffsetsUnused(WithOffset(1), "why", &some);
-  EXPECT_EQ(some.metrics["calibration_offsets"]["applied"], false);
-  EXPECT_EQ(some.metrics["calibration_offsets"]["reason"], "why");
+  EXPECT_FALSE(OffsetsUnused(WithOffset(0.004), "why"));
+  const std::optional<OffsetUse> some = OffsetsUnused(WithOffset(1), "why");
+  ASSERT_TRUE(some);
+  EXPECT_EQ(OffsetUseJson(*some).dump(), R"({"applied":false,"reason":"why"})");
 }
 
 /// Five joints on paths of their own, filmed by a ring whose camera 1 is late: its frame n shows the time n - late_frames.
@@ -148,10 +146,11 @@ Eigen::Vector2d PixelAt(const PoseInput& input, int frame, size_t camera) {
 TEST(ApplyCalibrationOffsets, AreAppliedWhereTheTakeConfirmsThem) {
   PoseInput input = Filmed(1.5, 1.5);
   const PoseInput before = input;
-  CommandResult result;
-  ApplyCalibrationOffsets(AutoOnOff::kAuto, {}, {}, &input, &result);
-  EXPECT_EQ(result.metrics["calibration_offsets"]["applied"], true) << result.metrics.dump();
-  EXPECT_EQ(result.metrics["calibration_offsets"]["frames"], nlohmann::ordered_json::array({0, 1.5, 0, 0, 0}));
+  InputNotes result;
+  const auto use = ApplyCalibrationOffsets(AutoOnOff::kAuto, {}, {}, &input, &result);
+  ASSERT_TRUE(use);
+  EXPECT_TRUE(use->applied) << use->reason;
+  EXPECT_THAT(use->frames, ElementsAre(0, 1.5, 0, 0, 0));
   EXPECT_THAT(result.warnings, IsEmpty());
   // Frame 20 now holds what the late camera saw halfway between its frames 21 and 22.
   const Eigen::Vector2d between = 0.5 * (PixelAt(before, 21, 1) + PixelAt(before, 22, 1));
@@ -163,9 +162,8 @@ TEST(ApplyCalibrationOffsets, AreAppliedWhereTheTakeConfirmsThem) {
 TEST(ApplyCalibrationOffsets, AreLeftOutWithAWarningWhereTheTakeContradicts) {
   PoseInput input = Filmed(0, 1.5);
   const Eigen::Vector2d before = PixelAt(input, 20, 1);
-  CommandResult result;
-  ApplyCalibrationOffsets(AutoOnOff::kAuto, {}, {}, &input, &result);
-  EXPECT_EQ(result.metrics["calibration_offsets"]["applied"], false);
+  InputNotes result;
+  EXPECT_FALSE(ApplyCalibrationOffsets(AutoOnOff::kAuto, {}, {}, &input, &result)->applied);
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_EQ(result.warnings[0].code, "TRI-OFFSETS-UNUSED");
   EXPECT_EQ(PixelAt(input, 20, 1), before);
@@ -174,15 +172,12 @@ TEST(ApplyCalibrationOffsets, AreLeftOutWithAWarningWhereTheTakeContradicts) {
 TEST(ApplyCalibrationOffsets, OnAndOffAskNobody) {
   PoseInput on = Filmed(0, 1.5), off = Filmed(1.5, 1.5), none = Filmed(1.5, 0);
   const Eigen::Vector2d before = PixelAt(off, 20, 1);
-  CommandResult forced, refused, silent;
-  ApplyCalibrationOffsets(AutoOnOff::kOn, {}, {}, &on, &forced);
-  ApplyCalibrationOffsets(AutoOnOff::kOff, {}, {}, &off, &refused);
-  ApplyCalibrationOffsets(AutoOnOff::kOn, {}, {}, &none, &silent);
-  EXPECT_EQ(forced.metrics["calibration_offsets"]["applied"], true);
+  InputNotes notes;
+  EXPECT_TRUE(ApplyCalibrationOffsets(AutoOnOff::kOn, {}, {}, &on, &notes)->applied);
+  EXPECT_FALSE(ApplyCalibrationOffsets(AutoOnOff::kOff, {}, {}, &off, &notes)->applied);
+  EXPECT_FALSE(ApplyCalibrationOffsets(AutoOnOff::kOn, {}, {}, &none, &notes)) << "the calibration states no offset";
   EXPECT_NE(PixelAt(on, 20, 1), PixelAt(Filmed(0, 1.5), 20, 1));
-  EXPECT_EQ(refused.metrics["calibration_offsets"]["applied"], false);
   EXPECT_EQ(PixelAt(off, 20, 1), before);
-  EXPECT_TRUE(silent.metrics.empty()) << "the calibration states no offset";
 }
 
 TEST(CalibrationUse, ARigThatIsWrittenNamesCamerasWithoutCovariance) {

@@ -1,4 +1,4 @@
-#include "stages/people/filter_check.h"
+#include "stages/triangulate/filter_check.h"
 
 #include <gtest/gtest.h>
 

@@ -61,10 +61,17 @@ PoseInput InputOf(const std::string& skeleton, const std::string& gauge = "the b
   return input;
 }
 
+CommandResult Limbs(const triangulate::TakeResult& take, const PoseInput& input) {
+  return DescribeLimbs(JudgeLimbs(take, input), input.skeleton.name);
+}
+
+CommandResult Up(const triangulate::TakeResult& take, const PoseInput& input) {
+  return DescribeUp(TrunkTiltDeg(take.points, input.skeleton), input.rig, "");
+}
+
 TEST(CheckLimbs, JointsReadAsTheWrongSkeletonFailAndTheRightOneIsNamed) {
   for (const auto& [read, written] : {std::pair("body25", "body25b"), {"body25b", "body25"}}) {
-    CommandResult result;
-    CheckLimbs(Take(written, Same), InputOf(read), &result);
+    const CommandResult result = Limbs(Take(written, Same), InputOf(read));
     EXPECT_EQ(result.exit, kExitQualityGate) << read;
     ASSERT_EQ(result.errors.size(), 1u) << read;
     EXPECT_EQ(result.errors[0].code, "TRI-SKELETON");
@@ -74,17 +81,16 @@ TEST(CheckLimbs, JointsReadAsTheWrongSkeletonFailAndTheRightOneIsNamed) {
 
 TEST(CheckLimbs, PeopleOfAllSizesPass) {
   for (const double size : {0.45, 0.7, 1.0, 1.2}) {
-    CommandResult result;
-    CheckLimbs(Take("body25", [size](const Eigen::Vector3d& x) { return Eigen::Vector3d(size * x); }), InputOf("body25"),
-               &result);
+    const auto scaled = [size](const Eigen::Vector3d& x) { return Eigen::Vector3d(size * x); };
+    const CommandResult result = Limbs(Take("body25", scaled), InputOf("body25"));
     EXPECT_EQ(result.exit, kExitOk);
     EXPECT_THAT(result.warnings, IsEmpty()) << size << " " << result.warnings[0].text;
   }
 }
 
 TEST(CheckLimbs, AnotherUnitIsAWarningOfScale) {
-  CommandResult result;
-  CheckLimbs(Take("body25", [](const Eigen::Vector3d& x) { return Eigen::Vector3d(1000 * x); }), InputOf("body25"), &result);
+  const auto in_mm = [](const Eigen::Vector3d& x) { return Eigen::Vector3d(1000 * x); };
+  const CommandResult result = Limbs(Take("body25", in_mm), InputOf("body25"));
   EXPECT_EQ(result.exit, kExitOk);
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_EQ(result.warnings[0].code, "TRI-SCALE");
@@ -93,8 +99,7 @@ TEST(CheckLimbs, AnotherUnitIsAWarningOfScale) {
 TEST(CheckLimbs, WhatNoSkeletonExplainsIsAWarning) {
   // One side stretched: as by a camera whose calibration is wrong.
   const auto stretch = [](const Eigen::Vector3d& x) { return Eigen::Vector3d(x.x(), x.y(), x.x() < 0 ? 2 * x.z() : x.z()); };
-  CommandResult result;
-  CheckLimbs(Take("body25", stretch), InputOf("body25"), &result);
+  const CommandResult result = Limbs(Take("body25", stretch), InputOf("body25"));
   EXPECT_EQ(result.exit, kExitOk);
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_EQ(result.warnings[0].code, "TRI-LIMBS");
@@ -106,7 +111,7 @@ TEST(CheckLimbs, BonesOfAnOwnSkeletonHaveTheRangesOfItsFile) {
   const auto stretch = [](const Eigen::Vector3d& x) { return Eigen::Vector3d(x.x(), x.y(), 3 * x.z()); };
   input.skeleton.human = false, input.skeleton.name = "giraffe";  // no limb is judged as people's
   CommandResult free, limited;
-  CheckLimbs(Take("body25", stretch), input, &free);
+  free.Add(Limbs(Take("body25", stretch), input));
   EXPECT_THAT(free.warnings, IsEmpty());
   EXPECT_EQ(LimbsOf(input.skeleton).size(), input.skeleton.bones.size());
   input.skeleton.lengths.assign(input.skeleton.bones.size(), {});
@@ -114,7 +119,7 @@ TEST(CheckLimbs, BonesOfAnOwnSkeletonHaveTheRangesOfItsFile) {
                               std::pair(input.skeleton.Find("LHip"), input.skeleton.Find("LKnee")));
   ASSERT_NE(bone, input.skeleton.bones.end());
   input.skeleton.lengths[static_cast<size_t>(bone - input.skeleton.bones.begin())] = {0.2, 1.2};
-  CheckLimbs(Take("body25", stretch), input, &limited);
+  limited.Add(Limbs(Take("body25", stretch), input));
   ASSERT_EQ(limited.warnings.size(), 1u);
   EXPECT_EQ(limited.warnings[0].code, "TRI-LIMBS");
   EXPECT_THAT(limited.warnings[0].text,
@@ -126,11 +131,11 @@ TEST(CheckUp, AnOwnSkeletonSaysWhatIsUp) {
   input.skeleton.human = false;
   input.skeleton.up_from = {input.skeleton.Find("Neck")}, input.skeleton.up_to = {input.skeleton.Find("MidHip")};
   CommandResult down, unsaid;
-  CheckUp(Take("body25", Same), input, &down);
+  down.Add(Up(Take("body25", Same), input));
   EXPECT_NEAR(down.metrics["world"]["trunk_tilt_deg"].get<double>(), 180, 3);
   ASSERT_EQ(down.warnings.size(), 1u);
   input.skeleton.up_from.clear();
-  CheckUp(Take("body25", Same), input, &unsaid);
+  unsaid.Add(Up(Take("body25", Same), input));
   EXPECT_TRUE(unsaid.metrics["world"]["trunk_tilt_deg"].is_null());
 }
 
@@ -144,16 +149,16 @@ TEST(ImpossibleLimbs, NamesBothLengthsAndNeedsBoth) {
 TEST(CheckUp, SaysWhatFixesTheWorldAndWarnsOfPeopleWhoLie) {
   const auto lie = [](const Eigen::Vector3d& x) { return Eigen::Vector3d(x.z(), x.x(), x.y()); };
   CommandResult standing, lying, few;
-  CheckUp(Take("coco17", Same), InputOf("coco17"), &standing);
+  standing.Add(Up(Take("coco17", Same), InputOf("coco17")));
   EXPECT_NEAR(standing.metrics["world"]["trunk_tilt_deg"].get<double>(), 0, 3);
   EXPECT_THAT(standing.warnings, IsEmpty());
-  CheckUp(Take("coco17", lie), InputOf("coco17", "camera cam_01"), &lying);
+  lying.Add(Up(Take("coco17", lie), InputOf("coco17", "camera cam_01")));
   EXPECT_NEAR(lying.metrics["world"]["trunk_tilt_deg"].get<double>(), 90, 3);
   ASSERT_EQ(lying.warnings.size(), 1u);
   EXPECT_THAT(lying.warnings[0].text, HasSubstr("camera cam_01"));
   triangulate::TakeResult short_take = Take("coco17", lie);
   short_take.points.resize(17 * 5);
-  CheckUp(short_take, InputOf("coco17"), &few);
+  few.Add(Up(short_take, InputOf("coco17")));
   EXPECT_TRUE(few.metrics["world"]["trunk_tilt_deg"].is_null());
 }
 

@@ -1,4 +1,4 @@
-#include "stages/people/joint_views.h"
+#include "stages/triangulate/joint_views.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -82,9 +82,9 @@ TEST(JointViews, DistancesAndAnImageAroundThePerson) {
   TempDir folder;
   dataset::WriteImage(Image(1280, 960, 1, 200), folder / "a/0.png");
   dataset::WriteImage(Image(640, 480, 1, 200), folder / "b/0.png");
-  CommandResult result;
   geometry::Skeleton skeleton{"three", {"A", "B", "C"}, {{0, 1}, {1, 2}}};
-  AddJointViews(rig, take, skeleton, {{{"cam_0", folder / "a"}, {"cam_1", folder / "b"}}, nullptr}, folder / "out", &result);
+  const CommandResult result = DescribeJointViews(
+      WriteJointViews(rig, take, skeleton, {{{"cam_0", folder / "a"}, {"cam_1", folder / "b"}}, nullptr}, folder / "out"));
   const auto& views = result.metrics["overlays"]["views"];
   ASSERT_EQ(views.size(), 2u);
   EXPECT_EQ(result.metrics["overlays"]["bones"].dump(), "[[0,1],[1,2]]");

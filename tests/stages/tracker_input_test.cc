@@ -106,7 +106,7 @@ TEST_F(Anipose, SettingsThatMakeTheWorldComeAlong) {
           "ransac = true\n[angles]\nbend = ['hinge', 'nose', 'tail base', 'Öhrchen']\nspin = ['axis', 'nose', 'Öhrchen']\n"));
   CommandResult result;
   PoseArguments pose;
-  const dataset::ProjectSettings settings = FillFromProject(folder_.path(), {"", "day1/walk", false}, &pose, &result);
+  const dataset::ProjectSettings settings = FillFromProject(folder_.path(), {"", "day1/walk", false}, &pose, &result).settings;
   ASSERT_EQ(settings.axes.size(), 2u);
   EXPECT_EQ(settings.axes[1].axis, 'z');
   EXPECT_EQ(settings.axes[1].to, "Öhrchen");
@@ -203,12 +203,11 @@ TEST(CaliscopeProject, TableAndCalibrationComeFromTheFolder) {
   PoseArguments pose;
   EXPECT_THAT(MessageOf<FormatError>([&] { FillFromProject(folder.path(), {}, &pose, &result); }), HasSubstr("xy_TRACKER.csv"));
   fs::copy_file(Seed("caliscope_points/pose.csv"), folder / "recordings/walk/POSE/xy_POSE.csv");
-  FillFromProject(folder.path(), {}, &pose, &result);
+  EXPECT_EQ(FillFromProject(folder.path(), {}, &pose, &result).take, "walk/POSE");
   const PoseInput input = ReadPoseInput(pose, &result);
   EXPECT_THAT(input.cameras, ElementsAre("cam_0", "cam_2"));
   EXPECT_EQ(input.frames.size(), 3u);
   EXPECT_THAT(input.skeleton.joints, ElementsAre("point_0", "point_11", "point_40"));
-  EXPECT_EQ(result.metrics["project"]["take"], "walk/POSE");
 }
 
 PoseArguments FilesOf(std::vector<NamedPath> files) {

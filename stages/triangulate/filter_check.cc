@@ -1,10 +1,9 @@
-#include "stages/people/filter_check.h"
+#include "stages/triangulate/filter_check.h"
 
 #include <algorithm>
 #include <map>
 #include <tuple>
 
-#include "core/format.h"
 #include "core/parallel.h"
 #include "stages/input/take_frames.h"
 
@@ -78,14 +77,6 @@ void Predict(const PreparedRig& rig, const TakeResult& take, const TakeResult& w
   }
 }
 
-nlohmann::ordered_json FiguresJson(const triangulate::LeftOutFigures& figures) {
-  return {{"samples", figures.num_samples},
-          {"predicted", figures.num_predicted},
-          {"median_px", FiniteOrNull(figures.median_px)},
-          {"p90_px", FiniteOrNull(figures.p90_px)},
-          {"predicted_mean_px", FiniteOrNull(figures.predicted_mean_px)}};
-}
-
 }  // namespace
 
 bool FilterCheck::Hurts() const {
@@ -113,26 +104,6 @@ FilterCheck CheckFilter(const PreparedRig& rig, const TakeResult& take, const tr
   check.after = SummarizeLeftOut(rig, pair.after, labels).all;
   check.difference = CompareLeftOut(pair.before, pair.after, labels);
   return check;
-}
-
-void AddFilterCheck(const FilterCheck& check, CommandResult* result) {
-  result->metrics["filter_holdout"] = {{"cameras", check.num_cameras},
-                                       {"before", FiguresJson(check.before)},
-                                       {"after", FiguresJson(check.after)},
-                                       {"difference_px", FiniteOrNull(check.difference.median_px)},
-                                       {"difference_error_px", FiniteOrNull(check.difference.median_error_px)},
-                                       {"difference_p90_px", FiniteOrNull(check.difference.p90_px)},
-                                       {"difference_p90_error_px", FiniteOrNull(check.difference.p90_error_px)}};
-  if (check.num_cameras == 0) return;
-  result->text += Format("filling and filtering, %d cameras left out: median %.2f -> %.2f px, %.1f -> %.1f %% predicted\n",
-                         check.num_cameras, check.before.median_px, check.after.median_px, 100 * check.before.coverage,
-                         100 * check.after.coverage);
-  if (!check.Hurts()) return;
-  result->warnings.push_back({"MRK-FILTER",
-                              Format("filtered joints predict left-out cameras worse: median %.2f px instead of %.2f px, p90 "
-                                     "%.2f px instead of %.2f px",
-                                     check.after.median_px, check.before.median_px, check.after.p90_px, check.before.p90_px),
-                              "the filter takes motion away: raise its frequency, or take a shorter one"});
 }
 
 }  // namespace mvstudio::stages

@@ -1,8 +1,8 @@
 #pragma once
 
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dataset/time/timeline.h"
@@ -36,10 +36,26 @@ struct JointView {
 std::vector<JointView> ChooseJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take, int num_joints,
                                         const TakeImages& images);
 
-/// Writes small images of the views into the folder kJointViewsFolder of `out`, in place of an earlier run's, and adds
-/// "overlays" to the metrics: {bones, num_joints, views: [{camera, instant, frame, median_px, max_px, num_points, box_px,
-/// picture, joints}]}; a joint is [x, y of the projection, x, y of the keypoint] px.
-void AddJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take, const geometry::Skeleton& skeleton,
-                   const TakeImages& images, const std::string& out, CommandResult* result);
+/// A view with the part of the camera's image around its points.
+struct ShownView {
+  JointView view;
+  std::string camera;
+  int x = 0, y = 0, width = 0, height = 0;  ///< the part, px
+  std::string picture;                      ///< path; empty: there is no image
+};
+
+struct JointViewReport {
+  std::vector<ShownView> views;
+  std::vector<std::pair<int, int>> bones;
+  size_t num_joints = 0;
+};
+
+/// Writes small images of the views into the folder kJointViewsFolder of `out`, in place of an earlier run's.
+JointViewReport WriteJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take,
+                                const geometry::Skeleton& skeleton, const TakeImages& images, const std::string& out);
+
+/// "overlays" in the metrics: {bones, num_joints, views: [{camera, instant, frame, median_px, max_px, num_points, box_px,
+/// picture, joints}]}; a joint is [x, y of the projection, x, y of the keypoint] px. The images are outputs.
+CommandResult DescribeJointViews(const JointViewReport& report);
 
 }  // namespace mvstudio::stages

@@ -1,11 +1,12 @@
-#include "stages/people/triangulate_metrics.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "stages/people/likely_cause.h"
+#include "stages/triangulate/describe_parts.h"
+#include "stages/triangulate/point_statistics.h"
+#include "stages/triangulate/solve.h"
 #include "tests/triangulate/support.h"
 
 namespace mvstudio::stages {
@@ -27,7 +28,7 @@ TakePoint PointOf(int frame, int joint, Status status, double z_m = 0, double rm
 
 const geometry::Skeleton kSkeleton = geometry::PointsSkeleton({"hip", "knee", "toe"});
 
-TEST(TriangulateMetrics, FiguresOfAHandMadeTake) {
+TEST(TriangulatePoints, FiguresOfAHandMadeTake) {
   TakeResult take;
   take.points = {PointOf(0, 0, Status::kOk, 0, 1, 0.002),   PointOf(0, 1, Status::kOk, 0.3, 2, 0.004),
                  PointOf(0, 2, Status::kLowParallax),       PointOf(1, 0, Status::kOk, 0, 3, 0.006),
@@ -39,10 +40,8 @@ TEST(TriangulateMetrics, FiguresOfAHandMadeTake) {
   PointStatistics statistics(3, {{0, 1}, {1, 2}});
   statistics.Add(take);
   EXPECT_EQ(statistics.num_ok(), 4);
-  EXPECT_EQ(statistics.num_tried(), 6);
-  nlohmann::ordered_json metrics = nlohmann::ordered_json::object();
-  statistics.AddTo(kSkeleton, &metrics);
-  const nlohmann::json json = nlohmann::json::parse(metrics.dump());
+  const nlohmann::json json = nlohmann::json::parse(PointMetrics(statistics.Figures({}, {}, kSkeleton)).dump());
+  EXPECT_EQ(json["num_joints_tried"], 6);
   EXPECT_EQ(json["num_points"], 4);
   EXPECT_EQ(json["num_persons"], 1);
   EXPECT_EQ(json["num_sigma_lower_bounds"], 1);
@@ -61,9 +60,8 @@ TEST(TriangulateMetrics, FiguresOfAHandMadeTake) {
   EXPECT_TRUE(json["joints"][2]["rms_px"].is_null());
 }
 
-TEST(TriangulateMetrics, NoPointsGiveNullNotNaN) {
-  nlohmann::ordered_json metrics = nlohmann::ordered_json::object();
-  PointStatistics(3, {{0, 1}}).AddTo(kSkeleton, &metrics);
+TEST(TriangulatePoints, NoPointsGiveNullNotNaN) {
+  const nlohmann::ordered_json metrics = PointMetrics(PointStatistics(3, {{0, 1}}).Figures({}, {}, kSkeleton));
   EXPECT_EQ(metrics["num_points"], 0);
   for (const char* key : {"mean_rms_px", "median_rms_px", "points_per_s", "median_sigma_mm", "limb_std_mm"}) {
     EXPECT_TRUE(metrics[key].is_null()) << key;
@@ -79,33 +77,32 @@ DetectedFrame Frame(int number, bool both) {
   return frame;
 }
 
-TEST(TriangulateMetrics, CamerasThatHardlyEverSeeAnybodyAreNamed) {
-  PoseInput input;
-  for (const char* name : {"a", "b"}) input.rig.cameras.push_back(triangulate::LookAt(name, {1, 2, 3}, {0, 0, 0}));
-  input.cameras = {"a", "b"};
+TEST(TriangulatePoints, CamerasThatHardlyEverSeeAnybodyAreNamed) {
+  geometry::Rig rig;
+  for (const char* name : {"a", "b"}) rig.cameras.push_back(triangulate::LookAt(name, {1, 2, 3}, {0, 0, 0}));
   PointStatistics rare(2, {}), half(2, {});
   for (int f = 0; f < 4; ++f) rare.AddFrames({Frame(f, f == 2)}, {}), half.AddFrames({Frame(f, f % 2 == 0)}, {});
-  EXPECT_EQ(rare.num_carriable(), 1);
-  EXPECT_EQ(half.num_carriable(), 2);
-  CommandResult warned, silent;
-  rare.WarnOfAbsence(input, &warned);
-  half.WarnOfAbsence(input, &silent);
-  ASSERT_EQ(warned.warnings.size(), 1u);
-  EXPECT_EQ(warned.warnings[0].code, "TRI-FEW-DETECTIONS");
-  EXPECT_EQ(warned.warnings[0].text, "b: people in 1 of 4 frames only");
-  EXPECT_THAT(silent.warnings, IsEmpty());
+  const geometry::Skeleton skeleton = geometry::PointsSkeleton({"x", "y"});
+  const PointFigures few = rare.Figures(rig, {"a", "b"}, skeleton), enough = half.Figures(rig, {"a", "b"}, skeleton);
+  EXPECT_EQ(few.num_carriable, 1);
+  EXPECT_EQ(enough.num_carriable, 2);
+  const std::vector<Notice> warned = DetectionNotices(few, 1);
+  ASSERT_EQ(warned.size(), 1u);
+  EXPECT_EQ(warned[0].code, "TRI-FEW-DETECTIONS");
+  EXPECT_EQ(warned[0].text, "b: people in 1 of 4 frames only");
+  EXPECT_THAT(DetectionNotices(enough, 1), IsEmpty());
 }
 
-TEST(TriangulateMetrics, ATakeIsLostBelowTheShare) {
+TEST(TriangulatePoints, ATakeIsLostBelowTheShare) {
   const auto check = [](int num_ok) {
     PointStatistics statistics(2, {});
     for (int f = 0; f < 100; ++f) statistics.AddFrames({Frame(f, true)}, {});
     TakeResult take;
     for (int f = 0; f < num_ok; ++f) take.points.push_back(PointOf(f, 0, Status::kOk));
     statistics.Add(take);
-    CommandResult result;
-    EXPECT_FALSE(statistics.CheckLoss({}, &result));
-    return result;
+    const Loss loss = statistics.LossOf({});
+    EXPECT_EQ(loss.reason, Loss::Reason::kUnknown);
+    return DescribeLoss(loss, statistics.Figures({}, {}, geometry::PointsSkeleton({"x", "y"})), {});
   };
   const int limit = static_cast<int>(std::lround(100 * kLostShare));
   EXPECT_EQ(check(limit).exit, kExitOk);
@@ -118,44 +115,52 @@ TEST(TriangulateMetrics, ATakeIsLostBelowTheShare) {
   EXPECT_THAT(lost.errors[0].text, HasSubstr("only 49 of 100 joints"));
 }
 
-TEST(TriangulateMetrics, ViewsDisagreeFromAPartOfTheDiagonalOn) {
-  geometry::Rig rig;
-  rig.cameras.push_back(triangulate::LookAt("a", {1, 2, 3}, {0, 0, 0}, 1000, 300, 400));  // diagonal 500 px, limit 7.5
+CommandResult Inconsistent(Inconsistency what, const TakeResult& take) {
+  TriangulateReport report;
+  report.rig.cameras.push_back(triangulate::LookAt("a", {1, 2, 3}, {0, 0, 0}, 1000, 300, 400));  // diagonal 500 px
+  report.take = take, report.inconsistency = what;
+  return DescribeInconsistency(report);
+}
+
+TEST(TriangulatePoints, WhatViewsDisagreeByIsSaid) {
   TakeResult take;
-  CommandResult good, bad;
-  take.sigma_px = 7.4;
-  CheckConsistency(take, rig, &good);
-  EXPECT_EQ(good.exit, kExitOk);
-  take.sigma_px = 10;
-  CheckConsistency(take, rig, &bad);
+  take.sigma_px = 10, take.holdout.all.coverage = 0.2, take.holdout.all.median_px = 40;
+  EXPECT_EQ(Inconsistent(Inconsistency::kNone, take).exit, kExitOk);
+  const CommandResult bad = Inconsistent(Inconsistency::kNoise, take);
   EXPECT_EQ(bad.exit, kExitQualityGate);
   ASSERT_EQ(bad.errors.size(), 1u);
   EXPECT_EQ(bad.errors[0].code, "TRI-INCONSISTENT");
   EXPECT_THAT(bad.errors[0].text, HasSubstr("sigma 10.0 px is 2.0 % of the image's diagonal"));
+  EXPECT_EQ(Inconsistent(Inconsistency::kNoNoiseExplains, take).errors[0].text,
+            "views disagree: no noise of detections explains by how much");
+  EXPECT_THAT(Inconsistent(Inconsistency::kFarFromPrediction, take).errors[0].text,
+              HasSubstr("40 px from a camera's detections (median)"));
+  EXPECT_THAT(Inconsistent(Inconsistency::kRarelyPredicted, take).errors[0].text, HasSubstr("predict only 20 %"));
 }
 
-TEST(TriangulateMetrics, ASearchThatEndsIsNoEstimateAndCamerasMustPredictEachOther) {
-  geometry::Rig rig;
-  rig.cameras.resize(1);
-  rig.cameras[0].camera.width_px = 400, rig.cameras[0].camera.height_px = 300;
-  const auto said = [&](const TakeResult& take) {
-    CommandResult result;
-    CheckConsistency(take, rig, &result);
-    return result.errors.empty() ? std::string() : result.errors[0].text;
-  };
-  TakeResult endless, far, rare;
-  endless.sigma_px = 10240;
+TEST(TriangulatePoints, ViewsDisagreeFromAPartOfTheDiagonalOn) {
+  constexpr double kDiagonalPx = 500;
+  TakeResult take;
+  take.sigma_px = 7.4;
+  EXPECT_EQ(InconsistencyOf(take, kDiagonalPx), Inconsistency::kNone);
+  take.sigma_px = 10;
+  EXPECT_EQ(InconsistencyOf(take, kDiagonalPx), Inconsistency::kNoise);
+  take.sigma_px = 10240;
+  EXPECT_EQ(InconsistencyOf(take, kDiagonalPx), Inconsistency::kNoNoiseExplains) << "a search that ends is no estimate";
+}
+
+TEST(TriangulatePoints, CamerasMustPredictEachOther) {
+  TakeResult far, rare;
   far.holdout.all.num_samples = rare.holdout.all.num_samples = 100;
   far.holdout.all.coverage = 1, far.holdout.all.median_px = 40;
   rare.holdout.all.coverage = 0.2;
-  EXPECT_EQ(said(endless), "views disagree: no noise of detections explains by how much");
-  EXPECT_THAT(said(far), HasSubstr("40 px from a camera's detections (median)"));
-  EXPECT_THAT(said(rare), HasSubstr("predict only 20 %"));
+  EXPECT_EQ(InconsistencyOf(far, 500), Inconsistency::kFarFromPrediction);
+  EXPECT_EQ(InconsistencyOf(rare, 500), Inconsistency::kRarelyPredicted);
   far.holdout.all.median_px = 10;
-  EXPECT_EQ(said(far), "");
+  EXPECT_EQ(InconsistencyOf(far, 500), Inconsistency::kNone);
 }
 
-TEST(TriangulateMetrics, ScoresThatLeaveEverythingOutAreSaid) {
+TEST(TriangulatePoints, ScoresThatLeaveEverythingOutAreSaid) {
   const auto check = [](double score) {
     PointStatistics statistics(2, {});
     for (int f = 0; f < 20; ++f) {
@@ -167,8 +172,9 @@ TEST(TriangulateMetrics, ScoresThatLeaveEverythingOutAreSaid) {
       }
       statistics.AddFrames({frame}, {});
     }
-    CommandResult result;
-    EXPECT_TRUE(statistics.CheckLoss({}, &result));
+    const Loss loss = statistics.LossOf({});
+    EXPECT_EQ(loss.reason, Loss::Reason::kScores);
+    const CommandResult result = DescribeLoss(loss, {}, {});
     EXPECT_EQ(result.exit, kExitIllPosed);
     return result.errors.at(0).text;
   };
@@ -177,32 +183,29 @@ TEST(TriangulateMetrics, ScoresThatLeaveEverythingOutAreSaid) {
   EXPECT_THAT(check(0), HasSubstr("have score 0, which means not seen"));
 }
 
-TEST(TriangulateMetrics, CamerasAreWarnedOfOnce) {
+TEST(TriangulatePoints, CamerasAreWarnedOfOnce) {
   TakeResult take;
   take.cameras.resize(3);
   take.cameras[0].off = take.cameras[0].scaled = take.cameras[1].scaled = true;
   take.cameras[0].message = "a is off", take.cameras[1].message = "b is scaled";
   take.cameras[2].name = "c", take.cameras[2].num_detections = 100, take.cameras[2].num_rejected = 51;
   take.sides.cameras = {{"a", 100, 4, 0, {}, "a: 4 of 100"}, {"b", 100, 5, 0, {}, "b: 5 of 100"}, {"c", 100, 50, 0, {}, ""}};
-  CommandResult result;
-  AddCameraWarnings(take, &result);
   std::vector<std::string> said;
-  for (const Notice& notice : result.warnings) said.push_back(notice.code + " " + notice.text);
+  for (const Notice& notice : CameraNotices(take)) said.push_back(notice.code + " " + notice.text);
   EXPECT_THAT(said, ::testing::ElementsAre("TRI-CAMERA-OFF a is off", "TRI-CAMERA-SCALED b is scaled",
                                            "TRI-CAMERA-LEFTOUT c: 51 of its 100 detections fit no point of the other cameras",
                                            "TRI-SIDES-SWAPPED b: 5 of 100"));
 }
 
-TEST(TriangulateMetrics, MostCamerasOffAreOneWarning) {
+TEST(TriangulatePoints, MostCamerasOffAreOneWarning) {
   TakeResult take;
   take.cameras.resize(4);
   for (size_t c = 0; c < 4; ++c) take.cameras[c].name = std::string(1, static_cast<char>('a' + c));
   for (size_t c = 0; c < 3; ++c)
     take.cameras[c].off = true, take.cameras[c].mean_residual_px = {1.0 + static_cast<double>(c), -3};
-  CommandResult result;
-  AddCameraWarnings(take, &result);
-  ASSERT_EQ(result.warnings.size(), 1u);
-  EXPECT_THAT(result.warnings[0].text, HasSubstr("3 of 4 cameras are off on average, px: a (+1.0, -3.0), b (+2.0, -3.0), c"));
+  const std::vector<Notice> notices = CameraNotices(take);
+  ASSERT_EQ(notices.size(), 1u);
+  EXPECT_THAT(notices[0].text, HasSubstr("3 of 4 cameras are off on average, px: a (+1.0, -3.0), b (+2.0, -3.0), c"));
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "core/progress.h"
 #include "geometry/skeleton/skeleton.h"
 #include "stages/people/marker_export.h"
 #include "triangulate/point/holdout.h"
@@ -23,8 +24,5 @@ struct FilterCheck {
 FilterCheck CheckFilter(const triangulate::PreparedRig& rig, const triangulate::TakeResult& take,
                         const triangulate::PointSolver& solve, const geometry::Skeleton& skeleton, const MarkerOptions& options,
                         const RunContext& run, int max_cameras = 5);
-
-/// Adds metrics `filter_holdout` and a line of text; a warning where the filter hurts.
-void AddFilterCheck(const FilterCheck& check, CommandResult* result);
 
 }  // namespace mvstudio::stages

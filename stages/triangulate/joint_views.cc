@@ -1,4 +1,4 @@
-#include "stages/people/joint_views.h"
+#include "stages/triangulate/joint_views.h"
 
 #include <algorithm>
 #include <cmath>
@@ -15,9 +15,9 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr int kLongerSidePx = 480;
+constexpr int kShownSidePx = 480;
 constexpr size_t kMostBytes = size_t{64} << 10, kMostBytesTogether = size_t{1} << 20;
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNowhere = std::numeric_limits<double>::quiet_NaN();
 
 /// What a time step has to show: keypoints with a 3D joint, by camera.
 struct Step {
@@ -93,8 +93,8 @@ JointView ViewOf(const geometry::RigCamera& camera, int camera_idx, int instant,
     const size_t at =
         static_cast<size_t>(entry.person) * static_cast<size_t>(num_joints) + static_cast<size_t>(entry.joint_idx);
     if (view.projected_px.size() <= at) {
-      view.projected_px.resize(at + 1, {kNone, kNone});
-      view.keypoint_px.resize(at + 1, {kNone, kNone});
+      view.projected_px.resize(at + 1, {kNowhere, kNowhere});
+      view.keypoint_px.resize(at + 1, {kNowhere, kNowhere});
     }
     for (const triangulate::Observation& seen : take.observations[i]) {
       if (seen.camera_idx == camera_idx) view.keypoint_px[at] = seen.px;
@@ -126,10 +126,10 @@ std::string PictureOf(const JointView& view, const FramePicture& box, const geom
   if (read.empty()) return {};
   const Image& image = read.begin()->second;
   const bool fits = image.width == camera.camera.width_px && image.height == camera.camera.height_px;
-  return fits ? SmallPicture(image, box, kLongerSidePx, most_bytes).jpeg : "";
+  return fits ? SmallPicture(image, box, kShownSidePx, most_bytes).jpeg : "";
 }
 
-ordered_json PointsJson(const JointView& view) {
+ordered_json JointPointsJson(const JointView& view) {
   ordered_json joints = ordered_json::array();
   const auto number = [](double px) { return FiniteOrNull(std::round(px * 100) / 100); };
   for (size_t i = 0; i < view.projected_px.size(); ++i) {
@@ -139,17 +139,18 @@ ordered_json PointsJson(const JointView& view) {
   return joints;
 }
 
-ordered_json ViewJson(const JointView& view, const std::string& camera, const FramePicture& box, const std::string& picture) {
+ordered_json ShownViewJson(const ShownView& shown) {
+  const JointView& view = shown.view;
   const std::vector<double> distances = DistancesPx(view);
-  return {{"camera", camera},
+  return {{"camera", shown.camera},
           {"instant", view.instant},
           {"frame", view.frame < 0 ? ordered_json() : ordered_json(view.frame)},
           {"median_px", FiniteOrNull(LinearQuantile(distances, 0.5))},
           {"max_px", FiniteOrNull(LinearQuantile(distances, 1))},
           {"num_points", distances.size()},
-          {"box_px", {box.x, box.y, box.width, box.height}},
-          {"picture", picture.empty() ? ordered_json() : ordered_json(picture)},
-          {"joints", PointsJson(view)}};
+          {"box_px", {shown.x, shown.y, shown.width, shown.height}},
+          {"picture", shown.picture.empty() ? ordered_json() : ordered_json(shown.picture)},
+          {"joints", JointPointsJson(view)}};
 }
 
 }  // namespace
@@ -174,25 +175,33 @@ std::vector<JointView> ChooseJointViews(const geometry::Rig& rig, const triangul
   return views;
 }
 
-void AddJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take, const geometry::Skeleton& skeleton,
-                   const TakeImages& images, const std::string& out, CommandResult* result) {
-  const std::vector<JointView> views = ChooseJointViews(rig, take, static_cast<int>(skeleton.joints.size()), images);
+JointViewReport WriteJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take,
+                                const geometry::Skeleton& skeleton, const TakeImages& images, const std::string& out) {
+  JointViewReport report{{}, skeleton.bones, skeleton.joints.size()};
+  const std::vector<JointView> views = ChooseJointViews(rig, take, static_cast<int>(report.num_joints), images);
   const size_t most = std::min(kMostBytes, kMostBytesTogether / std::max<size_t>(1, views.size()));
-  std::vector<FramePicture> boxes;
   std::vector<std::string> pictures, names;
   for (const JointView& view : views) {
     const geometry::RigCamera& camera = rig.cameras[static_cast<size_t>(view.camera_idx)];
-    boxes.push_back(BoxOf(view, camera.camera));
-    pictures.push_back(PictureOf(view, boxes.back(), camera, images, most));
+    const FramePicture box = BoxOf(view, camera.camera);
+    pictures.push_back(PictureOf(view, box, camera, images, most));
     names.push_back(Format("%02d_%08lld.jpg", view.camera_idx, static_cast<long long>(view.frame)));
+    report.views.push_back({view, camera.camera.name, box.x, box.y, box.width, box.height});
   }
   const std::vector<std::string> paths = WritePictures(pictures, names, out + "/" + kJointViewsFolder);
+  for (size_t i = 0; i < views.size(); ++i) report.views[i].picture = paths[i];
+  return report;
+}
+
+CommandResult DescribeJointViews(const JointViewReport& report) {
+  CommandResult result;
   ordered_json rows = ordered_json::array();
-  for (size_t i = 0; i < views.size(); ++i) {
-    rows.push_back(ViewJson(views[i], rig.cameras[static_cast<size_t>(views[i].camera_idx)].camera.name, boxes[i], paths[i]));
-    if (!paths[i].empty()) result->outputs.push_back({paths[i], "joint-view"});
+  for (const ShownView& shown : report.views) {
+    rows.push_back(ShownViewJson(shown));
+    if (!shown.picture.empty()) result.outputs.push_back({shown.picture, "joint-view"});
   }
-  result->metrics["overlays"] = {{"bones", skeleton.bones}, {"num_joints", skeleton.joints.size()}, {"views", rows}};
+  result.metrics["overlays"] = {{"bones", report.bones}, {"num_joints", report.num_joints}, {"views", rows}};
+  return result;
 }
 
 }  // namespace mvstudio::stages
