@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "app/dataset/pack_speed.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
@@ -16,6 +15,7 @@
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/views/crop.h"
+#include "stages/dataset/pack_speed.h"
 
 /// bench_pack [SEED] [JSON or -] [DATASET or -] [FRAMES]: random access to crops of people, packs beside a folder of JPEG
 /// pictures cropped when read, on a made studio of 1920x1080 pictures and on the dataset when given. See docs/packs.md.
@@ -134,11 +134,11 @@ void Enlarge(const std::string& from, const std::string& to, int frames) {
   });
 }
 
-nlohmann::ordered_json Measure(const std::string& title, const std::string& root, app::PackSpeedOptions options) {
-  const app::PackSpeedReport report = app::MeasurePackSpeed(root, options, {});
+nlohmann::ordered_json Measure(const std::string& title, const std::string& root, stages::PackSpeedOptions options) {
+  const stages::PackSpeedReport report = stages::MeasurePackSpeed(root, options, {});
   const std::vector<bool> none(report.trials.size(), false);
-  std::printf("== %s\n%s", title.c_str(), app::PackSpeedText(report, none).c_str());
-  nlohmann::ordered_json json = nlohmann::ordered_json::parse(app::PackSpeedJson(report, none));
+  std::printf("== %s\n%s", title.c_str(), stages::PackSpeedText(report, none).c_str());
+  nlohmann::ordered_json json = nlohmann::ordered_json::parse(stages::PackSpeedJson(report, none));
   json["what"] = title;
   return json;
 }
@@ -160,7 +160,7 @@ int Main(int argc, char** argv) {
   const std::string json_path = argc > 2 ? argv[2] : "-", given = argc > 3 ? argv[3] : "-";
   const int frames = argc > 4 ? std::max(1, std::atoi(argv[4])) : 6;
   const TempFolder folder;
-  app::PackSpeedOptions options;
+  stages::PackSpeedOptions options;
   const ScratchFolder work(folder.path);
   options.frames = frames, options.work = work.path();
   options.codecs = {"raw", "png", "jpeg:90", "jpeg:95", "jpeg:98"}, options.crops = {128, 256};

@@ -9,12 +9,12 @@
 #include <sstream>
 #include <thread>
 
-#include "app/dataset/session_table.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/session/session_scan.h"
+#include "stages/dataset/session_table.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>
@@ -195,13 +195,13 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   }
   result.inputs = {arguments.path};
   WarnOfBoard(session, &result);
-  result.metrics["footage"] = app::FootageJson(report);
+  result.metrics["footage"] = stages::FootageJson(report);
   result.metrics["findings"] = ordered_json::array();
   for (const Notice& f : report.findings) {
     result.metrics["findings"].push_back({{"severity", f.fails ? "error" : "warning"}, {"code", f.code}, {"text", f.text}});
   }
-  app::AddFindings(report, &result);
-  result.text += app::FootageText(report) + std::to_string(report.num_errors()) + " errors, " +
+  stages::AddFindings(report, &result);
+  result.text += stages::FootageText(report) + std::to_string(report.num_errors()) + " errors, " +
                  std::to_string(static_cast<int>(report.findings.size()) - report.num_errors()) + " warnings\n";
   return result;
 }

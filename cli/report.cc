@@ -5,7 +5,6 @@
 #include <ctime>
 #include <filesystem>
 
-#include "app/study/study.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -13,6 +12,7 @@
 #include "cli/program/result.h"
 #include "core/disk/place.h"
 #include "core/error.h"
+#include "stages/study/study.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -56,7 +56,7 @@ CommandResult RunReport(report::ReportOptions options, const std::string& run, c
 
 void RegisterReport(CLI::App& app, Registry& registry) {
   auto options = std::make_shared<report::ReportOptions>();
-  auto study = std::make_shared<app::StudyArguments>();
+  auto study = std::make_shared<stages::StudyArguments>();
   auto run = std::make_shared<std::string>();
   auto out = std::make_shared<std::string>();
   auto anew = std::make_shared<bool>(true);
@@ -84,8 +84,8 @@ void RegisterReport(CLI::App& app, Registry& registry) {
     if (asked != 1) throw UsageError("report needs one of RUN, --study A B and --study-tally ANSWERS");
     study->title = options->title;
     study->follow_links = options->follow_links;
-    if (!study->sides.empty()) return app::RunStudy(*study, *out, context.run.seed);
-    if (!study->tally.empty()) return app::RunStudyTally(*study);
+    if (!study->sides.empty()) return stages::RunStudy(*study, *out, context.run.seed);
+    if (!study->tally.empty()) return stages::RunStudyTally(*study);
     return RunReport(*options, *run, *out);
   });
 }

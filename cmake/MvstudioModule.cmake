@@ -75,7 +75,7 @@ function(mvstudio_add_module name)
   target_compile_features(mvstudio_${name} PUBLIC cxx_std_17)
   set_target_properties(mvstudio_${name} PROPERTIES EXPORT_NAME ${name})
   set(export mvstudio-targets)
-  if(name MATCHES "^(avatar|avatar_run|detect|app_nets)$")
+  if(name MATCHES "^(avatar|avatar_run|detect|stages_nets)$")
     set(export mvstudio-avatar-targets)  # these need libtorch
   endif()
   install(TARGETS mvstudio_${name} EXPORT ${export})

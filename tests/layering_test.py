@@ -132,25 +132,27 @@ MAY_INCLUDE = {
     "report": CORE | {"report/page", "report/svg"},
 }
 LIBRARIES = set(MAY_INCLUDE)
-APP_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}
-WITHOUT_TORCH = {f for f in APP_LIBRARIES if not needs_torch(f)}
+STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}
+WITHOUT_TORCH = {f for f in STAGE_LIBRARIES if not needs_torch(f)}
 MAY_INCLUDE |= {
-    "app": {"core"},
-    "app/input": WITHOUT_TORCH | {"app", "dataset/exports/read"},
-    "app/calib": WITHOUT_TORCH | {"app", "app/input"},
-    "app/click": WITHOUT_TORCH | {"app"},
-    "app/dataset": WITHOUT_TORCH | {"app"},
-    "app/people": WITHOUT_TORCH | {"app", "app/input"},
-    "app/study": WITHOUT_TORCH | {"app", "app/dataset"},
-    "app/nets": APP_LIBRARIES | {"app", "app/input"},
-    "app/nets/texture": APP_LIBRARIES | {"app", "app/input"},
+    "stages": {"core"},
+    "stages/input": WITHOUT_TORCH | {"stages", "dataset/exports/read"},
+    "stages/calib": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/click": WITHOUT_TORCH | {"stages"},
+    "stages/dataset": WITHOUT_TORCH | {"stages"},
+    "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
+    "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
+    "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
 }
 COMMANDS = {"cli/calib", "cli/dataset", "cli/people", "cli/avatar", "cli/tradeoff"}
-APP = {f for f in MAY_INCLUDE if f.split("/")[0] == "app"}
+STAGES = {f for f in MAY_INCLUDE if f.split("/")[0] == "stages"}
 MAY_INCLUDE |= {"cli/help": {"core"}}
-MAY_INCLUDE |= {"cli/program": LIBRARIES | APP | {"cli/help"}}
-MAY_INCLUDE |= {folder: LIBRARIES | APP | {"cli/program"} for folder in COMMANDS}
-MAY_INCLUDE |= {"cli": LIBRARIES | APP | COMMANDS | {"cli/program", "cli/help"}}
+MAY_INCLUDE |= {"cli/program": LIBRARIES | STAGES | {"cli/help"}}
+MAY_INCLUDE |= {folder: LIBRARIES | STAGES | {"cli/program"} for folder in COMMANDS}
+MAY_INCLUDE |= {"cli": LIBRARIES | STAGES | COMMANDS | {"cli/program", "cli/help"}}
 MOST_FILES = 40  # source files of a folder, headers and .cc files counted
 FREE = {"bench", "tests"}  # may include everything
 EVERYTHING = {"cli", *FREE}  # programs: may print and exit
@@ -174,7 +176,7 @@ NOT_IN_LAYER = {
 }
 # Interfaces whose purpose is another library's type.
 HEADER_EXCEPTIONS = {
-    ("app", re.compile(r"^nlohmann/")),
+    ("stages", re.compile(r"^nlohmann/")),
     ("cli", re.compile(r"^(CLI/|nlohmann/|spdlog/|toml\+\+/)")),
     ("tests", re.compile(r".*")),
     ("bench", re.compile(r".*")),
@@ -247,7 +249,7 @@ def check_foreign(layer, name, path, private=False):
         if any(top == folder and pattern.match(name) for folder, pattern in HEADER_EXCEPTIONS):
             return None
         return f"third-party <{name}> in a header; only Eigen and torch may stand there (or it begins with // Private: WHY)"
-    if TORCH.match(name) and not needs_torch(layer) and top not in ("app", *EVERYTHING):
+    if TORCH.match(name) and not needs_torch(layer) and top not in ("stages", *EVERYTHING):
         return f"{layer}/ includes <{name}>: torch belongs to the modules that cmake/modules.txt marks"
     return None
 

@@ -2,7 +2,6 @@
 
 #include <filesystem>
 
-#include "app/nets/avatar_fit_picture.h"
 #include "avatar/body/files/atlas.h"
 #include "avatar/body/files/gltf.h"
 #include "core/disk/files.h"
@@ -10,6 +9,7 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
+#include "stages/nets/avatar_fit_picture.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -25,7 +25,7 @@ BodyFolder::BodyFolder(const std::string& path, bool overwrite) : path_(path) {
 
 std::vector<std::string> BodyFolder::Names() { return {body::kPersonFileName, kGlbFile, kTextureFile, kPictureFile}; }
 
-void BodyFolder::Write(const body::TexturedPerson& person, double frame_rate_hz, app::CommandResult* result) const {
+void BodyFolder::Write(const body::TexturedPerson& person, double frame_rate_hz, stages::CommandResult* result) const {
   const std::string body_path = path_ + "/" + body::kPersonFileName, glb_path = path_ + "/" + kGlbFile,
                     texture_path = path_ + "/" + kTextureFile, picture_path = path_ + "/" + kPictureFile;
   FilesTogether together;
@@ -37,7 +37,7 @@ void BodyFolder::Write(const body::TexturedPerson& person, double frame_rate_hz,
     result->outputs.push_back({path, role});
   const bool known = person.offset_sigma_m.size() > 0;
   if (known) {
-    const app::SurfaceMaps maps = app::MapSurface(person);
+    const stages::SurfaceMaps maps = stages::MapSurface(person);
     WriteFileAtomic(picture_path, dataset::EncodeImage(maps.picture, picture_path));
     result->outputs.push_back({picture_path, "surface-maps"});
     result->metrics["surface_maps"] = {{"offset_limit_mm", maps.offset_limit_mm}, {"sigma_limit_mm", maps.sigma_limit_mm}};

@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "app/result.h"
 #include "avatar/body/files/textured_person.h"
 #include "cli/program/command.h"
+#include "stages/result.h"
 
 namespace CLI {
 class App;
@@ -23,7 +23,7 @@ class BodyFolder {
   /// Names of all files, for the right to write them.
   static std::vector<std::string> Names();
   /// All files at once; adds them to the result's outputs.
-  void Write(const body::TexturedPerson& person, double frame_rate_hz, app::CommandResult* result) const;
+  void Write(const body::TexturedPerson& person, double frame_rate_hz, stages::CommandResult* result) const;
 
  private:
   std::string path_;

@@ -4,8 +4,6 @@
 #include <map>
 #include <set>
 
-#include "app/study/avatar_scores.h"
-#include "app/study/avatar_table.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -13,6 +11,8 @@
 #include "core/error.h"
 #include "report/page/format.h"
 #include "report/study/study_tally.h"
+#include "stages/study/avatar_scores.h"
+#include "stages/study/avatar_table.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -25,19 +25,19 @@ struct Arguments {
   bool baselines = true;
 };
 
-ordered_json SpreadJson(const app::Spread& spread) {
+ordered_json SpreadJson(const stages::Spread& spread) {
   return {{"mean", FiniteOrNull(spread.mean)},
           {"half_range", FiniteOrNull(spread.half_range)},
           {"sd", FiniteOrNull(spread.sd)},
           {"n", spread.n}};
 }
 
-ordered_json ShareJson(const app::StudyCell& cell) {
+ordered_json ShareJson(const stages::StudyCell& cell) {
   return {{"against", cell.against}, {"share", cell.share},  {"ci95", {cell.low, cell.high}}, {"n", cell.n},
           {"p_value", cell.p_value}, {"raters", cell.raters}};
 }
 
-ordered_json RowJson(const app::ComparisonRow& row) {
+ordered_json RowJson(const stages::ComparisonRow& row) {
   ordered_json json = {{"name", row.name}, {"method", row.method}, {"num_runs", row.folders.size()}};
   json["seeds"] = row.seeds;
   json["cameras"] = row.cameras;
@@ -49,17 +49,17 @@ ordered_json RowJson(const app::ComparisonRow& row) {
   json["costs"] = ordered_json::object();
   for (const auto& [key, spread] : row.costs) json["costs"][key] = SpreadJson(spread);
   if (!row.study.empty()) json["study"] = ordered_json::array();
-  for (const app::StudyCell& cell : row.study) json["study"].push_back(ShareJson(cell));
+  for (const stages::StudyCell& cell : row.study) json["study"].push_back(ShareJson(cell));
   json["runs"] = row.folders;
   return json;
 }
 
-std::vector<app::ScoredRun> ReadRuns(const std::vector<std::string>& texts) {
-  std::vector<app::ScoredRun> runs;
+std::vector<stages::ScoredRun> ReadRuns(const std::vector<std::string>& texts) {
+  std::vector<stages::ScoredRun> runs;
   std::set<std::filesystem::path> folders;
   for (const std::string& text : texts) {
-    runs.push_back(app::ReadScoredRun(text));
-    app::RequireSameProtocol(runs.back().protocol, runs.front().protocol);
+    runs.push_back(stages::ReadScoredRun(text));
+    stages::RequireSameProtocol(runs.back().protocol, runs.front().protocol);
     if (!folders.insert(std::filesystem::weakly_canonical(runs.back().folder)).second)
       throw UsageError(runs.back().folder + " is given twice: a run counts once in the spread of its row");
   }
@@ -67,9 +67,9 @@ std::vector<app::ScoredRun> ReadRuns(const std::vector<std::string>& texts) {
 }
 
 /// Rows that differ cannot bear one name: a table of them could not be read.
-void RequireOwnNames(const app::Comparison& comparison) {
+void RequireOwnNames(const stages::Comparison& comparison) {
   std::map<std::string, std::string> folders;
-  for (const app::ComparisonRow& row : comparison.rows) {
+  for (const stages::ComparisonRow& row : comparison.rows) {
     if (row.baseline || row.folders.empty()) continue;
     const auto [at, is_new] = folders.emplace(row.name, row.folders.front());
     if (!is_new)
@@ -79,8 +79,8 @@ void RequireOwnNames(const app::Comparison& comparison) {
 }
 
 /// Runs of one seed in one row are no samples of what the seed changes.
-void WarnOfRepeatedSeeds(const app::Comparison& comparison, CommandResult* result) {
-  for (const app::ComparisonRow& row : comparison.rows) {
+void WarnOfRepeatedSeeds(const stages::Comparison& comparison, CommandResult* result) {
+  for (const stages::ComparisonRow& row : comparison.rows) {
     std::set<std::string> seeds;
     for (const std::string& seed : row.seeds) {
       if (seeds.insert(seed).second) continue;
@@ -93,15 +93,15 @@ void WarnOfRepeatedSeeds(const app::Comparison& comparison, CommandResult* resul
 }
 
 CommandResult Run(const Arguments& arguments) {
-  const std::vector<app::ScoredRun> runs = ReadRuns(arguments.runs);
-  app::Comparison comparison = app::CompareRuns(runs, arguments.baselines);
+  const std::vector<stages::ScoredRun> runs = ReadRuns(arguments.runs);
+  stages::Comparison comparison = stages::CompareRuns(runs, arguments.baselines);
   CommandResult result;
   RequireOwnNames(comparison);
   WarnOfRepeatedSeeds(comparison, &result);
   if (!arguments.study.empty()) {
     std::vector<report::StudyAnswers> answers;
     for (const std::string& path : arguments.study) answers.push_back(report::ReadStudyAnswers(path));
-    for (const std::string& name : app::AddStudies(answers, &comparison)) {
+    for (const std::string& name : stages::AddStudies(answers, &comparison)) {
       result.warnings.push_back(
           {"CMP-STUDY", "no row is called '" + name + "', which the answers judge", "name the run: '" + name + "=RUN'"});
     }
@@ -113,19 +113,19 @@ CommandResult Run(const Arguments& arguments) {
   result.metrics["protocol_sha256"] = runs.front().protocol.sha256;
   result.metrics["distance"] = comparison.distance_name;
   result.metrics["rows"] = ordered_json::array();
-  for (const app::ComparisonRow& row : comparison.rows) result.metrics["rows"].push_back(RowJson(row));
+  for (const stages::ComparisonRow& row : comparison.rows) result.metrics["rows"].push_back(RowJson(row));
   result.metrics["differences"] = ordered_json::array();
-  for (const app::RowDifference& d : comparison.differences)
+  for (const stages::RowDifference& d : comparison.differences)
     result.metrics["differences"].push_back(
         {{"row", d.row},
          {"against", d.against},
          {"ssim", d.ssim},
          {"outside_spread", d.spread_known ? ordered_json(d.outside_spread) : ordered_json()}});
-  result.text = app::TextTable(comparison);
+  result.text = stages::TextTable(comparison);
   result.inputs = {};
   if (!arguments.out.empty()) {
     const OutputFiles place({arguments.out}, {});
-    WriteFileAtomic(arguments.out, app::MarkdownTable(comparison));
+    WriteFileAtomic(arguments.out, stages::MarkdownTable(comparison));
     result.outputs.push_back({arguments.out, "table"});
   }
   return result;

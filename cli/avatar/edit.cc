@@ -1,13 +1,13 @@
 #include <filesystem>
 #include <memory>
 
-#include "app/nets/texture/body_edit.h"
 #include "cli/avatar/body_folder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
+#include "stages/nets/texture/body_edit.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -31,11 +31,11 @@ CommandResult RunEdit(const EditArguments& arguments) {
   const OutputFolder place(arguments.out, result.inputs, BodyFolder::Names());
   const BodyFolder folder(arguments.out, arguments.overwrite);
   body::TexturedPerson person = body::ReadPerson(file);
-  app::BodyEdit edit;
-  if (!arguments.picture.empty()) app::EditTexture(dataset::ReadImage(arguments.picture), arguments.picture, &person, &edit);
-  if (!arguments.shape.empty()) app::EditShape(arguments.shape, arguments.body_template, &person, &edit);
-  result.metrics = app::ToJson(edit);
-  result.text = app::ToTable(edit);
+  stages::BodyEdit edit;
+  if (!arguments.picture.empty()) stages::EditTexture(dataset::ReadImage(arguments.picture), arguments.picture, &person, &edit);
+  if (!arguments.shape.empty()) stages::EditShape(arguments.shape, arguments.body_template, &person, &edit);
+  result.metrics = stages::ToJson(edit);
+  result.text = stages::ToTable(edit);
   folder.Write(person, arguments.frame_rate_hz, &result);
   return result;
 }

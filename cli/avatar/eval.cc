@@ -1,11 +1,11 @@
 #include <chrono>
 #include <cmath>
 
-#include "app/dataset/studio_names.h"
 #include "avatar/run/evaluate/evaluate.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/format.h"
+#include "stages/dataset/studio_names.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -70,7 +70,7 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
 }
 
 CommandResult RunAvatarEval(const AvatarEvalArguments& arguments, CommandContext& context) {
-  app::UseStudioNames(avatar::OpenRun(arguments.run_folder, arguments.options.dataset).dataset);
+  stages::UseStudioNames(avatar::OpenRun(arguments.run_folder, arguments.options.dataset).dataset);
   const avatar::Evaluation evaluation = avatar::Evaluate(arguments.run_folder, arguments.options, context.run, Now);
   CommandResult result;
   result.folder = arguments.run_folder;

@@ -1,21 +1,21 @@
 #include <memory>
 
-#include "app/dataset/studio_names.h"
-#include "app/input/mask_notice.h"
-#include "app/nets/avatar_fit.h"
-#include "app/nets/avatar_train_data.h"
 #include "cli/avatar/body_folder.h"
 #include "cli/avatar/split_options.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
+#include "stages/dataset/studio_names.h"
+#include "stages/input/mask_notice.h"
+#include "stages/nets/avatar_fit.h"
+#include "stages/nets/avatar_train_data.h"
 
 namespace mvstudio::cli {
 namespace {
 
 struct FitArguments {
   std::string dataset, out, body_template = "mannequin";
-  app::SplitArguments split;
+  stages::SplitArguments split;
   avatar::PersonFitOptions options;
   avatar::PoseBy pose_by = avatar::PoseBy::kImages;
   bool overwrite = false;
@@ -23,25 +23,25 @@ struct FitArguments {
 };
 
 CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
-  app::UseStudioNames(arguments.dataset);
+  stages::UseStudioNames(arguments.dataset);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   const int person = avatar::ChoosePerson(data, arguments.options.person);
-  const avatar::DatasetSplit split = app::SplitOf(data, person, arguments.split);
+  const avatar::DatasetSplit split = stages::SplitOf(data, person, arguments.split);
   avatar::PersonFitOptions options = arguments.options;
-  options.templates = app::TemplatesOf(arguments.body_template);
+  options.templates = stages::TemplatesOf(arguments.body_template);
   const OutputFolder place(arguments.out, {arguments.dataset}, BodyFolder::Names());
-  const std::vector<Notice> doubts = app::CheckTrainingImages(data, split, context.run);
+  const std::vector<Notice> doubts = stages::CheckTrainingImages(data, split, context.run);
   const BodyFolder folder(arguments.out, arguments.overwrite);
-  const avatar::PersonFit fit = app::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
+  const avatar::PersonFit fit = stages::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.dataset};
-  app::TellSplitFrames(data, arguments.split, &result);
-  result.metrics = app::ToJson(fit);
+  stages::TellSplitFrames(data, arguments.split, &result);
+  result.metrics = stages::ToJson(fit);
   folder.Write(fit.result, arguments.frame_rate_hz, &result);
-  result.text = app::ToTable(fit);
-  app::AddFitWarnings(fit, &result);
+  result.text = stages::ToTable(fit);
+  stages::AddFitWarnings(fit, &result);
   result.warnings.insert(result.warnings.end(), doubts.begin(), doubts.end());
-  app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
+  stages::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }
 

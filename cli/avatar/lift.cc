@@ -3,9 +3,6 @@
 #include <map>
 #include <set>
 
-#include "app/input/calib_read.h"
-#include "app/input/pose3d_input.h"
-#include "app/input/pose_changes.h"
 #include "avatar/run/lift/lift_take.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
@@ -18,6 +15,9 @@
 #include "core/statistics.h"
 #include "dataset/footage/frame_rate.h"
 #include "dataset/panoptic/panoptic.h"
+#include "stages/input/calib_read.h"
+#include "stages/input/pose3d_input.h"
+#include "stages/input/pose_changes.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -38,8 +38,8 @@ struct TrainArguments {
 };
 
 struct ApplyArguments {
-  app::CalibReadOptions read;
-  app::PoseChanges changes;
+  stages::CalibReadOptions read;
+  stages::PoseChanges changes;
   std::string pose2d, lifter, calib, camera, out, skeleton = "body25", truth;
   double rate_hz = 0;
   double height_m = 0, min_score = 0.2, smooth = 0;
@@ -195,7 +195,7 @@ std::map<int, avatar::LiftView> ReadViews(const ApplyArguments& arguments, const
 
 Truth ReadTruth(const std::string& path) {
   Truth truth;
-  for (const auto& [frame, people] : app::ReadCoco19Poses(path)) {
+  for (const auto& [frame, people] : stages::ReadCoco19Poses(path)) {
     if (!people.empty()) truth[frame] = people.begin()->second;
   }
   if (truth.empty()) throw FormatError(path, "", "--truth holds nobody");
@@ -237,7 +237,7 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   const avatar::Lifter lifter = avatar::LoadLifter(arguments.lifter);
   if (arguments.rate_hz != 0 && !dataset::IsFrameRate(arguments.rate_hz))
     throw UsageError(std::string("--frame-rate ") + dataset::kFrameRates);
-  const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calib}, arguments.read);
+  const calib::ImportedRig imported = stages::ReadCalibrationFiles({arguments.calib}, arguments.read);
   const geometry::Rig& rig = imported.rig;
   const int index = rig.Find(arguments.camera);
   if (index < 0) {
@@ -248,7 +248,7 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   const double size_m = SizeFor(arguments, lifter);
   CommandResult result;
   result.inputs = {arguments.pose2d, arguments.lifter, arguments.calib};
-  app::AddNotes(imported.notes, &result);
+  stages::AddNotes(imported.notes, &result);
   const OutputFolder place(arguments.out, result.inputs, {"points.csv", "covariance.csv", "pose3d.json"});
   std::optional<Eigen::Vector3d> up;
   if (arguments.level) up = camera.cam_from_world.rotation * Eigen::Vector3d::UnitZ();
@@ -256,7 +256,7 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   auto frames = avatar::LiftTake(lifter, inputs, size_m, PinholeOf(camera.camera).fx());
   avatar::SmoothTake(arguments.smooth, &frames);
   dataset::Pose3d pose = avatar::ToPose3d(frames, camera.cam_from_world, lifter.sigma_m);
-  pose.frame_rate_hz = arguments.rate_hz != 0 ? arguments.rate_hz : app::StepRateHz(arguments.changes);
+  pose.frame_rate_hz = arguments.rate_hz != 0 ? arguments.rate_hz : stages::StepRateHz(arguments.changes);
   WritePose3d(pose, arguments.out);
   result.metrics["size_m"] = size_m;
   result.metrics["rate_hz"] = pose.frame_rate_hz > 0 ? ordered_json(pose.frame_rate_hz) : ordered_json(nullptr);
@@ -304,7 +304,7 @@ void RegisterApply(CLI::App& lift, Registry& registry) {
   AddOption(sub, "--min-score", a->min_score, "0..1; joints with a lower score count as not seen")->capture_default_str();
   AddOption(sub, "--frame-rate", a->rate_hz, "frames a second, e.g. 60, stated beside the joints for those who read them");
   AddPoseMendingOptions(sub, a->read.invert, a->read.mirror);
-  AddPoseChanges(sub, a->changes);
+  AddOptions(sub, a->changes);
   AddOption(sub, "--stride", a->stride, "frames between the five that are lifted together; 2 for twice the learned frame rate")
       ->capture_default_str();
   AddOption(sub, "--smooth", a->smooth, "frames; standard deviation of a Gaussian over time; 0: every frame by itself")

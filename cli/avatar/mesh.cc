@@ -2,7 +2,6 @@
 #include <map>
 #include <memory>
 
-#include "app/frame_notice.h"
 #include "avatar/body/articulated_pose.h"
 #include "avatar/body/files/atlas.h"
 #include "avatar/body/files/obj_sequence.h"
@@ -14,6 +13,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
+#include "stages/frame_notice.h"
 
 /// `avatar mesh`, which does without libtorch.
 namespace mvstudio::cli {
@@ -36,7 +36,7 @@ std::map<int, body::BodyPose> PosesOf(const body::PersonBody& person, const std:
   std::vector<int> known;
   for (const auto& [frame, pose] : person.seen) known.push_back(frame);
   const FrameChoice choice = KnownFrames("--frames", ParseRanges("--frames", frames), known, path);
-  app::TellFrames(choice.beyond, result);
+  stages::TellFrames(choice.beyond, result);
   for (const int frame : choice.frames) poses.emplace(frame, ToBodyPose(person.body, person.seen.at(frame)));
   return poses;
 }

@@ -2,15 +2,15 @@
 #include <cmath>
 #include <filesystem>
 
-#include "app/input/mask_notice.h"
-#include "app/input/picture_pairs.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "stages/input/mask_notice.h"
+#include "stages/input/picture_pairs.h"
 #if MVSTUDIO_HAS_AVATAR
-#include "app/nets/metrics_distance.h"
+#include "stages/nets/metrics_distance.h"
 #endif
 
 namespace mvstudio::cli {
@@ -39,9 +39,9 @@ void AddUnmatched(const std::vector<std::string>& names, const std::string& fold
 }
 
 /// Whether masks were used, and on how much; what is behind images with opacity.
-void AddGround(const app::PicturePairs& pairs, const MetricsArguments& arguments, CommandResult* result) {
+void AddGround(const stages::PicturePairs& pairs, const MetricsArguments& arguments, CommandResult* result) {
   int64_t mask_px = 0, all_px = 0, clear = 0;
-  for (const app::PicturePair& pair : pairs.pairs) {
+  for (const stages::PicturePair& pair : pairs.pairs) {
     mask_px += pair.mask_px, all_px += int64_t{pair.width} * pair.height, clear += pair.clear;
   }
   if (arguments.masks.empty()) {
@@ -58,35 +58,35 @@ void AddGround(const app::PicturePairs& pairs, const MetricsArguments& arguments
   if (clear > 0) {
     result->metrics["background"] = {{"rgb", pairs.backdrop.rgb}, {"pairs", clear}, {"reason", pairs.backdrop.reason}};
     result->text += Format("\n  %lld pairs have opacity: put over ", static_cast<long long>(clear)) +
-                    app::ToString(pairs.backdrop) + " (" + pairs.backdrop.reason + ")";
+                    stages::ToString(pairs.backdrop) + " (" + pairs.backdrop.reason + ")";
   }
-  app::TellMasks(pairs.masks, arguments.masks, result);
+  stages::TellMasks(pairs.masks, arguments.masks, result);
 }
 
 /// Means of one region; nothing when the pairs have none.
-void AddRegion(const app::PicturePairs& pairs, const std::string& key,
-               std::optional<metrics::RegionScore> app::PicturePair::*region, CommandResult* result) {
+void AddRegion(const stages::PicturePairs& pairs, const std::string& key,
+               std::optional<metrics::RegionScore> stages::PicturePair::*region, CommandResult* result) {
   std::vector<metrics::RegionScore> scores;
-  for (const app::PicturePair& pair : pairs.pairs) {
+  for (const stages::PicturePair& pair : pairs.pairs) {
     if (pair.*region) scores.push_back(*(pair.*region));
   }
   int64_t ignored = 0;
   if (!scores.empty()) result->metrics[key] = ToJson(metrics::Mean(scores, &ignored));
 }
 
-void AddScores(const app::PicturePairs& pairs, bool per_picture, CommandResult* result) {
+void AddScores(const stages::PicturePairs& pairs, bool per_picture, CommandResult* result) {
   std::vector<metrics::RegionScore> full;
-  for (const app::PicturePair& pair : pairs.pairs) full.push_back(pair.full);
+  for (const stages::PicturePair& pair : pairs.pairs) full.push_back(pair.full);
   int64_t infinite = 0;
   const metrics::RegionScore mean = metrics::Mean(full, &infinite);
   result->metrics = ToJson(mean);
   result->metrics["n"] = full.size();
   result->metrics["psnr_infinite"] = infinite;
-  AddRegion(pairs, "bbox", &app::PicturePair::bbox, result);
-  AddRegion(pairs, "masked", &app::PicturePair::masked, result);
+  AddRegion(pairs, "bbox", &stages::PicturePair::bbox, result);
+  AddRegion(pairs, "masked", &stages::PicturePair::masked, result);
   if (per_picture) {
     result->metrics["pictures"] = ordered_json::array();
-    for (const app::PicturePair& pair : pairs.pairs) {
+    for (const stages::PicturePair& pair : pairs.pairs) {
       ordered_json row = {{"name", pair.name}};
       row.update(ToJson(pair.full));
       if (pair.bbox) row["bbox"] = ToJson(*pair.bbox);
@@ -101,7 +101,7 @@ void AddScores(const app::PicturePairs& pairs, bool per_picture, CommandResult* 
 }
 
 #if MVSTUDIO_HAS_AVATAR
-std::string Text(const app::DistanceResult& d) {
+std::string Text(const stages::DistanceResult& d) {
   const auto count = [](int64_t n) { return n > 0 ? std::to_string(n) : std::string("unknown"); };
   std::string text = Format("%s %.5g", d.name.c_str(), d.fd);
   if (std::isfinite(d.floor)) text += Format(", between halves of the reference %.5g", d.floor);
@@ -109,22 +109,22 @@ std::string Text(const app::DistanceResult& d) {
   return text + "; n = " + count(d.n_a) + " and " + count(d.n_b) + Format(", d = %lld", static_cast<long long>(d.d));
 }
 
-app::DistanceSide SideOf(const std::string& path) {
-  app::DistanceSide side{path, {}};
-  if (app::IsFeatureFile(path)) return side;
-  for (const auto& [name, picture] : app::PicturesIn(path)) side.pictures.push_back(picture);
+stages::DistanceSide SideOf(const std::string& path) {
+  stages::DistanceSide side{path, {}};
+  if (stages::IsFeatureFile(path)) return side;
+  for (const auto& [name, picture] : stages::PicturesIn(path)) side.pictures.push_back(picture);
   return side;
 }
 
-app::Backdrop BackdropFor(const MetricsArguments& arguments) {
-  return arguments.background == "auto" ? app::Backdrop{{0, 0, 0}, "the default"} : app::BackdropOf(arguments.background);
+stages::Backdrop BackdropFor(const MetricsArguments& arguments) {
+  return arguments.background == "auto" ? stages::Backdrop{{0, 0, 0}, "the default"} : stages::BackdropOf(arguments.background);
 }
 
 /// Sets without pairs.
 CommandResult Distance(const MetricsArguments& arguments, CommandContext& context) {
   if (!arguments.masks.empty()) throw UsageError("--masks has no part in a distance between sets: leave it out");
-  const app::DistanceSide a = SideOf(arguments.reference), b = SideOf(arguments.other);
-  const app::DistanceResult d = app::CompareSides(a, b, arguments.features, BackdropFor(arguments), context.run);
+  const stages::DistanceSide a = SideOf(arguments.reference), b = SideOf(arguments.other);
+  const stages::DistanceResult d = stages::CompareSides(a, b, arguments.features, BackdropFor(arguments), context.run);
   CommandResult result;
   result.metrics = {{"fd", d.fd},
                     {"name", d.name},
@@ -142,8 +142,8 @@ CommandResult Distance(const MetricsArguments& arguments, CommandContext& contex
 CommandResult WriteStatisticsOf(const MetricsArguments& arguments, CommandContext& context) {
   if (!arguments.other.empty()) throw UsageError("--write-statistics takes one set: leave the second out");
   const OutputFiles place({arguments.write_statistics}, {arguments.reference});
-  const app::WrittenStatistics written = app::WriteStatistics(SideOf(arguments.reference), arguments.features,
-                                                              BackdropFor(arguments), arguments.write_statistics, context.run);
+  const stages::WrittenStatistics written = stages::WriteStatistics(
+      SideOf(arguments.reference), arguments.features, BackdropFor(arguments), arguments.write_statistics, context.run);
   CommandResult result;
   result.metrics = {{"n", written.n}, {"d", written.d}, {"features", written.features}};
   result.outputs.push_back({arguments.write_statistics, "statistics"});
@@ -153,15 +153,15 @@ CommandResult WriteStatisticsOf(const MetricsArguments& arguments, CommandContex
 }
 
 /// Why the sets of pictures have no distance; empty when they have.
-std::string WhyNoDistance(const app::PicturePairs& pairs) {
+std::string WhyNoDistance(const stages::PicturePairs& pairs) {
   if (pairs.pairs.size() < 4) return "fewer than 4 pairs";
-  for (const app::PicturePair& pair : pairs.pairs) {
+  for (const stages::PicturePair& pair : pairs.pairs) {
     if (std::min(pair.width, pair.height) < 32) return pair.name + " is smaller than 32 px";
   }
   return "";
 }
 
-void AddDistance(const app::PicturePairs& pairs, const MetricsArguments& arguments, const RunContext& run,
+void AddDistance(const stages::PicturePairs& pairs, const MetricsArguments& arguments, const RunContext& run,
                  CommandResult* result) {
   result->metrics["fd"] = nullptr;
   const std::string why = WhyNoDistance(pairs);
@@ -169,10 +169,10 @@ void AddDistance(const app::PicturePairs& pairs, const MetricsArguments& argumen
     result->warnings.push_back({"MET-NO-FD", "no Frechet distance: " + why, "give at least 4 pairs of 32 px or more"});
     return;
   }
-  app::DistanceSide reference{arguments.reference, {}}, other{arguments.other, {}};
-  for (const app::PicturePair& pair : pairs.pairs)
+  stages::DistanceSide reference{arguments.reference, {}}, other{arguments.other, {}};
+  for (const stages::PicturePair& pair : pairs.pairs)
     reference.pictures.push_back(pair.reference), other.pictures.push_back(pair.other);
-  const app::DistanceResult d = app::CompareSides(reference, other, arguments.features, pairs.backdrop, run);
+  const stages::DistanceResult d = stages::CompareSides(reference, other, arguments.features, pairs.backdrop, run);
   result->metrics["fd"] = {{"value", d.fd}, {"name", d.name},   {"features", d.features}, {"n", d.n_a},
                            {"d", d.d},      {"floor", d.floor}, {"kid", d.kid},           {"kid_se", d.kid_se}};
   result->text += "\n" + Text(d);
@@ -182,7 +182,7 @@ void AddDistance(const app::PicturePairs& pairs, const MetricsArguments& argumen
 bool AreUnpaired(const MetricsArguments& arguments) {
   namespace fs = std::filesystem;
   if (!fs::is_directory(arguments.reference) || !fs::is_directory(arguments.other) || !arguments.masks.empty()) return false;
-  const auto a = app::PicturesIn(arguments.reference), b = app::PicturesIn(arguments.other);
+  const auto a = stages::PicturesIn(arguments.reference), b = stages::PicturesIn(arguments.other);
   return std::min(a.size(), b.size()) >= 4 && std::none_of(a.begin(), a.end(), [&](const auto& x) { return b.count(x.first); });
 }
 
@@ -192,8 +192,8 @@ CommandResult DistanceOfUnpaired(const MetricsArguments& arguments, CommandConte
   result.exit = kExitQualityGate;
   result.errors.push_back({"MET-UNPAIRED",
                            "no image of " + arguments.other + " has the name of one in " + arguments.reference + " (" +
-                               app::PicturesIn(arguments.other).begin()->first + ", " +
-                               app::PicturesIn(arguments.reference).begin()->first +
+                               stages::PicturesIn(arguments.other).begin()->first + ", " +
+                               stages::PicturesIn(arguments.reference).begin()->first +
                                "): no SSIM and no PSNR, the distance alone",
                            "give pairs equal names, or ask for --distance-only"});
   return result;
@@ -202,9 +202,9 @@ CommandResult DistanceOfUnpaired(const MetricsArguments& arguments, CommandConte
 
 CommandResult PairScores(const MetricsArguments& arguments, CommandContext& context) {
   CommandResult result;
-  app::PicturePairs pairs = app::PairPictures(arguments.reference, arguments.other, arguments.masks);
-  pairs.backdrop = arguments.background == "auto" ? app::BackdropOf(pairs.pairs) : app::BackdropOf(arguments.background);
-  app::ScorePairs(&pairs, context.run);
+  stages::PicturePairs pairs = stages::PairPictures(arguments.reference, arguments.other, arguments.masks);
+  pairs.backdrop = arguments.background == "auto" ? stages::BackdropOf(pairs.pairs) : stages::BackdropOf(arguments.background);
+  stages::ScorePairs(&pairs, context.run);
   AddScores(pairs, arguments.per_picture, &result);
   AddGround(pairs, arguments, &result);
 #if MVSTUDIO_HAS_AVATAR
@@ -221,12 +221,13 @@ CommandResult RunMetrics(const MetricsArguments& arguments, CommandContext& cont
   CommandResult result;
 #if MVSTUDIO_HAS_AVATAR
   const auto is_statistics = [](const std::string& path) { return std::filesystem::path(path).extension() == ".npz"; };
-  const bool one = !arguments.other.empty() && app::IsFeatureFile(arguments.reference) != app::IsFeatureFile(arguments.other);
+  const bool one =
+      !arguments.other.empty() && stages::IsFeatureFile(arguments.reference) != stages::IsFeatureFile(arguments.other);
   if (one && !is_statistics(arguments.reference) && !is_statistics(arguments.other))
     throw UsageError(
         "metrics compares two folders of images, two images, or two files of features, not one of each; a folder "
         "of images can be compared with statistics (.npz)");
-  const bool features = app::IsFeatureFile(arguments.reference) || app::IsFeatureFile(arguments.other);
+  const bool features = stages::IsFeatureFile(arguments.reference) || stages::IsFeatureFile(arguments.other);
   if (!arguments.write_statistics.empty()) {
     result = WriteStatisticsOf(arguments, context);
   } else if (features || arguments.distance_only) {

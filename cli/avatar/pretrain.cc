@@ -1,19 +1,19 @@
 #include <memory>
 
-#include "app/nets/avatar_pretrain.h"
-#include "app/nets/renderer_pretrain.h"
 #include "avatar/maps/bone_lists.h"
 #include "avatar/train/train.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/redact.h"
+#include "stages/nets/avatar_pretrain.h"
+#include "stages/nets/renderer_pretrain.h"
 
 namespace mvstudio::cli {
 namespace {
 
 struct PretrainArguments {
   std::string out, motion, poses, body_template = "mannequin";
-  app::PretrainOptions options;
+  stages::PretrainOptions options;
   bool overwrite = false;
 };
 
@@ -21,14 +21,14 @@ CommandResult RunPretrain(const PretrainArguments& arguments, CommandContext& co
   Validate(arguments.options);
   avatar::ResolveDevice(arguments.options.train.device);
   const int num_joints = avatar::LayoutOf(arguments.options.model.inputs).num_joints;
-  const app::PretrainInput input =
-      app::ReadPretrainInput(arguments.motion, arguments.poses, arguments.body_template, num_joints);
+  const stages::PretrainInput input =
+      stages::ReadPretrainInput(arguments.motion, arguments.poses, arguments.body_template, num_joints);
   return Pretrain(input, arguments.options, arguments.out, arguments.overwrite, Redacting(), context.run);
 }
 
 struct RendererArguments {
   std::string out;
-  app::RendererPretraining pretraining;
+  stages::RendererPretraining pretraining;
   bool overwrite = false;
 };
 

@@ -7,9 +7,6 @@
 #include <set>
 #include <sstream>
 
-#include "app/dataset/studio_names.h"
-#include "app/frame_notice.h"
-#include "app/input/calib_read.h"
 #include "avatar/run/gaussians/gaussian_render.h"
 #include "avatar/run/render/backdrop.h"
 #include "cli/program/commands.h"
@@ -22,6 +19,9 @@
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/panoptic/panoptic.h"
+#include "stages/dataset/studio_names.h"
+#include "stages/frame_notice.h"
+#include "stages/input/calib_read.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -179,14 +179,14 @@ void FillMetrics(const RenderArguments& a, const RenderPlan& plan, const Loaded&
 }
 
 void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const Loaded& model, CommandResult* result) {
-  if (!a.options.calib.empty()) app::AddDoubts(dataset::ReadAnyCalibration(a.options.calib), result);
+  if (!a.options.calib.empty()) stages::AddDoubts(dataset::ReadAnyCalibration(a.options.calib), result);
   if (!plan.skipped.empty()) {
     result->exit = kExitPartial;
     result->warnings.push_back(
         {"AVA-SKIPPED", std::to_string(plan.skipped.size()) + " images could not be made; the first: " + plan.skipped.front(),
          "leave these cameras or frames out, or use --place training"});
   }
-  app::TellFrames(plan.track.beyond, result);
+  stages::TellFrames(plan.track.beyond, result);
   constexpr double kSameSize = 0.05;
   if (plan.foreign && !plan.scaled && std::abs(plan.ratio - 1) > kSameSize) {
     const std::string text =
@@ -204,7 +204,7 @@ CommandResult RunAvatarRender(const RenderArguments& arguments, CommandContext& 
   avatar::RenderOptions options = arguments.options;
   if (!arguments.frames.empty()) options.frames = ParseRanges("--frames", arguments.frames);
   const avatar::RunConfig config = avatar::OpenRun(arguments.run_folder, options.dataset);
-  if (options.calib.empty()) app::UseStudioNames(config.dataset);
+  if (options.calib.empty()) stages::UseStudioNames(config.dataset);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   RenderPlan plan = avatar::MakeRenderPlan(config, data, options);
   Loaded model = Load(arguments.run_folder, config);

@@ -5,7 +5,7 @@
 
 namespace mvstudio::cli {
 
-void AddSplitOptions(CLI::App* sub, app::SplitArguments& a) {
+void AddSplitOptions(CLI::App* sub, stages::SplitArguments& a) {
   AddOption(sub, "--train-cameras", a.train_cameras,
             "cameras to train on, e.g. cam_00,cam_04; all that are not held out unless given");
   AddOption(sub, "--holdout-cameras,--test-cameras", a.holdout_cameras,

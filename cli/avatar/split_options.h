@@ -1,6 +1,6 @@
 #pragma once
 
-#include "app/nets/avatar_train_data.h"
+#include "stages/nets/avatar_train_data.h"
 
 namespace CLI {
 class App;
@@ -9,6 +9,6 @@ class App;
 namespace mvstudio::cli {
 
 /// Which cameras and frames are trained on, and which are held out.
-void AddSplitOptions(CLI::App* sub, app::SplitArguments& arguments);
+void AddSplitOptions(CLI::App* sub, stages::SplitArguments& arguments);
 
 }  // namespace mvstudio::cli

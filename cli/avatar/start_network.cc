@@ -1,7 +1,7 @@
 #include "cli/avatar/start_network.h"
 
-#include "app/nets/avatar_run.h"
 #include "core/error.h"
+#include "stages/nets/avatar_run.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -40,7 +40,7 @@ void RequireFit(const StartArguments& arguments, const avatar::ModelOptions& fro
 
 /// Without a fitted body there are no colours that a network could correct.
 void SettleColours(const StartArguments& arguments, bool transferred, avatar::ModelOptions* model) {
-  if (!CorrectsColours(*model) || arguments.fit == app::BodyFitMode::kAuto) return;
+  if (!CorrectsColours(*model) || arguments.fit == stages::BodyFitMode::kAuto) return;
   const std::string fit(ToString(arguments.fit));
   if (transferred)
     throw UsageError("--fit " + fit + ": the network of --init-from " + arguments.init_from +
@@ -72,7 +72,7 @@ void RefuseOthers(const StartArguments& arguments, avatar::Method method) {
                              "keep-init", "freeze-unseen", "texture-pictures"})
     if (hf && arguments.given(option))
       throw UsageError("--" + std::string(option) + " is of other networks: --method hf has no use for it; leave it out");
-  if (hf && arguments.fit != app::BodyFitMode::kAuto)
+  if (hf && arguments.fit != stages::BodyFitMode::kAuto)
     throw UsageError("--method hf needs a body that is fitted: --fit auto, or --body");
 }
 
@@ -80,7 +80,7 @@ void RefuseOthers(const StartArguments& arguments, avatar::Method method) {
 
 std::optional<avatar::AvatarModel> StartOf(const StartArguments& arguments) {
   if (arguments.init_from.empty()) return std::nullopt;
-  avatar::AvatarModel from = avatar::LoadModel(app::AvatarRun(arguments.init_from).checkpoint_path());
+  avatar::AvatarModel from = avatar::LoadModel(stages::AvatarRun(arguments.init_from).checkpoint_path());
   RequireFit(arguments, from.options);
   return from;
 }

@@ -4,18 +4,18 @@
 #include <optional>
 #include <string>
 
-#include "app/nets/avatar_fit.h"
 #include "avatar/nets/transfer.h"
 #include "cli/program/command.h"
+#include "stages/nets/avatar_fit.h"
 
 /// What network `avatar train` begins with.
 namespace mvstudio::cli {
 
 struct StartArguments {
-  std::string init_from;                           ///< a run whose network is the start; empty: none
-  avatar::ModelOptions model;                      ///< as asked for
-  app::BodyFitMode fit = app::BodyFitMode::kAuto;  ///< the body that maps and labels show
-  std::function<bool(const std::string&)> given;   ///< whether the command line has this option
+  std::string init_from;                                 ///< a run whose network is the start; empty: none
+  avatar::ModelOptions model;                            ///< as asked for
+  stages::BodyFitMode fit = stages::BodyFitMode::kAuto;  ///< the body that maps and labels show
+  std::function<bool(const std::string&)> given;         ///< whether the command line has this option
 };
 
 /// The network to start from, if any. Throws UsageError for options that it has not.

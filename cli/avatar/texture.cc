@@ -1,11 +1,11 @@
 #include <memory>
 
-#include "app/dataset/studio_names.h"
-#include "app/nets/texture/avatar_texture.h"
 #include "cli/avatar/body_folder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
+#include "stages/dataset/studio_names.h"
+#include "stages/nets/texture/avatar_texture.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -14,19 +14,19 @@ struct TextureArguments {
   std::string source, out;
   bool overwrite = false;
   double frame_rate_hz = 30;
-  app::TextureOptions options;
+  stages::TextureOptions options;
 };
 
 CommandResult RunTexture(const TextureArguments& arguments, CommandContext& context) {
-  const app::TextureSource source = app::OpenTextureSource(arguments.source, arguments.options.dataset);
-  app::UseStudioNames(source.data.root);
+  const stages::TextureSource source = stages::OpenTextureSource(arguments.source, arguments.options.dataset);
+  stages::UseStudioNames(source.data.root);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.source, source.data.root};
   const OutputFolder place(arguments.out, result.inputs, BodyFolder::Names());
   const BodyFolder folder(arguments.out, arguments.overwrite);
-  const app::TextureResult made = app::MakeTexture(source, arguments.options, context.run);
-  result.metrics = app::ToJson(made);
-  result.text = app::ToTable(made);
+  const stages::TextureResult made = stages::MakeTexture(source, arguments.options, context.run);
+  result.metrics = stages::ToJson(made);
+  result.text = stages::ToTable(made);
   body::TexturedPerson person = source.body;
   person.textures = made.textures;
   folder.Write(person, arguments.frame_rate_hz, &result);

@@ -4,13 +4,6 @@
 #include <optional>
 #include <utility>
 
-#include "app/dataset/studio_names.h"
-#include "app/input/mask_notice.h"
-#include "app/nets/avatar_fit.h"
-#include "app/nets/avatar_gaussians.h"
-#include "app/nets/avatar_run.h"
-#include "app/nets/avatar_train_data.h"
-#include "app/nets/pretrain_input.h"
 #include "avatar/run/evaluate/posenet_features.h"
 #include "avatar/run/pack/pack_builder.h"
 #include "avatar/run/references/body_textures.h"
@@ -26,6 +19,13 @@
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "stages/dataset/studio_names.h"
+#include "stages/input/mask_notice.h"
+#include "stages/nets/avatar_fit.h"
+#include "stages/nets/avatar_gaussians.h"
+#include "stages/nets/avatar_run.h"
+#include "stages/nets/avatar_train_data.h"
+#include "stages/nets/pretrain_input.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -37,7 +37,7 @@ struct TrainArguments {
   TrainArguments() { start.model.prior = avatar::Prior::kAuto; }
   std::string dataset, out, body, body_template = "mannequin";
   StartArguments start;
-  app::SplitArguments split;
+  stages::SplitArguments split;
   RankArguments ranks;
   avatar::TrainOptions train;
   avatar::GaussianOptions gaussians;
@@ -71,7 +71,7 @@ void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOpti
 
 /// Whether there is no network: nobody asked for one, and nothing can show that it adds to the fitted body.
 bool TakesBodyAlone(const TrainArguments& arguments, const avatar::ModelOptions& model, const avatar::TrainOptions& options) {
-  const bool fitted = arguments.start.fit == app::BodyFitMode::kAuto && model.prior == avatar::Prior::kTemplate;
+  const bool fitted = arguments.start.fit == stages::BodyFitMode::kAuto && model.prior == avatar::Prior::kTemplate;
   return fitted && model.method == avatar::Method::kTna && options.least_gain == 0 && arguments.start.init_from.empty() &&
          !arguments.start.given("steps") && !arguments.start.given("init-steps") && !arguments.start.given("least-gain");
 }
@@ -79,8 +79,8 @@ bool TakesBodyAlone(const TrainArguments& arguments, const avatar::ModelOptions&
 /// The person's own body into `config`, where the options ask for one: read, or fitted. Labels of DensePose have no use for it.
 std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const dataset::PanopticDataset& data,
                                         const RunContext& run, RunConfig* config) {
-  config->pack.fit_shape = arguments.start.fit == app::BodyFitMode::kGirths && config->pack.fit_shape;
-  if (arguments.start.fit != app::BodyFitMode::kAuto || !config->pack.iuv.empty()) {
+  config->pack.fit_shape = arguments.start.fit == stages::BodyFitMode::kGirths && config->pack.fit_shape;
+  if (arguments.start.fit != stages::BodyFitMode::kAuto || !config->pack.iuv.empty()) {
     for (const char* option : {"template", "body"}) {
       if (arguments.start.given(option))
         throw UsageError("--" + std::string(option) + " needs a body that is fitted: --fit auto, and no --iuv");
@@ -91,12 +91,12 @@ std::optional<avatar::PersonFit> FitFor(const TrainArguments& arguments, const d
   if (!arguments.body.empty()) {
     if (arguments.start.given("template")) throw UsageError("--body is fitted already: leave --template out");
     config->pack.fitted =
-        std::make_shared<const body::TexturedPerson>(app::BodyForSplit(arguments.body, config->split, config->pack.pose_by));
+        std::make_shared<const body::TexturedPerson>(stages::BodyForSplit(arguments.body, config->split, config->pack.pose_by));
     return std::nullopt;
   }
   avatar::PersonFitOptions options;
-  options.templates = app::TemplatesOf(arguments.body_template);
-  avatar::PersonFit fit = app::FitToSplit(data, config->split, config->pack.person, config->pack.pose_by, options, run);
+  options.templates = stages::TemplatesOf(arguments.body_template);
+  avatar::PersonFit fit = stages::FitToSplit(data, config->split, config->pack.person, config->pack.pose_by, options, run);
   config->pack.fitted = std::make_shared<const body::TexturedPerson>(fit.result);
   return fit;
 }
@@ -115,27 +115,27 @@ RunConfig ConfigOf(const TrainArguments& arguments, const dataset::PanopticDatas
   config.dataset = PathOnDisk(arguments.dataset);
   config.pack = arguments.pack;
   config.pack.person = avatar::ChoosePerson(data, arguments.pack.person);
-  config.split = app::SplitOf(data, config.pack.person, arguments.split);
+  config.split = stages::SplitOf(data, config.pack.person, arguments.split);
   return config;
 }
 
 void TellFit(const std::optional<avatar::PersonFit>& fit, const std::vector<Notice>& doubts, CommandResult* result) {
   result->warnings.insert(result->warnings.end(), doubts.begin(), doubts.end());
   if (!fit) return;
-  result->metrics["body"] = app::ToJson(*fit);
-  app::AddFitWarnings(*fit, result);
+  result->metrics["body"] = stages::ToJson(*fit);
+  stages::AddFitWarnings(*fit, result);
 }
 
 /// The first of several processes tells.
 std::vector<Notice> DoubtsOf(const TrainArguments& arguments, const dataset::PanopticDataset& data,
                              const avatar::DatasetSplit& split, const RunContext& run) {
   if (arguments.ranks.rank != 0) return {};
-  return app::CheckTrainingImages(data, split, run);
+  return stages::CheckTrainingImages(data, split, run);
 }
 
 /// Removes an older run, and writes what a new one begins with.
 void BeginRun(const RunConfig& config, const avatar::References* references, const std::string& out,
-              const app::AvatarRun& files) {
+              const stages::AvatarRun& files) {
   files.Clear();
   if (references) WriteReferenceViews(references->views(), files.Path(avatar::kReferencesFile));
   if (config.pack.fitted) WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
@@ -148,34 +148,34 @@ double SecondsSince(Clock::time_point begin) { return std::chrono::duration<doub
 
 CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& context) {
   const Clock::time_point begin = Clock::now();
-  app::RefuseNetworkOptions(arguments.start.given);
-  if (arguments.start.fit != app::BodyFitMode::kAuto)
+  stages::RefuseNetworkOptions(arguments.start.given);
+  if (arguments.start.fit != stages::BodyFitMode::kAuto)
     throw UsageError("--method gaussians needs a body that is fitted: --fit auto, or --body");
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   RunConfig config = ConfigOf(arguments, data);
-  app::AvatarRun files(arguments.out);
+  stages::AvatarRun files(arguments.out);
   files.RequireFree(arguments.overwrite);
-  const OutputFolder place(arguments.out, {arguments.dataset, arguments.body}, app::AvatarRun::Names());
+  const OutputFolder place(arguments.out, {arguments.dataset, arguments.body}, stages::AvatarRun::Names());
   const std::vector<Notice> doubts = DoubtsOf(arguments, data, config.split, context.run);
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
   config.pack.keep_views = true;
-  const app::RunPacks packs = app::BuildPacks(data, avatar::ModelOptions{}, arguments.train, context.run, &config);
+  const stages::RunPacks packs = stages::BuildPacks(data, avatar::ModelOptions{}, arguments.train, context.run, &config);
   const auto clock_s = [] { return std::chrono::duration<double>(Clock::now().time_since_epoch()).count(); };
-  CommandResult result = app::TrainGaussianRun(
+  CommandResult result = stages::TrainGaussianRun(
       {arguments.gaussians, arguments.train, arguments.start.given, clock_s}, config, packs, files,
       [&] { BeginRun(config, nullptr, arguments.out, files); }, context.run);
   FillCommon(config, packs, arguments.out, SecondsSince(begin), &result);
   TellFit(fit, doubts, &result);
-  app::TellSplitFrames(data, arguments.split, &result);
-  app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
+  stages::TellSplitFrames(data, arguments.split, &result);
+  stages::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }
 
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
   const Clock::time_point begin = Clock::now();
-  app::UseStudioNames(arguments.dataset);
+  stages::UseStudioNames(arguments.dataset);
   if (arguments.start.model.method == avatar::Method::kGaussians) return RunGaussians(arguments, context);
-  app::RefuseGaussianOptions(arguments.start.given);
+  stages::RefuseGaussianOptions(arguments.start.given);
   Validate(arguments.train);
   avatar::ResolveDevice(arguments.train.device);
   const std::optional<avatar::AvatarModel> from = StartOf(arguments.start);
@@ -193,24 +193,24 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
     options.steps = options.init_steps = 0;
     Log(LogLevel::kWarning, "no network is trained: a body is fitted and coloured (--validate-camera NAME trains one, too)");
   }
-  app::AvatarRun files(arguments.out);
+  stages::AvatarRun files(arguments.out);
   std::optional<OutputFolder> place;
   if (arguments.ranks.rank == 0) {
     files.RequireFree(arguments.overwrite);
     place.emplace(arguments.out,
                   std::vector<std::string>{arguments.dataset, arguments.pack.iuv, arguments.pack.pose3d,
                                            arguments.start.init_from, arguments.body},
-                  app::AvatarRun::Names());
+                  stages::AvatarRun::Names());
   }
   RankProcesses ranks(arguments.ranks, context, arguments.out);
   context.run.num_threads = ranks.threads();
   const std::vector<Notice> doubts = DoubtsOf(arguments, data, config.split, context.run);
   const std::optional<avatar::PersonFit> fit = FitFor(arguments, data, context.run, &config);
-  const app::RunPacks packs = app::BuildPacks(data, model, options, context.run, &config);
+  const stages::RunPacks packs = stages::BuildPacks(data, model, options, context.run, &config);
   const auto net = PerceptualNet(&options);
   std::optional<avatar::StartNetwork> start;
   std::optional<Notice> seen;
-  if (from) seen = app::SeenPoses(arguments.start.init_from, config);
+  if (from) seen = stages::SeenPoses(arguments.start.init_from, config);
   if (from) start = StartFrom(*from, model, packs.train.size_px, context.run.seed);
   avatar::Trainer trainer = start ? avatar::Trainer(packs.train, *start, options, context.run, net)
                                   : avatar::Trainer(packs.train, model, options, context.run, net);
@@ -226,8 +226,8 @@ CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context)
         "no network: textured networks have added less than 0.01 of SSIM to fitted bodies, and no validation images are there "
         "to show that this one adds more (--validate-camera NAME trains and judges one, --steps 600 trains one)\n";
   TellFit(fit, doubts, &result);
-  app::TellSplitFrames(data, arguments.split, &result);
-  app::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
+  stages::TellSplitFrames(data, arguments.split, &result);
+  stages::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }
 
@@ -255,9 +255,9 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   if (avatar::HoldsGaussians(arguments.run))
     throw UsageError(arguments.run +
                      " holds Gaussians, which cannot be resumed: train them again with --overwrite and more --steps");
-  app::AvatarRun files(arguments.run);
+  stages::AvatarRun files(arguments.run);
   RunConfig config = avatar::ReadRunConfig(files.Path(avatar::kRunConfigFile));
-  app::UseStudioNames(config.dataset);
+  stages::UseStudioNames(config.dataset);
   const avatar::TensorFile checkpoint = avatar::ReadTensorFile(files.checkpoint_path());
   avatar::TrainOptions options = avatar::TrainOptionsFrom(checkpoint, files.checkpoint_path());
   if (arguments.steps >= 0) options.steps = arguments.steps;
@@ -268,13 +268,13 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   std::optional<OutputFolder> place;
   if (arguments.ranks.rank == 0)
-    place.emplace(arguments.run, std::vector<std::string>{config.dataset}, app::AvatarRun::Names());
+    place.emplace(arguments.run, std::vector<std::string>{config.dataset}, stages::AvatarRun::Names());
   config.pack.shape = config.shape, config.pack.half_extent_m = config.half_extent_m, config.pack.fit_shape = false;
   RankProcesses ranks(RanksOf(arguments, checkpoint, files.checkpoint_path()), context, arguments.run);
   context.run.num_threads = ranks.threads();
   const avatar::ModelOptions model = ModelOptionsFrom(checkpoint, files.checkpoint_path());
-  const app::RunPacks packs =
-      app::BuildPacks(data, model, options, context.run, &config, ReadReferences(arguments.run, config, model));
+  const stages::RunPacks packs =
+      stages::BuildPacks(data, model, options, context.run, &config, ReadReferences(arguments.run, config, model));
   avatar::Trainer trainer(packs.train, checkpoint, files.checkpoint_path(), options, context.run, PerceptualNet(&options));
   const int64_t before = trainer.model().step;
   const double earlier_s = ranks.first() ? files.ContinueHistory(before) : 0;
@@ -295,7 +295,7 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
   CommandResult result;
   avatar::ModelOptions options = asked;
   if (!run.empty()) {
-    const avatar::AvatarModel model = avatar::LoadModel(app::AvatarRun(run).checkpoint_path());
+    const avatar::AvatarModel model = avatar::LoadModel(stages::AvatarRun(run).checkpoint_path());
     options = model.options;
     result.metrics["steps"] = model.step;
     result.metrics["size_px"] = model.size_px;

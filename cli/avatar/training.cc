@@ -16,7 +16,7 @@ using avatar::AvatarPack;
 using Clock = std::chrono::steady_clock;
 
 /// Trains to the end with checkpoints on the way. A request to stop saves first. `files`: null for ranks that write nothing.
-avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, app::AvatarRun* files, const app::RunPacks& packs,
+avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, stages::AvatarRun* files, const stages::RunPacks& packs,
                                  const avatar::TrainOptions& options, double earlier_s, CommandContext& context) {
   const Clock::time_point start = Clock::now();
   const auto wall_s = [&] { return earlier_s + std::chrono::duration<double>(Clock::now() - start).count(); };
@@ -44,8 +44,8 @@ avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, app::AvatarRun* files
   return report;
 }
 
-CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& trainer, const app::AvatarRun& files, double seconds,
-                       double wall_s) {
+CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& trainer, const stages::AvatarRun& files,
+                       double seconds, double wall_s) {
   CommandResult result;
   auto& m = result.metrics;
   m["method"] = ToString(trainer.model().options.method);
@@ -80,7 +80,7 @@ void TellGain(const avatar::TrainReport& report, double least, CommandResult* re
 }
 
 /// What the dataset does not hold; missing pictures alone are no failure.
-void TellMissing(const app::RunPacks& packs, CommandResult* result) {
+void TellMissing(const stages::RunPacks& packs, CommandResult* result) {
   result->metrics["missing"] = nlohmann::ordered_json::parse(dataset::MissingToJsonText(packs.missing));
   result->metrics["frames_without_person"] = packs.frames_without_person;
   const auto warn = [&](const std::string& kind, const dataset::MissingPictures& missing) {
@@ -92,7 +92,7 @@ void TellMissing(const app::RunPacks& packs, CommandResult* result) {
 
 }  // namespace
 
-CommandResult TrainHere(avatar::Trainer& trainer, app::AvatarRun& files, const app::RunPacks& packs,
+CommandResult TrainHere(avatar::Trainer& trainer, stages::AvatarRun& files, const stages::RunPacks& packs,
                         const avatar::TrainOptions& options, double earlier_s, RankProcesses& ranks, CommandContext& context,
                         const std::function<void()>& begin) {
   const Clock::time_point start = Clock::now();
@@ -110,7 +110,7 @@ CommandResult TrainHere(avatar::Trainer& trainer, app::AvatarRun& files, const a
   return result;
 }
 
-void FillCommon(const avatar::RunConfig& config, const app::RunPacks& packs, const std::string& folder, double whole_s,
+void FillCommon(const avatar::RunConfig& config, const stages::RunPacks& packs, const std::string& folder, double whole_s,
                 CommandResult* result) {
   result->folder = folder;
   result->inputs = {config.dataset};

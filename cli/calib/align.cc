@@ -4,12 +4,6 @@
 #include <optional>
 #include <set>
 
-#include "app/calib/calibration_use.h"
-#include "app/input/calib_read.h"
-#include "app/input/corner_input.h"
-#include "app/input/session_input.h"
-#include "app/people/feet_floor.h"
-#include "app/people/human_shape.h"
 #include "calib/board/sides.h"
 #include "calib/check/seen_corners.h"
 #include "calib/keypoints/moments.h"
@@ -26,6 +20,12 @@
 #include "dataset/pose/markers.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/calib/calibration_use.h"
+#include "stages/input/calib_read.h"
+#include "stages/input/corner_input.h"
+#include "stages/input/session_input.h"
+#include "stages/people/feet_floor.h"
+#include "stages/people/human_shape.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -38,9 +38,9 @@ struct Arguments {
   int64_t floor_board = -1;
   std::vector<std::string> points, lengths;
   bool scale = false;
-  app::CalibReadOptions read;
-  app::SessionArguments session;
-  app::CornerArguments corners;
+  stages::CalibReadOptions read;
+  stages::SessionArguments session;
+  stages::CornerArguments corners;
   calib::PointResectionOptions clicks;
 };
 
@@ -68,9 +68,9 @@ void SayFound(const calib::CornerFindings& found, CommandResult* result) {
 }
 
 RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandContext& context, CommandResult* result) {
-  app::FillCorners(arguments.session, &arguments.corners, result);
-  app::FillTimeline(&arguments.corners, result);
-  const app::CornerInput corners = app::ReadCornerInput(arguments.corners, context.run, result);
+  stages::FillCorners(arguments.session, &arguments.corners, result);
+  stages::FillTimeline(&arguments.corners, result);
+  const stages::CornerInput corners = stages::ReadCornerInput(arguments.corners, context.run, result);
   calib::RequireThickness(corners.input.boards);
   calib::CornerFindings found;
   const calib::CalibrateInput seen = SeenCorners(rig, corners.input, calib::CameraParts::kByFrame, &found);
@@ -81,12 +81,13 @@ RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandConte
 RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, CommandResult* result) {
   const dataset::Pose3d pose = dataset::ReadPoints3d(folder);
   result->inputs.push_back(folder);
-  if (pose.world != app::WorldText(rig)) {
+  if (pose.world != stages::WorldText(rig)) {
     result->warnings.push_back(
-        {"CAL-ALIGN", folder + " states another world (" + pose.world + ") than the calibration (" + app::WorldText(rig) + ")",
+        {"CAL-ALIGN",
+         folder + " states another world (" + pose.world + ") than the calibration (" + stages::WorldText(rig) + ")",
          "make sure that it was triangulated with this calibration"});
   }
-  const app::FeetFloor floor = app::FloorUnderFeet(pose);
+  const stages::FeetFloor floor = stages::FloorUnderFeet(pose);
   RigAlignment out;
   out.status = floor.status, out.message = floor.message;
   out.num_points = floor.num_places, out.num_used = floor.num_used, out.rms_m = floor.rms_m;
@@ -170,7 +171,7 @@ void Describe(const RigAlignment& found, CommandResult* result) {
   AddMotion(found, &m);
   m["gauge"] = found.rig.gauge;
   if (m.contains("lengths")) return;
-  const std::string rms = std::isfinite(found.rms_px) ? Format("%.3f px", found.rms_px) : app::LengthText(found.rms_m);
+  const std::string rms = std::isfinite(found.rms_px) ? Format("%.3f px", found.rms_px) : stages::LengthText(found.rms_m);
   result->text += Format("%d of %d points, rms %s", found.num_used, found.num_points, rms.c_str());
   if (found.scale != 1) result->text += Format(", scale %.6f", found.scale);
   result->text += "\n";
@@ -197,9 +198,9 @@ CommandResult Align(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   const OutputFiles place({arguments.out},
                           Joined({arguments.calibration}, Joined(arguments.points, PathsIn(arguments.corners.cameras))));
-  const calib::ImportedRig given = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
-  app::RequirePoses(given.rig, arguments.calibration);
-  app::AddNotes(given.notes, &result);
+  const calib::ImportedRig given = stages::ReadCalibrationFiles({arguments.calibration}, arguments.read);
+  stages::RequirePoses(given.rig, arguments.calibration);
+  stages::AddNotes(given.notes, &result);
   result.inputs.push_back(arguments.calibration);
   const RigAlignment found = arguments.floor_board >= 0        ? ByBoard(given.rig, arguments, context, &result)
                              : !arguments.floor_joints.empty() ? ByFeet(given.rig, arguments.floor_joints, &result)
@@ -219,7 +220,7 @@ CommandResult Align(const Arguments& arguments, CommandContext& context) {
   DescribeHeights(found.rig, arguments.points.empty(), &result);
   geometry::WriteRig(found.rig, arguments.out);
   result.outputs.push_back({arguments.out, "calibration"});
-  app::WarnOfCovariance(found.rig, &result, found.unknown);
+  stages::WarnOfCovariance(found.rig, &result, found.unknown);
   return result;
 }
 
@@ -255,7 +256,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(OneOf(app::CalibrationFormatChoices()));
+      ->check(OneOf(stages::CalibrationFormatChoices()));
   AddMeaningOptions(sub, arguments->read);
   registry.Add(sub, "calib align", [arguments](CommandContext& context) { return Align(*arguments, context); });
 }

@@ -5,17 +5,6 @@
 #include <filesystem>
 #include <memory>
 
-#include "app/calib/board_places.h"
-#include "app/calib/board_poses.h"
-#include "app/calib/board_views.h"
-#include "app/calib/calibrate_result.h"
-#include "app/calib/calibration_use.h"
-#include "app/calib/lens_library.h"
-#include "app/input/board_pairing.h"
-#include "app/input/calib_read.h"
-#include "app/input/corner_input.h"
-#include "app/input/session_input.h"
-#include "app/people/human_shape.h"
 #include "calib/board/sides.h"
 #include "calib/corners/corner_files.h"
 #include "calib/pipeline/solvable.h"
@@ -32,6 +21,17 @@
 #include "core/text/shell_word.h"
 #include "dataset/session/session.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/calib/board_places.h"
+#include "stages/calib/board_poses.h"
+#include "stages/calib/board_views.h"
+#include "stages/calib/calibrate_result.h"
+#include "stages/calib/calibration_use.h"
+#include "stages/calib/lens_library.h"
+#include "stages/input/board_pairing.h"
+#include "stages/input/calib_read.h"
+#include "stages/input/corner_input.h"
+#include "stages/input/session_input.h"
+#include "stages/people/human_shape.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -39,15 +39,15 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  app::SessionArguments session;
-  app::CornerArguments corners;
+  stages::SessionArguments session;
+  stages::CornerArguments corners;
   std::string save_corners, start, lenses, out;
   calib::CalibrateOptions calibrate;
   SceneArguments scene;
   KeypointArguments keypoints;
 };
 
-void RequireSizes(const app::CornerInput& corners, const std::string& path) {
+void RequireSizes(const stages::CornerInput& corners, const std::string& path) {
   if (!corners.found.empty()) return;  // the footage says it
   for (const calib::CameraInput& camera : corners.input.cameras) {
     if (camera.width_px <= 0 || camera.height_px <= 0)
@@ -55,7 +55,7 @@ void RequireSizes(const app::CornerInput& corners, const std::string& path) {
   }
 }
 
-void SaveCorners(const app::CornerInput& corners, const std::string& path, CommandResult* result) {
+void SaveCorners(const stages::CornerInput& corners, const std::string& path, CommandResult* result) {
   calib::CornerFile file;
   file.cameras = corners.input.cameras;
   file.boards = corners.input.boards;
@@ -76,7 +76,7 @@ std::string HintFor(const Notice& reason, const Arguments& arguments) {
 }
 
 /// Figures of the footage of the cameras that were calibrated, in their order; empty without footage.
-std::vector<calib::FootageDetections> FoundOf(const app::CornerInput& corners, const std::vector<int>& kept) {
+std::vector<calib::FootageDetections> FoundOf(const stages::CornerInput& corners, const std::vector<int>& kept) {
   std::vector<calib::FootageDetections> found;
   for (const int c : kept) {
     if (!corners.found.empty()) found.push_back(corners.found[static_cast<size_t>(c)]);
@@ -106,8 +106,8 @@ void RequireSameSizes(const calib::CalibrateInput& input, const std::string& pat
 }
 
 geometry::Rig GivenLenses(const std::string& path, CommandResult* result) {
-  const calib::ImportedRig given = app::ReadCalibrationFiles({path}, {});
-  app::AddNotes(given.notes, result);
+  const calib::ImportedRig given = stages::ReadCalibrationFiles({path}, {});
+  stages::AddNotes(given.notes, result);
   result->inputs.push_back(path);
   return given.rig;
 }
@@ -116,7 +116,7 @@ geometry::Rig GivenLenses(const std::string& path, CommandResult* result) {
 geometry::Rig LibraryLenses(const Arguments& arguments, CommandResult* result) {
   if (arguments.session.session.empty()) throw UsageError("--lenses finds lenses by the serial numbers of a --session");
   const dataset::Session session = dataset::ReadSession(arguments.session.session, arguments.session.allow_outside);
-  geometry::Rig lenses = app::LensesOf(app::ReadLensLibrary(arguments.lenses), session.cameras);
+  geometry::Rig lenses = stages::LensesOf(stages::ReadLensLibrary(arguments.lenses), session.cameras);
   result->inputs.push_back(arguments.lenses);
   if (lenses.cameras.empty())
     throw UsageError(arguments.lenses + " has a lens of none of the cameras: check their serial in mvstudio.toml");
@@ -160,11 +160,11 @@ bool FindsLenses(const Arguments& arguments) {
 
 constexpr char kBoardOfPoints[] = "board in frame 0";
 
-app::CornerInput PointsAsCorners(Arguments* arguments, CommandResult* result) {
+stages::CornerInput PointsAsCorners(Arguments* arguments, CommandResult* result) {
   if (arguments->scene.rigid) throw UsageError("--rigid places a rig that is known: give it with --start");
   const calib::ScenePoints points = calib::ReadScenePoints(arguments->scene.scene_points);
   for (const std::string& path : arguments->scene.scene_points) result->inputs.push_back(path);
-  app::CornerInput corners;
+  stages::CornerInput corners;
   corners.input = PointsAsBoard(points, arguments->corners.corner_files.sizes);
   if (!arguments->calibrate.world.board_frame && arguments->calibrate.world.camera.empty())
     arguments->calibrate.world.board_frame = 0;
@@ -177,7 +177,7 @@ bool SeesNoBoard(const std::string& name, const calib::CalibrateInput& input) {
 }
 
 /// The cameras that could not be calibrated while others were.
-void SayLeftOut(const std::vector<calib::LeftOutCamera>& left_out, const app::CornerInput& corners, CommandResult* result) {
+void SayLeftOut(const std::vector<calib::LeftOutCamera>& left_out, const stages::CornerInput& corners, CommandResult* result) {
   ordered_json& rows = result->metrics["left_out"] = ordered_json::array();
   for (const calib::LeftOutCamera& camera : left_out) {
     std::string reason = camera.reason;
@@ -221,10 +221,10 @@ void AskForFloor(const std::string& gauge, bool in_session, const std::string& p
 }
 
 /// The world of the calibration that is replaced, unless another one is asked for.
-void FillWorld(const app::CornerInput& corners, Arguments* arguments, CommandResult* result) {
+void FillWorld(const stages::CornerInput& corners, Arguments* arguments, CommandResult* result) {
   calib::WorldOrigin& world = arguments->calibrate.world;
   if (world.board_frame || !world.camera.empty() || !arguments->start.empty() || arguments->calibrate.intrinsics_only) return;
-  const std::string pairing = app::PairingJson(arguments->corners.timeline.get())["by"];
+  const std::string pairing = stages::PairingJson(arguments->corners.timeline.get())["by"];
   std::vector<std::string> footage = PathsIn(arguments->corners.cameras);
   if (!arguments->corners.corners.empty()) footage = {arguments->corners.corners};
   KeepEarlierWorld(arguments->out, EarlierGauge(arguments->out), footage, corners, pairing, &world, result);
@@ -234,14 +234,14 @@ CommandResult Unsolved(const calib::CalibrateReport& report) {
   CommandResult result;
   result.exit = kExitIllPosed;
   result.metrics["status"] = std::string(ToString(report.status));
-  result.metrics["verdict"] = app::VerdictJson(report.verdict);
+  result.metrics["verdict"] = stages::VerdictJson(report.verdict);
   if (!report.frame_shift.empty()) result.metrics["frame_shift"] = report.frame_shift;
   result.errors.push_back({"CAL-UNSOLVED", report.message, "status " + std::string(ToString(report.status))});
   return result;
 }
 
 void WriteBoardPoses(const calib::CalibrateReport& report, const std::string& folder, CommandResult* result) {
-  const std::string poses = app::BoardPosesCsv(report), path = folder + "/" + app::kBoardPosesFile;
+  const std::string poses = stages::BoardPosesCsv(report), path = folder + "/" + stages::kBoardPosesFile;
   if (poses.empty()) return;
   WriteFileAtomic(path, poses);
   result->outputs.push_back({path, "board poses"});
@@ -250,9 +250,9 @@ void WriteBoardPoses(const calib::CalibrateReport& report, const std::string& fo
 void AddBoardPlaces(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards,
                     const std::vector<int>& front_of, CommandResult* result) {
   if (boards.size() < 2) return;
-  const app::PlacedBoards placed = {boards, report.rig_from_board, app::BehindSigmasMm(report, boards), front_of};
-  result->metrics["boards"] = app::BoardPlacesJson(placed);
-  result->text += app::BoardPlacesText(placed);
+  const stages::PlacedBoards placed = {boards, report.rig_from_board, stages::BehindSigmasMm(report, boards), front_of};
+  result->metrics["boards"] = stages::BoardPlacesJson(placed);
+  result->text += stages::BoardPlacesText(placed);
 }
 
 std::vector<std::string> InputsOf(const Arguments& arguments) {
@@ -262,7 +262,7 @@ std::vector<std::string> InputsOf(const Arguments& arguments) {
 CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   if (arguments.out.empty() && !arguments.session.session.empty()) arguments.out = arguments.session.session + "/calib";
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
-  std::vector<std::string> names = {"calibration.json", app::kBoardPosesFile, app::kBoardViewsFolder};
+  std::vector<std::string> names = {"calibration.json", stages::kBoardPosesFile, stages::kBoardViewsFolder};
   if (!arguments.scene.from_scene.empty()) names.push_back("colmap");
   const OutputFolder place(arguments.out, InputsOf(arguments), names);
   const bool from_points = FindsLenses(arguments);
@@ -270,14 +270,14 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   CommandResult result;
   const bool from_session =
       !arguments.session.session.empty() && arguments.corners.cameras.empty() && arguments.corners.corners.empty();
-  if (!from_points) app::FillCorners(arguments.session, &arguments.corners, &result);
-  app::FillTimeline(&arguments.corners, &result);
+  if (!from_points) stages::FillCorners(arguments.session, &arguments.corners, &result);
+  stages::FillTimeline(&arguments.corners, &result);
   const std::vector<std::string> not_filmed =
-      from_session ? app::CamerasWithoutBoard(arguments.session) : std::vector<std::string>{};
+      from_session ? stages::CamerasWithoutBoard(arguments.session) : std::vector<std::string>{};
   arguments.corners.footage.all_cameras = false;
   const auto start = std::chrono::steady_clock::now();
-  app::CornerInput corners =
-      from_points ? PointsAsCorners(&arguments, &result) : app::ReadCornerInput(arguments.corners, context.run, &result);
+  stages::CornerInput corners =
+      from_points ? PointsAsCorners(&arguments, &result) : stages::ReadCornerInput(arguments.corners, context.run, &result);
   RequireSizes(corners, from_points ? arguments.scene.scene_points[0] : arguments.corners.corners);
   if (!arguments.save_corners.empty()) SaveCorners(corners, arguments.save_corners, &result);
   const std::vector<int> front_of = calib::PartSides(&corners.input);
@@ -288,7 +288,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   const calib::CalibrateReport& report = solved.report;
   if (report.status != Status::kOk) {
     CommandResult unsolved = Unsolved(report);
-    unsolved.metrics["pairing"] = app::PairingJson(arguments.corners.timeline.get());
+    unsolved.metrics["pairing"] = stages::PairingJson(arguments.corners.timeline.get());
     unsolved.warnings = result.warnings;
     unsolved.outputs = result.outputs;
     return unsolved;
@@ -298,13 +298,13 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   geometry::WriteRig(report.rig, path);
   result.outputs.push_back({path, "calibration"});
   if (!from_points) WriteBoardPoses(report, arguments.out, &result);
-  result.metrics["world"] = app::WorldText(report.rig);
-  app::FillCalibrateMetrics(report, FoundOf(corners, solved.kept), &result.metrics);
+  result.metrics["world"] = stages::WorldText(report.rig);
+  stages::FillCalibrateMetrics(report, FoundOf(corners, solved.kept), &result.metrics);
   AddBoardViews(arguments.corners, report, solved.kept, arguments.out, context.run, &result);
-  result.metrics["pairing"] = app::PairingJson(arguments.corners.timeline.get());
+  result.metrics["pairing"] = stages::PairingJson(arguments.corners.timeline.get());
   result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  if (report.rig.cameras.size() > 1) result.text += app::PairingText(arguments.corners.timeline.get());
-  result.text += app::CalibrateSummary(report);
+  if (report.rig.cameras.size() > 1) result.text += stages::PairingText(arguments.corners.timeline.get());
+  result.text += stages::CalibrateSummary(report);
   if (!from_points) AddFilmGain(report, corners.input.boards, &result);
   AddBoardPlaces(report, corners.input.boards, front_of, &result);
   for (const auto& reason : report.verdict.reasons)
@@ -313,7 +313,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   SayLeftOut(solved.left_out, corners, &result);
   SayNotFilmed(not_filmed, &result);
   AskForFloor(report.gauge, !arguments.session.session.empty(), path, &result);
-  app::WarnOfCovariance(report.rig, &result);
+  stages::WarnOfCovariance(report.rig, &result);
   return result;
 }
 

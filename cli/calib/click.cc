@@ -1,10 +1,6 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "app/click/click_page.h"
-#include "app/click/click_scene.h"
-#include "app/input/calib_read.h"
-#include "app/input/session_input.h"
 #include "cli/calib/calib.h"
 #include "cli/calib/page_server.h"
 #include "cli/program/commands.h"
@@ -15,6 +11,10 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/frames.h"
+#include "stages/click/click_page.h"
+#include "stages/click/click_scene.h"
+#include "stages/input/calib_read.h"
+#include "stages/input/session_input.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -23,15 +23,15 @@ using nlohmann::ordered_json;
 namespace fs = std::filesystem;
 
 struct ClickArguments {
-  std::vector<app::NamedPath> cameras;
-  app::SessionArguments session;
+  std::vector<stages::NamedPath> cameras;
+  stages::SessionArguments session;
   std::string points, calib, out;
   int frame = 0, port = 0;
   calib::PointResectionOptions resection;
 };
 
 /// The image with this number, or the next one that there is.
-Image ImageOf(const app::NamedPath& camera, int frame) {
+Image ImageOf(const stages::NamedPath& camera, int frame) {
   const auto source = dataset::OpenFrames(camera.path, {false, false, true});
   while (const auto found = source->Advance()) {
     if (found->number >= frame) return source->Picture();
@@ -40,7 +40,7 @@ Image ImageOf(const app::NamedPath& camera, int frame) {
 }
 
 void FillFromSession(ClickArguments* arguments, CommandResult* result) {
-  const auto found = app::FindTake(arguments->session, result);
+  const auto found = stages::FindTake(arguments->session, result);
   if (!found) return;
   if (arguments->calib.empty()) arguments->calib = dataset::CalibrationOf(found->session, arguments->session.allow_outside);
   if (arguments->out.empty()) arguments->out = (fs::path(found->session.folder) / "calib" / "clicks.csv").string();
@@ -50,30 +50,30 @@ void FillFromSession(ClickArguments* arguments, CommandResult* result) {
         {f.camera, dataset::ResolveInSession(found->session, f.path, arguments->session.allow_outside)});
 }
 
-void ReadPoints(const ClickArguments& arguments, app::ClickScene* scene) {
+void ReadPoints(const ClickArguments& arguments, stages::ClickScene* scene) {
   std::vector<std::string> files = {arguments.points};
   if (fs::exists(arguments.out)) files.push_back(arguments.out);
-  const std::vector<std::string> others = app::AddPoints(calib::ReadScenePlaces(files), scene);
+  const std::vector<std::string> others = stages::AddPoints(calib::ReadScenePlaces(files), scene);
   if (scene->names.empty()) throw FormatError(arguments.points, "", "holds no point");
   if (!others.empty())
     throw UsageError(arguments.out + " has clicks of camera " + others[0] +
                      ", which is not given: give it too, or another --out");
 }
 
-app::ClickScene ReadScene(const ClickArguments& arguments, CommandResult* result) {
+stages::ClickScene ReadScene(const ClickArguments& arguments, CommandResult* result) {
   if (arguments.cameras.empty()) throw UsageError("--camera NAME=PATH is needed at least once, or a --session with footage");
   geometry::Rig lenses;
   if (!arguments.calib.empty()) {
-    const calib::ImportedRig given = app::ReadCalibrationFiles({arguments.calib}, {});
-    app::AddNotes(given.notes, result);
+    const calib::ImportedRig given = stages::ReadCalibrationFiles({arguments.calib}, {});
+    stages::AddNotes(given.notes, result);
     lenses = given.rig;
     result->inputs.push_back(arguments.calib);
   }
-  app::ClickScene scene;
-  for (const app::NamedPath& camera : arguments.cameras) {
+  stages::ClickScene scene;
+  for (const stages::NamedPath& camera : arguments.cameras) {
     const int known = lenses.Find(camera.name);
     const auto lens = known < 0 ? std::nullopt : std::optional(lenses.cameras[static_cast<size_t>(known)].camera);
-    app::AddCamera(camera.name, ImageOf(camera, arguments.frame), lens, &scene);
+    stages::AddCamera(camera.name, ImageOf(camera, arguments.frame), lens, &scene);
     result->inputs.push_back(camera.path);
   }
   ReadPoints(arguments, &scene);
@@ -84,15 +84,15 @@ app::ClickScene ReadScene(const ClickArguments& arguments, CommandResult* result
 /// What the page asks for; clicks are saved as they come.
 class ClickPage {
  public:
-  ClickPage(const ClickArguments& arguments, app::ClickScene* scene) : arguments_(arguments), scene_(scene) {}
+  ClickPage(const ClickArguments& arguments, stages::ClickScene* scene) : arguments_(arguments), scene_(scene) {}
 
   PageAnswer operator()(const PageRequest& request) {
     if (request.method == "POST") return Post(request);
     const std::string& path = request.path;
-    if (path.empty()) return {200, "text/html; charset=utf-8", app::ClickPageHtml()};
-    if (path == "click.css") return {200, "text/css; charset=utf-8", app::ClickPageStyle()};
-    if (path == "click.js") return {200, "text/javascript; charset=utf-8", app::ClickPageScript()};
-    if (path == "scene.json") return {200, "application/json", app::SceneJsonText(*scene_, arguments_.resection)};
+    if (path.empty()) return {200, "text/html; charset=utf-8", stages::ClickPageHtml()};
+    if (path == "click.css") return {200, "text/css; charset=utf-8", stages::ClickPageStyle()};
+    if (path == "click.js") return {200, "text/javascript; charset=utf-8", stages::ClickPageScript()};
+    if (path == "scene.json") return {200, "application/json", stages::SceneJsonText(*scene_, arguments_.resection)};
     for (size_t c = 0; c < scene_->cameras.size(); ++c) {
       if (path == "image/" + std::to_string(c) + ".jpg") return {200, "image/jpeg", scene_->cameras[c].jpeg};
     }
@@ -107,17 +107,17 @@ class ClickPage {
       return {};
     }
     if (request.path != "clicks.json") return {404, "text/plain; charset=utf-8", "not here\n"};
-    app::SentClicks sent = app::ReadSentClicks(request.body, *scene_);
+    stages::SentClicks sent = stages::ReadSentClicks(request.body, *scene_);
     const bool newest = sent.revision == scene_->revision;  // else another page has saved: what that one saved is the answer
     if (newest) Save(std::move(sent.clicks));
-    return {newest ? 200 : 409, "application/json", app::ClicksJsonText(*scene_, arguments_.resection)};
+    return {newest ? 200 : 409, "application/json", stages::ClicksJsonText(*scene_, arguments_.resection)};
   }
 
   /// The scene holds what the table holds.
-  void Save(app::ClickMap clicks) {
+  void Save(stages::ClickMap clicks) {
     std::swap(scene_->clicks, clicks);
     try {
-      WriteFileAtomic(arguments_.out, app::ClicksCsv(*scene_));
+      WriteFileAtomic(arguments_.out, stages::ClicksCsv(*scene_));
     } catch (...) {
       std::swap(scene_->clicks, clicks);
       throw;
@@ -126,16 +126,16 @@ class ClickPage {
   }
 
   const ClickArguments& arguments_;
-  app::ClickScene* scene_;
+  stages::ClickScene* scene_;
   bool is_finished_ = false;
 };
 
-void Describe(const app::ClickScene& scene, const ClickArguments& arguments, CommandResult* result) {
+void Describe(const stages::ClickScene& scene, const ClickArguments& arguments, CommandResult* result) {
   result->metrics["num_points"] = scene.names.size();
   result->metrics["num_clicks"] = scene.clicks.size();
   result->metrics["cameras"] = ordered_json::array();
   for (size_t c = 0; c < scene.cameras.size(); ++c) {
-    const app::ClickFit fit = app::FitClicks(scene, static_cast<int>(c), arguments.resection);
+    const stages::ClickFit fit = stages::FitClicks(scene, static_cast<int>(c), arguments.resection);
     const std::string& name = scene.cameras[c].name;
     result->metrics["cameras"].push_back({{"name", name},
                                           {"status", std::string(ToString(fit.status))},
@@ -154,7 +154,7 @@ void Describe(const app::ClickScene& scene, const ClickArguments& arguments, Com
   }
 }
 
-std::string WhatIsSaved(const app::ClickScene& scene, const CommandResult& result, const std::string& out) {
+std::string WhatIsSaved(const stages::ClickScene& scene, const CommandResult& result, const std::string& out) {
   const size_t count = scene.clicks.size();
   if (result.outputs.empty()) return "no click was made, so " + out + " was not written";
   return std::to_string(count) + (count == 1 ? " click is in " : " clicks are in ") + out;
@@ -165,7 +165,7 @@ CommandResult RunClick(ClickArguments arguments, CommandContext& context) {
   FillFromSession(&arguments, &result);
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
   const OutputFiles place({arguments.out}, Joined(PathsIn(arguments.cameras), {arguments.points, arguments.calib}));
-  app::ClickScene scene = ReadScene(arguments, &result);
+  stages::ClickScene scene = ReadScene(arguments, &result);
   ClickPage page(arguments, &scene);
   PageServer server(arguments.port, std::ref(page));
   // Nothing works without this line, so it does not depend on the log's level.

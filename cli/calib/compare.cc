@@ -3,7 +3,6 @@
 #include <cmath>
 #include <optional>
 
-#include "app/input/calib_read.h"
 #include "calib/check/expected_difference.h"
 #include "calib/check/rig_compare.h"
 #include "cli/calib/calib.h"
@@ -16,6 +15,7 @@
 #include "core/units.h"
 #include "geometry/rig/alignment.h"
 #include "geometry/rig/rig_covariance.h"
+#include "stages/input/calib_read.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -25,7 +25,7 @@ using geometry::RigCamera;
 using nlohmann::ordered_json;
 
 struct Arguments {
-  app::CalibReadOptions read;
+  stages::CalibReadOptions read;
   std::string rig, reference, out, ranges = "1,3,inf";
   double max_rotation_deg = 0, max_translation_mm = 0, max_focal_percent = 0, max_lens_px = 0, max_projection_px = 0;
   bool implied = true;
@@ -255,16 +255,16 @@ void ComparePoses(const Rig& rig, const Rig& reference, const Arguments& argumen
 }
 
 CommandResult Compare(const Arguments& arguments) {
-  calib::ImportedRig rig = app::ReadCalibrationFiles({arguments.rig}, arguments.read);
-  calib::ImportedRig reference = app::ReadCalibrationFiles({arguments.reference}, arguments.read);
+  calib::ImportedRig rig = stages::ReadCalibrationFiles({arguments.rig}, arguments.read);
+  calib::ImportedRig reference = stages::ReadCalibrationFiles({arguments.reference}, arguments.read);
   CommandResult result;
   result.inputs = {arguments.rig, arguments.reference};
   std::optional<OutputFolder> place;
   if (!arguments.out.empty())
     place.emplace(arguments.out, result.inputs, std::vector<std::string>{"calib_compare.result.json"});
   result.folder = arguments.out;
-  app::AddNotes(rig.notes, &result);
-  app::AddNotes(reference.notes, &result);
+  stages::AddNotes(rig.notes, &result);
+  stages::AddNotes(reference.notes, &result);
   if (rig.rig.cameras.size() == 1 && reference.rig.cameras.size() == 1) {
     rig.rig.cameras[0].camera.name = reference.rig.cameras[0].camera.name;  // whatever their names: nothing else can be meant
   }

@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "app/input/calib_read.h"
 #include "calib/formats/formats.h"
 #include "cli/calib/calib.h"
 #include "cli/program/arguments.h"
@@ -15,6 +14,7 @@
 #include "core/join.h"
 #include "dataset/exports/export.h"
 #include "dataset/panoptic/panoptic.h"
+#include "stages/input/calib_read.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -24,7 +24,7 @@ using geometry::Rig;
 using geometry::RigCamera;
 
 struct Arguments {
-  app::CalibReadOptions read;
+  stages::CalibReadOptions read;
   std::vector<std::string> in, rename;
   std::string to = "mvstudio", out;
   calib::LengthUnit out_unit = calib::LengthUnit::kMetre;
@@ -109,12 +109,12 @@ std::vector<std::string> Write(const Arguments& arguments, CalibrationFormat for
   options.qca_distortion_divisor = arguments.read.qca_distortion_divisor;
   if (format != CalibrationFormat::kPanoptic) {
     const calib::ExportReport report = calib::WriteCalibration(*rig, format, arguments.out, options);
-    app::AddNotes(report.notes, result);
+    stages::AddNotes(report.notes, result);
     return report.files;
   }
   std::vector<Notice> notes;
   *rig = calib::RigForFormat(*rig, format, options, arguments.out, &notes);
-  app::AddNotes(notes, result);
+  stages::AddNotes(notes, result);
   RenameForPanoptic(rig, result);
   dataset::WritePanopticCalibration(*rig, arguments.out, std::filesystem::path(arguments.in.front()).filename().string());
   return {arguments.out};
@@ -142,10 +142,10 @@ bool IsFile(const Arguments& arguments, CalibrationFormat format) {
 }
 
 CommandResult Convert(Arguments arguments) {
-  calib::ImportedRig imported = app::ReadCalibrationFiles(arguments.in, arguments.read);
+  calib::ImportedRig imported = stages::ReadCalibrationFiles(arguments.in, arguments.read);
   CommandResult result;
   result.inputs = arguments.in;
-  app::AddNotes(imported.notes, &result);
+  stages::AddNotes(imported.notes, &result);
   Rename(arguments.rename, &imported.rig);
   // Layouts of datasets that cannot be read back have no name among the formats, and are written like those that can.
   const CalibrationFormat format = calib::CalibrationFormatFromString(arguments.to).value_or(CalibrationFormat::kNpz);
@@ -161,7 +161,7 @@ CommandResult Convert(Arguments arguments) {
     result.outputs.push_back({written, "calibration"});
   }
   together.Commit();
-  app::AddCameraMetrics(imported.rig, &result);
+  stages::AddCameraMetrics(imported.rig, &result);
   result.metrics["format"] = is_layout ? arguments.to : std::string(ToString(format));
   result.folder = file ? std::filesystem::path(PathOnDisk(arguments.out)).parent_path().string() : arguments.out;
   result.text = std::to_string(imported.rig.cameras.size()) + " cameras -> " + arguments.out + " (" + arguments.to + ")";

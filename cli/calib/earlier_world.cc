@@ -80,7 +80,7 @@ std::string EarlierGauge(const std::string& folder) {
 }
 
 void KeepEarlierWorld(const std::string& folder, const std::string& gauge, const std::vector<std::string>& footage,
-                      const app::CornerInput& corners, const std::string& pairing, calib::WorldOrigin* world,
+                      const stages::CornerInput& corners, const std::string& pairing, calib::WorldOrigin* world,
                       CommandResult* result) {
   if (gauge.empty()) return;
   const std::optional<int64_t> frame = FrameOf(gauge);

@@ -2,11 +2,6 @@
 #include <cmath>
 #include <optional>
 
-#include "app/calib/calibrate_result.h"
-#include "app/calib/calibration_use.h"
-#include "app/input/calib_read.h"
-#include "app/input/corner_input.h"
-#include "app/input/session_input.h"
 #include "calib/board/sides.h"
 #include "calib/check/rig_check.h"
 #include "cli/calib/calib.h"
@@ -21,6 +16,11 @@
 #include "core/units.h"
 #include "dataset/session/session.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/calib/calibrate_result.h"
+#include "stages/calib/calibration_use.h"
+#include "stages/input/calib_read.h"
+#include "stages/input/corner_input.h"
+#include "stages/input/session_input.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -29,9 +29,9 @@ using nlohmann::ordered_json;
 
 struct Arguments {
   std::string calibration, repair, out;
-  app::SessionArguments session;
-  app::CalibReadOptions read;
-  app::CornerArguments corners;
+  stages::SessionArguments session;
+  stages::CalibReadOptions read;
+  stages::CornerArguments corners;
   calib::RigCheckOptions check;
 };
 
@@ -72,7 +72,7 @@ ordered_json CameraJson(const calib::CameraCheck& camera) {
 void FillMetrics(const calib::RigCheck& check, ordered_json* metrics) {
   ordered_json& m = *metrics;
   m["status"] = std::string(ToString(check.status));
-  m["verdict"] = app::VerdictJson(check.verdict);
+  m["verdict"] = stages::VerdictJson(check.verdict);
   m["moved"] = check.moved;
   m["undecided"] = check.undecided;
   m["rms_px"] = FiniteOrNull(check.rms_px);
@@ -112,7 +112,7 @@ std::string LensLines(const calib::RigCheck& check) {
 }
 
 std::string Summary(const calib::RigCheck& check) {
-  if (check.num_boards == 0) return LensLines(check) + app::VerdictLine(check.verdict);
+  if (check.num_boards == 0) return LensLines(check) + stages::VerdictLine(check.verdict);
   std::string text = Format("%-16s %6s %8s %8s %8s   %-22s %-22s %8s\n", "camera", "boards", "own px", "rms px", "after px",
                             "turned deg", "moved mm", "shift px");
   for (const calib::CameraCheck& c : check.cameras) {
@@ -136,7 +136,7 @@ std::string Summary(const calib::RigCheck& check) {
               ? Format("lengths by the calibration against the board's: %+.3f %%\n", 100 * (check.scale - 1))
               : "no length of a board could be measured: no two cameras place its corners\n";
   if (check.offsets_used) text += "corners taken at the times that the calibration's time offsets state\n";
-  return text + app::VerdictLine(check.verdict);
+  return text + stages::VerdictLine(check.verdict);
 }
 
 /// Nothing is written where no camera has a new pose: what was given stays what is best known.
@@ -151,7 +151,7 @@ void Repair(const calib::RigCheck& check, const std::string& path, CommandResult
   }
   geometry::WriteRig(check.repaired, path);
   result->outputs.push_back({path, "calibration"});
-  app::WarnOfCovariance(check.repaired, result);
+  stages::WarnOfCovariance(check.repaired, result);
 }
 
 /// Refuses corners of which the calibration has no camera. Throws FormatError.
@@ -181,8 +181,8 @@ void FillFromSession(Arguments* arguments, CommandResult* result) {
   }
   if (arguments->calibration.empty())
     throw UsageError("CALIB is needed: the calibration to check, or a --session that has been calibrated");
-  app::FillCorners(arguments->session, &arguments->corners, result);
-  app::FillTimeline(&arguments->corners, result);
+  stages::FillCorners(arguments->session, &arguments->corners, result);
+  stages::FillTimeline(&arguments->corners, result);
 }
 
 CommandResult Eval(Arguments arguments, CommandContext& context) {
@@ -194,17 +194,18 @@ CommandResult Eval(Arguments arguments, CommandContext& context) {
                   std::vector<std::string>{kResultFile});
     result.folder = arguments.out;
   }
-  const calib::ImportedRig imported = app::ReadCalibrationFiles({arguments.calibration}, arguments.read);
-  app::AddNotes(imported.notes, &result);
+  const calib::ImportedRig imported = stages::ReadCalibrationFiles({arguments.calibration}, arguments.read);
+  stages::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
-  const calib::CalibrateInput input = app::ReadCornerInput(arguments.corners, context.run, &result).input;
+  const calib::CalibrateInput input = stages::ReadCornerInput(arguments.corners, context.run, &result).input;
   calib::RequireThickness(input.boards);
   RequireKnownCamera(imported.rig, arguments.calibration, input);
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
   ReportLeftOut(check.found.unknown, arguments.calibration, &result);
   FillMetrics(check, &result.metrics);
   if (check.status == Status::kOk) result.text += Summary(check);
-  app::ReportCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone", &result);
+  result.Add(
+      stages::DescribeCovarianceUse(imported.rig, {}, "cameras are checked against each other by their boards' noise alone"));
   if (check.status != Status::kOk) {
     result.exit = kExitIllPosed;
     result.errors.push_back({"CAL-UNSOLVED", check.message, "show the board to at least two cameras at a time"});
@@ -235,7 +236,7 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   AddChoice(sub, "--from", arguments->read.from, "format of the calibration: auto, " + calib::CalibrationFormatNames())
       ->capture_default_str()
       ->type_name("FORMAT")
-      ->check(OneOf(app::CalibrationFormatChoices()));
+      ->check(OneOf(stages::CalibrationFormatChoices()));
   AddChoice(sub, "--unit", arguments->read.unit, "unit of length of files that name none")
       ->capture_default_str()
       ->check(OneOf({"m", "cm", "mm", "in"}));

@@ -4,12 +4,6 @@
 #include <cmath>
 #include <optional>
 
-#include "app/calib/calibration_use.h"
-#include "app/input/calib_read.h"
-#include "app/input/pose_input.h"
-#include "app/people/apply_sync.h"
-#include "app/people/known_lengths.h"
-#include "app/people/likely_cause.h"
 #include "calib/calibrate.h"
 #include "calib/keypoints/moments.h"
 #include "calib/keypoints/place.h"
@@ -23,6 +17,12 @@
 #include "core/units.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/calib/calibration_use.h"
+#include "stages/input/calib_read.h"
+#include "stages/input/pose_input.h"
+#include "stages/people/apply_sync.h"
+#include "stages/people/known_lengths.h"
+#include "stages/people/likely_cause.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -53,7 +53,7 @@ struct Posed {
   std::vector<triangulate::DetectedFrame> frames;
 };
 
-Posed PosedCameras(const app::PoseInput& input) {
+Posed PosedCameras(const stages::PoseInput& input) {
   Posed posed;
   for (size_t c = 0; c < input.rig.cameras.size(); ++c) {
     const std::string& name = input.rig.cameras[c].camera.name;
@@ -152,7 +152,7 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
 
 std::string Limbs(const calib::KeypointError& error) {
   if (!std::isfinite(error.limb_mean_mm)) return "";
-  return "; limbs " + app::LengthText(error.limb_mean_mm / 1e3) + " long +- " + app::LengthText(error.limb_std_mm / 1e3);
+  return "; limbs " + stages::LengthText(error.limb_mean_mm / 1e3) + " long +- " + stages::LengthText(error.limb_std_mm / 1e3);
 }
 
 std::string Line(const calib::KeypointCamera& c, bool kept) {
@@ -213,27 +213,28 @@ void CheckLoss(const KeypointArguments& arguments, const Posed& posed, const cal
   if (after.num_detections == 0) return;
   // A camera that is late by a frame bends the rig where its time is not what the others' is.
   const triangulate::CauseReport timing = CheckTiming(report.rig, posed.frames, CauseOptionsOf(arguments), run);
-  const bool late = app::AddTiming(timing, !arguments.sync.empty(), result);
-  if (!late && !report.unsteady.empty()) {
+  const stages::CauseFinding late = stages::CauseInTiming(timing, !arguments.sync.empty());
+  result->Add(late.said);
+  if (!late.clear && !report.unsteady.empty()) {
     if (!report.kept_input) result->exit = kExitQualityGate;
     (report.kept_input ? result->warnings : result->errors)
         .push_back(
             {"CAL-UNSTEADY", report.unsteady,
              "cameras that are not synchronous (`mvstudio sync`, --sync), that moved during the take, or wrong names do this"});
   }
-  std::string hint = "check that calibration and poses belong to the same cameras";
   const auto why = WhyNoFit(arguments, posed, body, run);
-  if (why) hint = app::AddLikelyCause(*why, "CAL-CAUSE", hint, result);
+  const auto cause = stages::CauseOfLoss(why, "CAL-CAUSE", "check that calibration and poses belong to the same cameras");
+  result->Add(cause.said);
   // Exchanged cameras can be adjusted until they fit: the given world is then lost.
   const bool over = std::any_of(report.cameras.begin(), report.cameras.end(),
                                 [](const auto& camera) { return camera.rotation_rad > 0.5 * kPi; });
   const bool explained = why && !why->message.empty() && (over || why->trials[0].residual_px < after.residual_px);
-  if (after.carried >= app::kLostShare && !explained) return;
+  if (after.carried >= stages::kLostShare && !explained) return;
   result->exit = kExitQualityGate;
   result->errors.push_back({"CAL-NOFIT",
                             Format("%.1f %% of the detections fit the calibration that was written, mean residual %.2f px%s",
                                    100 * after.carried, after.residual_px, over ? ", and it turns cameras over" : ""),
-                            hint});
+                            cause.remedy});
 }
 
 /// The whole rig with the adjusted cameras in their places.
@@ -286,14 +287,14 @@ bool ScaleByLengths(const std::vector<calib::StatedLength>& lengths, const std::
 }
 
 /// Lenses without poses: the cameras with 2D points become a rig by the person alone. False: they cannot.
-bool PlaceCameras(const KeypointArguments& arguments, const std::vector<calib::StatedLength>& stated, app::PoseInput* input,
+bool PlaceCameras(const KeypointArguments& arguments, const std::vector<calib::StatedLength>& stated, stages::PoseInput* input,
                   Posed* posed, CommandResult* result) {
   const double height_m = arguments.person_height_m > 0 ? arguments.person_height_m : 1.7;
   const bool by_height = stated.empty() && input->skeleton.human && input->skeleton.lengths.empty();
-  const calib::PlacedRig placed = PlaceFromKeypoints(
-      posed->rig, posed->frames,
-      stated.empty() ? app::KnownLengthsOf(input->skeleton, height_m) : calib::KnownLengthsOf(stated, input->skeleton.joints),
-      arguments.options.min_score);
+  const calib::PlacedRig placed = PlaceFromKeypoints(posed->rig, posed->frames,
+                                                     stated.empty() ? stages::KnownLengthsOf(input->skeleton, height_m)
+                                                                    : calib::KnownLengthsOf(stated, input->skeleton.joints),
+                                                     arguments.options.min_score);
   if (placed.status != Status::kOk) {
     result->exit = kExitIllPosed;
     result->errors.push_back({"CAL-UNPLACED", placed.message,
@@ -336,7 +337,7 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
             "--from-keypoints: m, cm, mm or in: of a calibration that names no unit; m unless given");
   AddOption(sub, "--sync", arguments.sync,
             "--from-keypoints: sync.json of `mvstudio sync`: time offsets and rates of the cameras");
-  AddPoseChanges(sub, arguments.changes);
+  AddOptions(sub, arguments.changes);
   AddOption(sub, "--train-frames", arguments.train_frames,
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
@@ -354,14 +355,14 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   CommandResult result;
   const auto train = ParseFrames("--train-frames", arguments.train_frames);
   const auto test = ParseFrames("--test-frames", arguments.test_frames);
-  app::PoseArguments pose;
+  stages::PoseArguments pose;
   pose.lenses_suffice = true;
   pose.calib = calib_path, pose.calib_unit = arguments.calib_unit, pose.skeleton = arguments.skeleton;
   pose.pose2d = arguments.pose2d, pose.points2d = arguments.points2d, pose.changes = arguments.changes;
   const OutputFolder place(out, Joined(PathsIn(arguments.pose2d), {calib_path, arguments.points2d, arguments.sync}),
                            {"calibration.json"});
-  app::PoseInput input = app::ReadPoseInput(pose, &result);
-  if (!arguments.sync.empty()) app::ApplySync(arguments.sync, &input, &result);
+  stages::PoseInput input = stages::ReadPoseInput(pose, &result);
+  if (!arguments.sync.empty()) stages::ApplySync(arguments.sync, &input, &result);
   Posed posed = PosedCameras(input);
   const bool lenses_only = input.rig.gauge == calib::kLensesOnly;
   if (!lenses_only && arguments.person_height_m > 0)
@@ -373,27 +374,26 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   result.metrics["status"] = std::string(ToString(report.status));
   if (report.status != Status::kOk) {
     result.exit = kExitIllPosed;
-    std::string hint = "people or markers must be seen by several cameras at once, in many places";
-    const auto why = WhyNoFit(arguments, posed, app::BodyOf(input.skeleton), context.run);
-    if (why) hint = app::AddLikelyCause(*why, "CAL-CAUSE", hint, &result);
-    result.errors.push_back({"CAL-UNSOLVED", report.message, hint});
+    const auto cause = stages::CauseOfLoss(WhyNoFit(arguments, posed, stages::BodyOf(input.skeleton), context.run), "CAL-CAUSE",
+                                           "people or markers must be seen by several cameras at once, in many places");
+    result.Add(cause.said);
+    result.errors.push_back({"CAL-UNSOLVED", report.message, cause.remedy});
     result.text = report.message + "\n";
     return result;
   }
   FillMetrics(report, &result.metrics);
   AddWarnings(report, input.rig.cameras.size() - posed.camera_of.size(), arguments.options.max_persons, &result);
-  CheckLoss(arguments, posed, report, app::BodyOf(input.skeleton), context.run, &result);
+  CheckLoss(arguments, posed, report, stages::BodyOf(input.skeleton), context.run, &result);
   geometry::Rig written = report.kept_input ? input.rig : Merge(input.rig, posed.camera_of, report.rig);
   if (!lengths.empty() && !ScaleByLengths(lengths, input.skeleton.joints, arguments, posed, report.rig, &written, &result))
     return result;
   result.folder = out;
-  const std::string path = out + "/calibration.json";
-  geometry::WriteRig(written, path);
-  result.outputs.push_back({path, "calibration"});
+  result.outputs.push_back({out + "/calibration.json", "calibration"});
+  geometry::WriteRig(written, result.outputs.back().path);
   result.text = Summary(report) + result.text;
   if (lenses_only)
     result.text += "all frames placed the cameras first: the figures above are held out from the adjustment alone\n";
-  app::WarnOfCovariance(written, &result);
+  stages::WarnOfCovariance(written, &result);
   return result;
 }
 

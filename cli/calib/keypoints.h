@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "app/input/pose_changes.h"
 #include "calib/keypoints/refine.h"
 #include "cli/program/command.h"
+#include "stages/input/pose_changes.h"
 
 namespace mvstudio::cli {
 
@@ -17,9 +17,9 @@ struct KeypointArguments {
   std::string calib_unit;                 ///< of a calibration that names none
   std::string points2d;                   ///< table of points of all cameras, instead of pose2d
   double person_height_m = 0;             ///< 0: not said; for lenses without poses
-  std::vector<app::NamedPath> pose2d;
+  std::vector<stages::NamedPath> pose2d;
   std::vector<std::string> lengths;  ///< see calib/points/stated_length.h
-  app::PoseChanges changes;
+  stages::PoseChanges changes;
   std::string sync;  ///< sync.json; may be empty
 
   bool IsGiven() const { return from_keypoints || !points2d.empty(); }

@@ -1,8 +1,6 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "app/calib/lens_library.h"
-#include "app/input/calib_read.h"
 #include "cli/calib/calib.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -10,19 +8,21 @@
 #include "core/format.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/calib/lens_library.h"
+#include "stages/input/calib_read.h"
 
 namespace mvstudio::cli {
 namespace {
 
 struct AddArguments {
   std::string library, calibration, camera;
-  app::LensKey key;
+  stages::LensKey key;
   bool replace = false;
 };
 
 std::string Line(const geometry::RigCamera& lens) {
   const geometry::Camera& c = lens.camera;
-  const double sigma = app::SigmasOf(lens).focal_px;
+  const double sigma = stages::SigmasOf(lens).focal_px;
   return Format("%-32s %-14s %5d x %-5d", c.name.c_str(), std::string(geometry::ToString(c.model)).c_str(), c.width_px,
                 c.height_px) +
          Format(" %9.2f px  +- %s\n", (c.fx() + c.fy()) / 2, std::isfinite(sigma) ? Format("%.2f", sigma).c_str() : "?");
@@ -31,26 +31,26 @@ std::string Line(const geometry::RigCamera& lens) {
 CommandResult Add(const AddArguments& arguments) {
   CommandResult result;
   const OutputFiles place({arguments.library}, {arguments.calibration});
-  const calib::ImportedRig given = app::ReadCalibrationFiles({arguments.calibration}, {});
-  app::AddNotes(given.notes, &result);
+  const calib::ImportedRig given = stages::ReadCalibrationFiles({arguments.calibration}, {});
+  stages::AddNotes(given.notes, &result);
   result.inputs.push_back(arguments.calibration);
   const int camera = given.rig.Find(arguments.camera);
   if (camera < 0) throw UsageError("--camera " + arguments.camera + ": the calibration has no such camera");
   geometry::Rig library;
-  if (std::filesystem::exists(arguments.library)) library = app::ReadLensLibrary(arguments.library);
-  app::AddLens(given.rig.cameras[static_cast<size_t>(camera)], arguments.key, arguments.replace, &library);
+  if (std::filesystem::exists(arguments.library)) library = stages::ReadLensLibrary(arguments.library);
+  stages::AddLens(given.rig.cameras[static_cast<size_t>(camera)], arguments.key, arguments.replace, &library);
   geometry::WriteRig(library, arguments.library);
   result.outputs.push_back({arguments.library, "lenses"});
   result.metrics["num_lenses"] = library.cameras.size();
-  result.text = Line(library.cameras[static_cast<size_t>(library.Find(app::LensName(arguments.key)))]);
+  result.text = Line(library.cameras[static_cast<size_t>(library.Find(stages::LensName(arguments.key)))]);
   return result;
 }
 
 CommandResult List(const std::string& path) {
   CommandResult result;
-  const geometry::Rig library = app::ReadLensLibrary(path);
+  const geometry::Rig library = stages::ReadLensLibrary(path);
   result.inputs.push_back(path);
-  app::AddCameraMetrics(library, &result);
+  stages::AddCameraMetrics(library, &result);
   for (const geometry::RigCamera& lens : library.cameras) result.text += Line(lens);
   return result;
 }
@@ -58,10 +58,10 @@ CommandResult List(const std::string& path) {
 /// Each lens by itself: a library has no poses to be doubted.
 CommandResult Check(const std::string& path) {
   CommandResult result = List(path);
-  for (const geometry::RigCamera& lens : app::ReadLensLibrary(path).cameras) {
+  for (const geometry::RigCamera& lens : stages::ReadLensLibrary(path).cameras) {
     geometry::Rig alone;
     alone.cameras = {lens};
-    app::AddDoubts(alone, &result);
+    stages::AddDoubts(alone, &result);
     if (lens.params_covariance) continue;
     result.warnings.push_back({"CAL-COVARIANCE-MISSING", "lens " + lens.camera.name + " states no covariance",
                                "calibrate it again, or count its uncertainty as unknown"});

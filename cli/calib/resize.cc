@@ -4,8 +4,6 @@
 #include <cstdio>
 #include <map>
 
-#include "app/calib/calibration_use.h"
-#include "app/input/calib_read.h"
 #include "cli/calib/calib.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -13,6 +11,8 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/calib/calibration_use.h"
+#include "stages/input/calib_read.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -26,8 +26,8 @@ struct Arguments {
   std::vector<std::string> camera_size, crop;
 };
 
-app::ImageSize SizeOf(const std::string& flag, const std::string& text) {
-  app::ImageSize size;
+stages::ImageSize SizeOf(const std::string& flag, const std::string& text) {
+  stages::ImageSize size;
   try {
     FromString(text, &size);
   } catch (const UsageError&) {
@@ -55,8 +55,9 @@ size_t CameraOf(const Rig& rig, const std::string& flag, const std::string& name
 }
 
 /// Of the cameras whose images change; those that are cropped have the crop's size unless another is given.
-std::map<size_t, app::ImageSize> SizesOf(const Arguments& arguments, const Rig& rig, const std::map<size_t, PixelArea>& areas) {
-  std::map<size_t, app::ImageSize> sizes;
+std::map<size_t, stages::ImageSize> SizesOf(const Arguments& arguments, const Rig& rig,
+                                            const std::map<size_t, PixelArea>& areas) {
+  std::map<size_t, stages::ImageSize> sizes;
   for (const std::string& text : arguments.crop) {
     const size_t end = text.find('=');
     for (const auto& [camera, area] : areas) {
@@ -89,7 +90,7 @@ std::map<size_t, PixelArea> AreasOf(const Arguments& arguments, const Rig& rig) 
   return areas;
 }
 
-void Check(const geometry::Camera& camera, const PixelArea& area, const app::ImageSize& size) {
+void Check(const geometry::Camera& camera, const PixelArea& area, const stages::ImageSize& size) {
   const std::string sizes =
       Format("camera %s: ", camera.name.c_str()) +
       Format("%d x %d pixels of its %d x %d image", area.width_px, area.height_px, camera.width_px, camera.height_px) +
@@ -118,12 +119,12 @@ ordered_json Row(const geometry::Camera& before, const geometry::Camera& after) 
 CommandResult Resize(const Arguments& arguments) {
   CommandResult result;
   const OutputFiles place({arguments.out}, {arguments.calibration});
-  calib::ImportedRig given = app::ReadCalibrationFiles({arguments.calibration}, {});
-  app::AddNotes(given.notes, &result);
+  calib::ImportedRig given = stages::ReadCalibrationFiles({arguments.calibration}, {});
+  stages::AddNotes(given.notes, &result);
   result.inputs.push_back(arguments.calibration);
   Rig& rig = given.rig;
   const std::map<size_t, PixelArea> areas = AreasOf(arguments, rig);
-  const std::map<size_t, app::ImageSize> sizes = SizesOf(arguments, rig, areas);
+  const std::map<size_t, stages::ImageSize> sizes = SizesOf(arguments, rig, areas);
   if (sizes.empty()) {
     throw UsageError(
         "give the new size: --size WIDTHxHEIGHT for all cameras, or --camera-size NAME=WIDTHxHEIGHT; or --crop alone, whose "
@@ -143,7 +144,7 @@ CommandResult Resize(const Arguments& arguments) {
   }
   geometry::WriteRig(rig, arguments.out);
   result.outputs.push_back({arguments.out, "calibration"});
-  app::AddDoubts(rig, &result);
+  stages::AddDoubts(rig, &result);
   return result;
 }
 

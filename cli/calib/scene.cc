@@ -5,8 +5,6 @@
 #include <filesystem>
 #include <set>
 
-#include "app/calib/calibration_use.h"
-#include "app/input/calib_read.h"
 #include "calib/board/sides.h"
 #include "calib/detect/detect_board.h"
 #include "calib/keypoints/place_marks.h"
@@ -18,6 +16,8 @@
 #include "dataset/footage/image_io.h"
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/calib/calibration_use.h"
+#include "stages/input/calib_read.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -32,7 +32,7 @@ void WriteCalibration(const geometry::Rig& rig, const std::string& out, CommandR
 }
 
 ordered_json PoseMetrics(const geometry::RigCamera& camera) {
-  const app::CameraSigmas sigmas = app::SigmasOf(camera);
+  const stages::CameraSigmas sigmas = stages::SigmasOf(camera);
   ordered_json json;
   json["name"] = camera.camera.name;
   json["model"] = std::string(geometry::ToString(camera.camera.model));
@@ -89,7 +89,7 @@ CommandResult RunMarks(const SceneArguments& arguments, const geometry::Rig& len
   result.warnings.push_back({"CAL-WORLD", "the world is that of " + placed.rig.cameras[0].camera.name,
                              "mvstudio calib align --floor-joints, or --floor-board, sets the floor"});
   WriteCalibration(placed.rig, out, &result);
-  app::WarnOfCovariance(placed.rig, &result);
+  stages::WarnOfCovariance(placed.rig, &result);
   return result;
 }
 
@@ -133,7 +133,7 @@ CommandResult RunScenePoints(const SceneArguments& arguments, const geometry::Ri
     return result;
   }
   WriteCalibration(report.rig, out, &result);
-  app::WarnOfCovariance(report.rig, &result, report.given_unknown);
+  stages::WarnOfCovariance(report.rig, &result, report.given_unknown);
   if (failed > 0) result.exit = kExitPartial;
   return result;
 }
@@ -227,7 +227,7 @@ CommandResult RunFromScene(const SceneArguments& arguments, const geometry::Rig&
     ordered_json json = PoseMetrics(report.rig.cameras[c]);
     json["num_features"] = report.num_seen[c];
     result.metrics["cameras"].push_back(json);
-    const app::CameraSigmas sigmas = app::SigmasOf(report.rig.cameras[c]);
+    const stages::CameraSigmas sigmas = stages::SigmasOf(report.rig.cameras[c]);
     result.text += Format("%-16s focal %9.2f px, %5d features, position +- %.2f mm, rotation +- %.4f deg\n",
                           report.rig.cameras[c].camera.name.c_str(), report.rig.cameras[c].camera.fx(), report.num_seen[c],
                           1e3 * sigmas.position_m, RadToDeg(sigmas.rotation_rad));
@@ -245,7 +245,7 @@ CommandResult RunFromScene(const SceneArguments& arguments, const geometry::Rig&
   }
   AddGross("", report.gross, &result);
   WriteCalibration(report.rig, out, &result);
-  app::WarnOfCovariance(report.rig, &result);
+  stages::WarnOfCovariance(report.rig, &result);
   for (const std::string& camera : report.missing) {
     result.exit = kExitPartial;
     result.errors.push_back({"CAL-UNPLACED", "camera " + camera + " shares too few features with the others",

@@ -1,13 +1,13 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/input/calib_read.h"
 #include "cli/calib/calib.h"
 #include "cli/program/console.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/format.h"
 #include "core/units.h"
+#include "stages/input/calib_read.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -17,7 +17,7 @@ using geometry::RigCamera;
 using nlohmann::ordered_json;
 
 struct Arguments {
-  app::CalibReadOptions read;
+  stages::CalibReadOptions read;
   std::vector<std::string> in;
 };
 
@@ -30,8 +30,8 @@ std::string Table(const Rig& rig) {
   for (const RigCamera& camera : rig.cameras) {
     const geometry::Camera& c = camera.camera;
     const Eigen::Vector3d at = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
-    const Eigen::Vector3d fov = app::FieldOfViewDeg(c);
-    const app::CameraSigmas sigmas = app::SigmasOf(camera);
+    const Eigen::Vector3d fov = stages::FieldOfViewDeg(c);
+    const stages::CameraSigmas sigmas = stages::SigmasOf(camera);
     text += Format("%-14s %-14s %5d x %-4d %9.2f %9.2f %9.2f %9.2f  %s %s %s  %8.3f %8.3f %8.3f", OneLine(c.name).c_str(),
                    std::string(geometry::ToString(c.model)).c_str(), c.width_px, c.height_px, c.fx(), c.fy(), c.cx(), c.cy(),
                    Degrees(fov[0]).c_str(), Degrees(fov[1]).c_str(), Degrees(fov[2]).c_str(), at[0], at[1], at[2]);
@@ -74,12 +74,12 @@ std::string BaselineTable(const Rig& rig, const Eigen::MatrixXd& baselines) {
 }
 
 CommandResult Show(const Arguments& arguments) {
-  const calib::ImportedRig imported = app::ReadCalibrationFiles(arguments.in, arguments.read);
+  const calib::ImportedRig imported = stages::ReadCalibrationFiles(arguments.in, arguments.read);
   const Rig& rig = imported.rig;
   CommandResult result;
   result.inputs = arguments.in;
-  app::AddNotes(imported.notes, &result);
-  app::AddCameraMetrics(rig, &result);
+  stages::AddNotes(imported.notes, &result);
+  stages::AddCameraMetrics(rig, &result);
   result.metrics["gauge"] = rig.gauge;
   const Eigen::MatrixXd baselines = Baselines(rig);
   auto& rows = result.metrics["baselines_m"] = ordered_json::array();

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "app/words.h"
 #include "cli/program/command.h"
 #include "core/format.h"
+#include "stages/words.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -26,8 +26,8 @@ ordered_json JsonOfRow(const calib::LengthScale::Row& row) {
 
 std::string LineOfRow(const calib::LengthScale::Row& row) {
   std::string line =
-      Format("%-24s %s, measured %s in %d %s", row.length.Name().c_str(), app::LengthText(row.length.length_m).c_str(),
-             app::LengthText(row.measured_m).c_str(), row.num_moments, row.num_moments == 1 ? "frame" : "frames");
+      Format("%-24s %s, measured %s in %d %s", row.length.Name().c_str(), stages::LengthText(row.length.length_m).c_str(),
+             stages::LengthText(row.measured_m).c_str(), row.num_moments, row.num_moments == 1 ? "frame" : "frames");
   if (std::isfinite(row.spread)) line += Format(" +- %.2f %%", 100 * row.spread);
   return line + Format(": scale %.5f\n", row.scale);
 }

@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "app/result.h"
 #include "calib/points/stated_length.h"
+#include "stages/result.h"
 
 namespace CLI {
 class App;
@@ -13,7 +13,7 @@ class App;
 /// `--length` of the commands that give a rig its size.
 namespace mvstudio::cli {
 
-using app::CommandResult;
+using stages::CommandResult;
 
 inline constexpr char kLengthHelp[] =
     "POINT:POINT:LENGTH, e.g. LShoulder:RShoulder:380mm, or Height:1.75m; :2mm at its end is its standard deviation; gives the "

@@ -2,9 +2,6 @@
 #include <chrono>
 #include <filesystem>
 
-#include "app/input/mask_notice.h"
-#include "app/input/take_input.h"
-#include "app/people/human_shape.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -19,6 +16,9 @@
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
 #include "geometry/skeleton/skeleton.h"
+#include "stages/input/mask_notice.h"
+#include "stages/input/take_input.h"
+#include "stages/people/human_shape.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -26,7 +26,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct BuildArguments {
-  app::TakeArguments take;
+  stages::TakeArguments take;
   std::string calib, pose3d, marker_unit, skeleton, frames, masks, out;
   bool sequence_given = false, rate_given = false, masks_given = false, no_masks = false;
   dataset::BuildOptions options;
@@ -50,7 +50,7 @@ void RepeatDoubts(const std::string& masks, CommandResult* result) {
 }
 
 /// Masks that `mask` made, or a person painted, come before new ones.
-void FindMasks(const app::TakeInput& take, BuildArguments* arguments, CommandResult* result) {
+void FindMasks(const stages::TakeInput& take, BuildArguments* arguments, CommandResult* result) {
   arguments->options.masks = !arguments->no_masks;
   if (arguments->no_masks) return arguments->masks.clear();
   const std::string made = take.Folder("masks");
@@ -65,7 +65,7 @@ void FindMasks(const app::TakeInput& take, BuildArguments* arguments, CommandRes
 
 /// Inputs; what a session says takes the place of flags that were not given.
 dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) {
-  app::TakeInput take = app::ReadTakeInput(arguments->take, result);
+  stages::TakeInput take = stages::ReadTakeInput(arguments->take, result);
   if (take.footage.empty()) throw UsageError("no footage: give --video or --images for each camera, or --session");
   dataset::BuildInputs inputs;
   inputs.calibration = arguments->calib.empty() ? take.calibration : arguments->calib;
@@ -84,7 +84,7 @@ dataset::BuildInputs ToInputs(BuildArguments* arguments, CommandResult* result) 
                                              : dataset::ReadPoints3d(inputs.pose3d, inputs.marker_unit).frame_rate_hz;
     if (stated_hz > 0) arguments->options.frame_rate_hz = stated_hz;
   }
-  app::LeaveOutUncalibrated(inputs.calibration, &take, result);
+  stages::LeaveOutUncalibrated(inputs.calibration, &take, result);
   FindMasks(take, arguments, result);
   inputs.masks = arguments->masks;
   inputs.footage = std::move(take.footage);
@@ -120,7 +120,7 @@ ordered_json CameraMetrics(const dataset::BuildReport& report) {
 
 /// Joints that were triangulated before the rig was moved may still be in view.
 void CheckWorld(const dataset::BuildInputs& inputs, const dataset::BuildReport& report, CommandResult* result) {
-  const std::string world = app::WorldText(dataset::ReadAnyCalibration(inputs.calibration));
+  const std::string world = stages::WorldText(dataset::ReadAnyCalibration(inputs.calibration));
   if (report.world == dataset::kZUpWorld || report.world == world) return;
   result->warnings.push_back(
       {"DAT-WORLD",
@@ -173,7 +173,7 @@ CommandResult RunBuild(BuildArguments arguments, CommandContext& context) {
   }
   if (!inputs.masks.empty()) {
     result.text += Format("  %d masks of ", report.given_masks) + inputs.masks + " (--masks alone makes new ones)\n";
-    app::TellMasks(report.masks, inputs.masks, &result);
+    stages::TellMasks(report.masks, inputs.masks, &result);
     return result;
   }
   for (const dataset::BuiltCamera& c : report.cameras) {

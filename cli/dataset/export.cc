@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "app/input/mask_notice.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/place.h"
@@ -12,6 +11,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "dataset/panoptic/sequence.h"
+#include "stages/input/mask_notice.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -95,7 +95,7 @@ CommandResult Export(Arguments arguments, CommandContext& context) {
   result.text = arguments.out + Format(": %zu cameras, %zu frames, %d people, %d images, %d masks, %d points (%s)\n",
                                        report.cameras.size(), report.frames.size(), report.people, report.pictures,
                                        report.masks, report.points, arguments.to.c_str());
-  if (report.masks > 0) app::TellMasks(dataset.Masks(), arguments.folder + "/masks", &result);
+  if (report.masks > 0) stages::TellMasks(dataset.Masks(), arguments.folder + "/masks", &result);
   if (report.missing_pictures > 0) result.exit = kExitPartial;
   if (report.people == 0 && report.pictures == 0) {
     result.exit = kExitQualityGate;

@@ -1,10 +1,10 @@
 #include <chrono>
 
-#include "app/dataset/dataset_report.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/format.h"
 #include "dataset/import/panoptic_import.h"
+#include "stages/dataset/dataset_report.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -38,7 +38,7 @@ CommandResult RunPanoptic(const ImportArguments& arguments, CommandContext& cont
                     {"pictures", report.pictures},
                     {"worst_clock_ms", FiniteOrNull(report.worst_clock_ms)},
                     {"wall_s", wall_s}};
-  app::AddFindings(report.findings, &result);
+  stages::AddFindings(report.findings, &result);
   if (!result.errors.empty()) result.exit = kExitPartial;
   const std::string joints = report.frames == 0 ? "no joints"
                                                 : Format("joints of %d frames (%d to %d), %d people at most", report.frames,

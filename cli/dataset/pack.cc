@@ -1,7 +1,5 @@
 #include <algorithm>
 
-#include "app/frame_notice.h"
-#include "app/input/mask_notice.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
@@ -13,6 +11,8 @@
 #include "dataset/pack/build.h"
 #include "dataset/panoptic/own_joints.h"
 #include "geometry/skeleton/skeleton.h"
+#include "stages/frame_notice.h"
+#include "stages/input/mask_notice.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -98,7 +98,7 @@ std::string Text(const PackArguments& arguments, const dataset::PackBuildReport&
 }
 
 void AddNotices(const dataset::PackBuildReport& report, CommandResult* result) {
-  app::TellFrames(report.frames_beyond, result);
+  stages::TellFrames(report.frames_beyond, result);
   if (!report.skipped.empty()) {
     const std::string text = report.missing.missing() > 0 ? dataset::MissingText(report.missing)
                                                           : std::to_string(report.skipped.size()) + " pictures were left out";
@@ -167,7 +167,7 @@ CommandResult RunPack(PackArguments arguments, CommandContext& context) {
   result.outputs.push_back({arguments.out, "pack"});
   if (!arguments.dataset.empty()) result.inputs.push_back(arguments.dataset);
   AddNotices(report, &result);
-  if (arguments.options.masks) app::TellMasks(report.masks, arguments.dataset + "/masks", &result);
+  if (arguments.options.masks) stages::TellMasks(report.masks, arguments.dataset + "/masks", &result);
   if (!arguments.single.empty() && report.complete) {
     const OutputFiles place({arguments.single}, {arguments.dataset});
     dataset::WriteSinglePack(arguments.out, arguments.single);

@@ -3,7 +3,6 @@
 #include <filesystem>
 #include <sstream>
 
-#include "app/dataset/session_table.h"
 #include "calib/board/board.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -19,6 +18,7 @@
 #include "core/text/shell_word.h"
 #include "dataset/session/session_scan.h"
 #include "dataset/session/timeline_source.h"
+#include "stages/dataset/session_table.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;
@@ -207,9 +207,9 @@ CommandResult RunShow(const ShowArguments& arguments, CommandContext& context) {
   for (const dataset::SessionCamera& c : session.cameras) {
     result.metrics["cameras"].push_back({{"name", c.name}, {"serial", c.serial}, {"lens", c.lens}});
   }
-  result.metrics["footage"] = app::FootageJson(report);
-  result.text = app::FootageText(report);
-  app::AddFindings(report, &result);
+  result.metrics["footage"] = stages::FootageJson(report);
+  result.text = stages::FootageText(report);
+  stages::AddFindings(report, &result);
   return result;
 }
 
@@ -239,8 +239,8 @@ CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& co
   if (!arguments.out.empty()) place.emplace(std::vector<std::string>{path}, result.inputs);
   dataset::WriteTimeline(made.timeline, path);
   result.outputs.push_back({path, "timeline"});
-  result.metrics = app::TimelineJson(made.timeline);
-  result.text = app::TimelineText(made.timeline);
+  result.metrics = stages::TimelineJson(made.timeline);
+  result.text = stages::TimelineText(made.timeline);
   return result;
 }
 

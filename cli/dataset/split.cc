@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "app/frame_notice.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -11,6 +10,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "dataset/panoptic/panoptic.h"
+#include "stages/frame_notice.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -79,7 +79,7 @@ dataset::Split Make(Arguments& arguments, const dataset::PanopticDataset& data, 
   if (arguments.out.empty()) throw UsageError("--out is needed: the file for the split (or --describe an existing one)");
   const auto choose = [&](const char* flag, const std::string& ranges) {
     const FrameChoice choice = KnownFrames(flag, ParseRanges(flag, ranges), data.frames, data.root);
-    app::TellFrames(choice.beyond, result);
+    stages::TellFrames(choice.beyond, result);
     return choice.frames;
   };
   arguments.options.test_frames = choose("--holdout-frames", arguments.test_frames);

@@ -1,6 +1,6 @@
-#include "app/dataset/dataset_report.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
+#include "stages/dataset/dataset_report.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -22,7 +22,7 @@ void RegisterDatasetVerify(CLI::App& dataset, Registry& registry) {
             "folder that keeps the findings for the report; the dataset itself is only read");
   AddOptions(verify, arguments->options);
   registry.Add(verify, "dataset verify", [arguments](CommandContext& context) {
-    CommandResult result = app::VerifyDatasetOrPack(arguments->folder, arguments->options, context.run);
+    CommandResult result = stages::VerifyDatasetOrPack(arguments->folder, arguments->options, context.run);
     result.folder = arguments->keep;
     return result;
   });
@@ -30,7 +30,7 @@ void RegisterDatasetVerify(CLI::App& dataset, Registry& registry) {
   auto folder = std::make_shared<std::string>();
   CLI::App* info = dataset.add_subcommand("info", "Describe a session, a dataset folder or a pack");
   AddOption(info, "folder", *folder, "session, folder in Panoptic layout, or a pack (folder of shards, .h5 file)")->required();
-  registry.Add(info, "dataset info", [folder](CommandContext&) { return app::DescribeDataset(*folder); });
+  registry.Add(info, "dataset info", [folder](CommandContext&) { return stages::DescribeDataset(*folder); });
 }
 
 }  // namespace mvstudio::cli

@@ -1,21 +1,21 @@
-#include "app/people/marker_export.h"
-#include "app/people/points_input.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "stages/people/marker_export.h"
+#include "stages/people/points_input.h"
 
 namespace mvstudio::cli {
 namespace {
 
 struct Arguments {
-  app::PointsArguments points;
+  stages::PointsArguments points;
   std::string out;
   bool overwrite = false;
-  app::MarkerOptions options;
-  app::ConvertOptions convert;
+  stages::MarkerOptions options;
+  stages::ConvertOptions convert;
 };
 
 std::vector<std::string> InputsOf(const Arguments& arguments) { return {arguments.points.path, arguments.points.skeleton}; }
@@ -26,9 +26,9 @@ void RequireArguments(const Arguments& arguments) {
   if (arguments.out.empty()) throw UsageError("--out is required");
 }
 
-app::PointsInput ReadInput(Arguments* arguments, CommandResult* result) {
+stages::PointsInput ReadInput(Arguments* arguments, CommandResult* result) {
   if (arguments->options.rate_hz != 0) arguments->points.rate_hz = arguments->options.rate_hz;
-  app::PointsInput input = ReadPointsInput(arguments->points, result);
+  stages::PointsInput input = ReadPointsInput(arguments->points, result);
   arguments->options.rate_hz = input.pose.frame_rate_hz;
   if (!input.is_run)
     result->text += "read in " + input.unit + ", " + input.up + Format(" up, %g frames a second\n", input.pose.frame_rate_hz);
@@ -40,10 +40,10 @@ CommandResult Run(Arguments arguments) {
   CheckMarkerOptions(arguments.options);
   CommandResult result;
   AtomicFolder folder(arguments.out, arguments.overwrite, InputsOf(arguments));
-  const app::PointsInput input = ReadInput(&arguments, &result);
-  app::CheckMarkerWorld(input.pose.world, arguments.options, &result);
+  const stages::PointsInput input = ReadInput(&arguments, &result);
+  Append(stages::MarkerWorldDoubts(input.pose.world, arguments.options), &result.warnings);
   const auto work = PrepareMarkers(input.pose, arguments.options, arguments.points.path);
-  WriteMarkers(work, input.pose, arguments.options, folder.work_path(), arguments.out, &result);
+  result.Add(DescribeMarkers(WriteMarkers(work, input.pose, arguments.options, folder.work_path(), arguments.out)));
   folder.Commit();
   result.folder = arguments.out;
   return result;
@@ -60,7 +60,7 @@ CommandResult RunEvents(Arguments arguments) {
   CheckMarkerOptions(arguments.options);
   CommandResult result;
   AtomicFolder folder(arguments.out, arguments.overwrite, InputsOf(arguments));
-  const app::PointsInput input = ReadInput(&arguments, &result);
+  const stages::PointsInput input = ReadInput(&arguments, &result);
   const auto work = PrepareMarkers(input.pose, arguments.options, arguments.points.path);
   WriteGaitEvents(work, input.pose, folder.work_path(), arguments.out, &result);
   folder.Commit();
@@ -73,12 +73,12 @@ CommandResult RunConvert(Arguments arguments) {
   CommandResult result;
   if (IsFileOfFormat(arguments.convert, arguments.out)) {
     const OutputFiles place({arguments.out}, InputsOf(arguments));
-    const app::PointsInput input = ReadInput(&arguments, &result);
+    const stages::PointsInput input = ReadInput(&arguments, &result);
     ConvertMarkers(input.pose, arguments.convert, arguments.out, "", &result);
     return result;
   }
   AtomicFolder folder(arguments.out, arguments.overwrite, InputsOf(arguments));
-  const app::PointsInput input = ReadInput(&arguments, &result);
+  const stages::PointsInput input = ReadInput(&arguments, &result);
   ConvertMarkers(input.pose, arguments.convert, arguments.out, folder.work_path(), &result);
   folder.Commit();
   result.folder = arguments.out;
@@ -97,7 +97,7 @@ void AddInput(CLI::App* sub, Arguments& arguments) {
   AddFlag(sub, "--overwrite", arguments.overwrite, "replace the output");
 }
 
-void AddSmoothing(CLI::App* sub, app::MarkerOptions& options) {
+void AddSmoothing(CLI::App* sub, stages::MarkerOptions& options) {
   AddOption(sub, "--frame-rate", options.rate_hz, "frames a second, e.g. 60; what the input states unless given");
   AddOption(sub, "--filter", options.filter, "as of `markers`")->capture_default_str();
   AddOption(sub, "--fill", options.fill_frames, "gaps of at most so many frames are filled; 0: none")->capture_default_str();

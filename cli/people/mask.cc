@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "app/nets/mask_input.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -15,6 +14,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "dataset/footage/image_io.h"
+#include "stages/nets/mask_input.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -23,7 +23,7 @@ using nlohmann::ordered_json;
 
 std::string Percent(double share) { return Format("%.1f %%", 100 * share); }
 
-ordered_json TrialMetrics(const app::MaskTrial& trial) {
+ordered_json TrialMetrics(const stages::MaskTrial& trial) {
   ordered_json json = {{"backend", trial.name}, {"status", std::string(ToString(trial.status))}};
   if (!trial.failed_camera.empty()) json["failed_camera"] = trial.failed_camera;
   json["disagreement_with_hull"] = FiniteOrNull(trial.disagreement);
@@ -31,7 +31,7 @@ ordered_json TrialMetrics(const app::MaskTrial& trial) {
   return json;
 }
 
-std::string WhyText(const app::MaskTrial& trial) {
+std::string WhyText(const stages::MaskTrial& trial) {
   if (!trial.failed_camera.empty())
     return trial.name + " cannot tell people from background (camera " + trial.failed_camera + ")";
   std::string text = trial.name;
@@ -44,7 +44,7 @@ std::string WhyText(const app::MaskTrial& trial) {
 }
 
 /// The first of the best: colour alone is cheaper and sharper than a net unless that is better by its figures.
-size_t Choose(const std::vector<app::MaskTrial>& trials) {
+size_t Choose(const std::vector<stages::MaskTrial>& trials) {
   constexpr double kClearly = 0.005;
   size_t best = 0;
   for (size_t i = 1; i < trials.size(); ++i) {
@@ -54,26 +54,27 @@ size_t Choose(const std::vector<app::MaskTrial>& trials) {
 }
 
 /// The backend and what it learned; the reason goes into the metrics.
-app::MaskTrial ChooseBackend(const app::MaskJob& job, const std::vector<app::MaskBackend>& backends, size_t* chosen,
-                             CommandResult* result, const RunContext& run) {
-  std::vector<app::MaskTrial> trials;
-  for (const app::MaskBackend& backend : backends) trials.push_back(app::TryBackend(job, backend, backends.size() > 1, run));
+stages::MaskTrial ChooseBackend(const stages::MaskJob& job, const std::vector<stages::MaskBackend>& backends, size_t* chosen,
+                                CommandResult* result, const RunContext& run) {
+  std::vector<stages::MaskTrial> trials;
+  for (const stages::MaskBackend& backend : backends)
+    trials.push_back(stages::TryBackend(job, backend, backends.size() > 1, run));
   *chosen = Choose(trials);
-  app::MaskTrial& best = trials[*chosen];
+  stages::MaskTrial& best = trials[*chosen];
   if (!best.failed_camera.empty()) return std::move(best);
   const std::string why = Join(trials, "; ", WhyText);
   result->metrics["backend"] = best.name;
   if (trials.size() > 1) {
     result->metrics["backend_reason"] = why;
     result->metrics["trials"] = ordered_json::array();
-    for (const app::MaskTrial& trial : trials) result->metrics["trials"].push_back(TrialMetrics(trial));
+    for (const stages::MaskTrial& trial : trials) result->metrics["trials"].push_back(TrialMetrics(trial));
     result->text += "backend " + best.name + ": " + why + "\n";
   }
   return std::move(best);
 }
 
-ordered_json CameraMetrics(const app::MaskCamera& camera, const app::MaskCameraResult& r, const dataset::HullSummary& hull,
-                           size_t c) {
+ordered_json CameraMetrics(const stages::MaskCamera& camera, const stages::MaskCameraResult& r,
+                           const dataset::HullSummary& hull, size_t c) {
   const double joints = r.take.joints > 0 ? r.take.joints : std::nan("");
   const dataset::HullAgreement a = hull.Mean(c);
   const bool compared = hull.instants > 0;
@@ -91,7 +92,7 @@ ordered_json CameraMetrics(const app::MaskCamera& camera, const app::MaskCameraR
           {"ms_per_picture", r.take.ms_per_picture}};
 }
 
-void Warn(const app::MaskJob& job, const app::MaskRunResult& masks, CommandResult* result) {
+void Warn(const stages::MaskJob& job, const stages::MaskRunResult& masks, CommandResult* result) {
   for (const size_t c : masks.disagreeing) {
     const dataset::HullAgreement a = masks.hull.Mean(c);
     result->warnings.push_back(
@@ -101,7 +102,7 @@ void Warn(const app::MaskJob& job, const app::MaskRunResult& masks, CommandResul
          "look at its masks; check its calibration and its time offset"});
   }
   for (size_t c = 0; c < job.cameras.size(); ++c) {
-    const app::MaskCameraResult& r = masks.cameras[c];
+    const stages::MaskCameraResult& r = masks.cameras[c];
     const std::string name = "camera " + job.cameras[c].footage.camera + ": ";
     for (const std::string& line : job.cameras[c].samples.damage) {
       if (result->exit == kExitOk) result->exit = kExitPartial;
@@ -127,14 +128,14 @@ void Warn(const app::MaskJob& job, const app::MaskRunResult& masks, CommandResul
   }
 }
 
-void AddTruth(const app::MaskArguments& arguments, const std::string& folder, CommandResult* result) {
+void AddTruth(const stages::MaskArguments& arguments, const std::string& folder, CommandResult* result) {
   if (arguments.truth.empty()) return;
   ordered_json list = ordered_json::array();
   double sum = 0, worst = 1;
   int pictures = 0;
   std::string worst_picture;
   for (const auto& [camera, path] : arguments.truth) {
-    app::TruthScore score = app::CompareWithTruth(path, folder, camera);
+    stages::TruthScore score = stages::CompareWithTruth(path, folder, camera);
     if (!score.worst_picture.empty()) score.worst_picture = arguments.out + score.worst_picture.substr(folder.size());
     const double n = std::max(1, score.pictures);
     if (score.pictures == 0) {
@@ -169,7 +170,7 @@ void AddTruth(const app::MaskArguments& arguments, const std::string& folder, Co
 }
 
 /// Joints that were given and guided no mask of a camera, or of any.
-void WarnOfJoints(const app::MaskArguments& arguments, const app::MaskJob& job, const app::MaskRunResult& masks,
+void WarnOfJoints(const stages::MaskArguments& arguments, const stages::MaskJob& job, const stages::MaskRunResult& masks,
                   CommandResult* result) {
   const bool posed = !arguments.pose3d.empty();
   if (!posed && arguments.pose2d.empty()) return;
@@ -193,13 +194,13 @@ void WarnOfJoints(const app::MaskArguments& arguments, const app::MaskJob& job, 
 }
 
 /// Sheets, figures and warnings into the result; `folder` is where the masks are now.
-void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const app::MaskRunResult& masks,
+void Report(const stages::MaskArguments& arguments, const stages::MaskJob& job, const stages::MaskRunResult& masks,
             const std::string& folder, CommandResult* result) {
   double area = 0, flicker = 0, ms = 0;
   int pictures = 0;
   ordered_json per_camera = ordered_json::array();
   for (size_t c = 0; c < job.cameras.size(); ++c) {
-    const app::MaskCameraResult& r = masks.cameras[c];
+    const stages::MaskCameraResult& r = masks.cameras[c];
     const std::string& name = job.cameras[c].footage.camera;
     pictures += r.take.pictures;
     area += r.take.mean_area_fraction, flicker += r.take.flicker.Share(), ms += r.take.ms_per_picture;
@@ -227,7 +228,7 @@ void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const 
   result->metrics["disagreeing_cameras"] = named;
   result->metrics["per_camera"] = per_camera;
   Warn(job, masks, result);
-  const auto is_empty = [](const app::MaskCameraResult& r) { return r.take.empty == r.take.pictures; };
+  const auto is_empty = [](const stages::MaskCameraResult& r) { return r.take.empty == r.take.pictures; };
   if (std::all_of(masks.cameras.begin(), masks.cameras.end(), is_empty)) {
     result->exit = kExitQualityGate;
     result->errors.push_back({"MSK-NOBODY", "every mask of every camera is empty: nobody was found",
@@ -238,7 +239,7 @@ void Report(const app::MaskArguments& arguments, const app::MaskJob& job, const 
 }
 
 /// What the session gives where no flag does.
-void FillFromSession(const app::TakeInput& take, app::MaskArguments* arguments) {
+void FillFromSession(const stages::TakeInput& take, stages::MaskArguments* arguments) {
   if (arguments->out.empty()) arguments->out = take.Folder("masks");
   if (arguments->out.empty()) throw UsageError("--out is needed without --session");
   const std::string joints = take.Folder("pose3d");
@@ -246,18 +247,18 @@ void FillFromSession(const app::TakeInput& take, app::MaskArguments* arguments) 
   if (!given && !joints.empty() && std::filesystem::exists(joints + "/points.csv")) arguments->pose3d = joints;
 }
 
-CommandResult RunMask(app::MaskArguments arguments, CommandContext& context) {
+CommandResult RunMask(stages::MaskArguments arguments, CommandContext& context) {
   const auto start = std::chrono::steady_clock::now();
   CommandResult result;
-  app::TakeInput take = app::ReadTakeInput(arguments.take, &result);
-  app::LeaveOutUncalibrated(arguments.calib.empty() ? take.calibration : arguments.calib, &take, &result);
+  stages::TakeInput take = stages::ReadTakeInput(arguments.take, &result);
+  stages::LeaveOutUncalibrated(arguments.calib.empty() ? take.calibration : arguments.calib, &take, &result);
   FillFromSession(take, &arguments);
   AtomicFolder folder(arguments.out, arguments.run.overwrite,
                       Joined(Joined(PathsOf(take.footage), PathsIn(arguments.pose2d)), {arguments.pose3d, arguments.calib}));
-  const std::vector<app::MaskBackend> backends = app::MaskBackends(arguments, &result);
-  const app::MaskJob job = app::ReadMaskJob(arguments, take, &result, context.run);
+  const std::vector<stages::MaskBackend> backends = stages::MaskBackends(arguments, &result);
+  const stages::MaskJob job = stages::ReadMaskJob(arguments, take, &result, context.run);
   size_t chosen = 0;
-  const app::MaskTrial trial = ChooseBackend(job, backends, &chosen, &result, context.run);
+  const stages::MaskTrial trial = ChooseBackend(job, backends, &chosen, &result, context.run);
   if (!trial.failed_camera.empty()) {
     result.exit = kExitIllPosed;
     result.errors.push_back({"MSK-NOBODY",
@@ -267,7 +268,7 @@ CommandResult RunMask(app::MaskArguments arguments, CommandContext& context) {
                              "give joints (--pose2d, or --calib and --pose3d), a clean --plate, or --backend selfie"});
     return result;
   }
-  const app::MaskRunResult masks = app::RunMasks(job, backends[chosen], trial.models, folder.work_path(), context.run);
+  const stages::MaskRunResult masks = stages::RunMasks(job, backends[chosen], trial.models, folder.work_path(), context.run);
   Report(arguments, job, masks, folder.work_path(), &result);
   folder.Commit();
   result.metrics["wall_s"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -279,7 +280,7 @@ CommandResult RunMask(app::MaskArguments arguments, CommandContext& context) {
 }  // namespace
 
 void RegisterMask(CLI::App& app, Registry& registry) {
-  auto arguments = std::make_shared<app::MaskArguments>();
+  auto arguments = std::make_shared<stages::MaskArguments>();
   CLI::App* sub = app.add_subcommand("mask", "Foreground masks of people, with their quality");
   AddTakeArguments(sub, arguments->take);
   StartGroup(sub, "Calibration and joints");
@@ -292,7 +293,7 @@ void RegisterMask(CLI::App& app, Registry& registry) {
       "session's pose3d/TAKE where it is there");
   AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints, a name or a file FILE.toml")->capture_default_str();
-  AddPoseChanges(sub, arguments->changes);
+  AddOptions(sub, arguments->changes);
   StartGroup(sub, "Output");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "new folder; the session's masks/TAKE unless given");
   AddOptions(sub, arguments->run);

@@ -3,11 +3,6 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "app/frame_notice.h"
-#include "app/input/calib_read.h"
-#include "app/nets/pose2d_detect.h"
-#include "app/nets/pose2d_existing.h"
-#include "app/people/pose2d_quality.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -20,6 +15,11 @@
 #include "core/text/shell_word.h"
 #include "dataset/footage/image_io.h"
 #include "geometry/skeleton/skeleton_text.h"
+#include "stages/frame_notice.h"
+#include "stages/input/calib_read.h"
+#include "stages/nets/pose2d_detect.h"
+#include "stages/nets/pose2d_existing.h"
+#include "stages/people/pose2d_quality.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -28,7 +28,7 @@ using dataset::Pose2dTrack;
 using nlohmann::ordered_json;
 
 struct Arguments {
-  app::TakeArguments take;
+  stages::TakeArguments take;
   std::string backend = "auto", calib, out, models, skeleton = "body25", frames;
   int trial_frames = 16, overlays = 2, every = 1;
   bool overwrite = false;
@@ -40,32 +40,33 @@ struct Arguments {
 struct Detected {
   std::string backend;
   geometry::Skeleton skeleton;
-  std::vector<app::CameraPoses> cameras;
-  app::PoseAgreement agreement;
+  std::vector<stages::CameraPoses> cameras;
+  stages::PoseAgreement agreement;
 };
 
-std::vector<Pose2dTrack> TracksOf(const std::vector<app::CameraPoses>& cameras) {
+std::vector<Pose2dTrack> TracksOf(const std::vector<stages::CameraPoses>& cameras) {
   std::vector<Pose2dTrack> tracks;
-  for (const app::CameraPoses& camera : cameras) tracks.push_back(camera.track);
+  for (const stages::CameraPoses& camera : cameras) tracks.push_back(camera.track);
   return tracks;
 }
 
 /// The backend whose key points agree best on frames spread over the take.
-std::string ChooseBackend(const Arguments& arguments, const app::DetectJob& job, const geometry::Rig& rig,
+std::string ChooseBackend(const Arguments& arguments, const stages::DetectJob& job, const geometry::Rig& rig,
                           const RunContext& run, CommandResult* result) {
-  const std::vector<std::string> names = app::InstalledPoseBackends(arguments.models);
+  const std::vector<std::string> names = stages::InstalledPoseBackends(arguments.models);
   if (rig.cameras.size() < 2 || job.footage.size() < 2 || names.size() < 2) return names[0];
-  app::DetectJob trial = job;
+  stages::DetectJob trial = job;
   trial.overlays = 0;
   trial.max_frames = arguments.trial_frames;
-  trial.every = std::max(arguments.every, app::FramesOf(job.footage[0]) / std::max(1, arguments.trial_frames));
+  trial.every = std::max(arguments.every, stages::FramesOf(job.footage[0]) / std::max(1, arguments.trial_frames));
   std::string best = names[0];
   double lowest = std::numeric_limits<double>::infinity();
   result->metrics["trials"] = ordered_json::array();
   for (const std::string& name : names) {
-    const app::PoseBackend backend = app::OpenPoseBackend(name, arguments.models, arguments.options.quality, arguments.onnx);
-    const app::PoseAgreement agreement = app::MeasureAgreement(
-        TracksOf(app::DetectPoses(trial, backend, run)), backend.net->skeleton(), rig, arguments.options.max_persons, run);
+    const stages::PoseBackend backend =
+        stages::OpenPoseBackend(name, arguments.models, arguments.options.quality, arguments.onnx);
+    const stages::PoseAgreement agreement = stages::MeasureAgreement(
+        TracksOf(stages::DetectPoses(trial, backend, run)), backend.net->skeleton(), rig, arguments.options.max_persons, run);
     result->metrics["trials"].push_back({{"backend", name},
                                          {"median_px", FiniteOrNull(agreement.median_px)},
                                          {"p90_px", FiniteOrNull(agreement.p90_px)},
@@ -75,14 +76,15 @@ std::string ChooseBackend(const Arguments& arguments, const app::DetectJob& job,
   return best;
 }
 
-Detected Detect(const Arguments& arguments, const app::DetectJob& job, const geometry::Rig& rig, const RunContext& run,
+Detected Detect(const Arguments& arguments, const stages::DetectJob& job, const geometry::Rig& rig, const RunContext& run,
                 CommandResult* result) {
   const std::string name = arguments.backend == "auto" ? ChooseBackend(arguments, job, rig, run, result) : arguments.backend;
-  const app::PoseBackend backend = app::OpenPoseBackend(name, arguments.models, arguments.options.quality, arguments.onnx);
-  return {name, backend.net->skeleton(), app::DetectPoses(job, backend, run), {}};
+  const stages::PoseBackend backend =
+      stages::OpenPoseBackend(name, arguments.models, arguments.options.quality, arguments.onnx);
+  return {name, backend.net->skeleton(), stages::DetectPoses(job, backend, run), {}};
 }
 
-void AddCamera(const app::CameraPoses& camera, CommandResult* result) {
+void AddCamera(const stages::CameraPoses& camera, CommandResult* result) {
   double sum = 0;
   int joints = 0;
   for (const auto& [frame, people] : camera.track.frames) {
@@ -123,8 +125,8 @@ void AddCamera(const app::CameraPoses& camera, CommandResult* result) {
 }
 
 /// Footage of another size than the calibration: key points are in the footage's pixels.
-void CheckSizes(const std::vector<app::CameraPoses>& cameras, const geometry::Rig& rig, CommandResult* result) {
-  for (const app::CameraPoses& camera : cameras) {
+void CheckSizes(const std::vector<stages::CameraPoses>& cameras, const geometry::Rig& rig, CommandResult* result) {
+  for (const stages::CameraPoses& camera : cameras) {
     const int idx = rig.Find(camera.track.camera);
     if (idx < 0 || camera.width == 0) continue;
     const geometry::Camera& lens = rig.cameras[static_cast<size_t>(idx)].camera;
@@ -141,12 +143,12 @@ void CheckSizes(const std::vector<app::CameraPoses>& cameras, const geometry::Ri
   }
 }
 
-std::string OverlayPath(const std::string& out, const app::CameraPoses& camera, int frame) {
+std::string OverlayPath(const std::string& out, const stages::CameraPoses& camera, int frame) {
   return out + "/overlay/" + camera.track.camera + Format("_%08d.jpg", frame);
 }
 
 void Write(const Detected& detected, AtomicFolder& folder) {
-  for (const app::CameraPoses& camera : detected.cameras) {
+  for (const stages::CameraPoses& camera : detected.cameras) {
     if (camera.track.frames.empty()) continue;
     const std::string path = folder.work_path() + "/" + camera.track.camera;
     dataset::WriteOpenPoseFolder(camera.track, path, &detected.skeleton);
@@ -162,7 +164,7 @@ void Write(const Detected& detected, AtomicFolder& folder) {
 std::string Summary(const Detected& detected, const std::string& out) {
   int frames = 0, with_people = 0;
   double seconds = 0;
-  for (const app::CameraPoses& camera : detected.cameras)
+  for (const stages::CameraPoses& camera : detected.cameras)
     frames += camera.frames, with_people += camera.frames_with_people, seconds += camera.seconds;
   std::string text =
       Format("%s: people in %d of %d images, %.2f s an image and thread; skeleton %s, in %s", detected.backend.c_str(),
@@ -175,20 +177,20 @@ std::string Summary(const Detected& detected, const std::string& out) {
 geometry::Rig ReadRig(const std::string& path, CommandResult* result) {
   if (path.empty()) return {};
   result->inputs.push_back(path);
-  const calib::ImportedRig imported = app::ReadCalibrationFiles({path}, {});
-  app::AddNotes(imported.notes, result);
+  const calib::ImportedRig imported = stages::ReadCalibrationFiles({path}, {});
+  stages::AddNotes(imported.notes, result);
   return imported.rig;
 }
 
 /// All went wrong: the first camera's reason.
 void CheckAnything(const Detected& detected, CommandResult* result) {
-  const auto failed = [](const app::CameraPoses& c) { return !c.failure.empty(); };
+  const auto failed = [](const stages::CameraPoses& c) { return !c.failure.empty(); };
   const auto& cameras = detected.cameras;
   if (std::all_of(cameras.begin(), cameras.end(), failed))
     throw FormatError(cameras.empty() ? "" : cameras[0].failure, "", "no camera's footage could be used");
-  if (std::all_of(cameras.begin(), cameras.end(), [](const app::CameraPoses& c) { return c.frames == 0; }))
+  if (std::all_of(cameras.begin(), cameras.end(), [](const stages::CameraPoses& c) { return c.frames == 0; }))
     throw FormatError(cameras[0].track.camera, "", "no camera's footage gives a single frame");
-  const auto seen = [](const app::CameraPoses& c) { return c.frames_with_people > 0; };
+  const auto seen = [](const stages::CameraPoses& c) { return c.frames_with_people > 0; };
   if (std::any_of(cameras.begin(), cameras.end(), seen)) return;
   result->exit = kExitQualityGate;
   result->errors.push_back(
@@ -196,7 +198,7 @@ void CheckAnything(const Detected& detected, CommandResult* result) {
 }
 
 /// Keypoints of which no camera's are explained by the others' are no result.
-void CheckAgreement(const app::PoseAgreement& agreement, CommandResult* result) {
+void CheckAgreement(const stages::PoseAgreement& agreement, CommandResult* result) {
   if (agreement.share_ok > 0 || result->exit == kExitQualityGate) return;
   result->exit = kExitQualityGate;
   result->errors.push_back({"POSE-NO-AGREEMENT", "not one joint could be triangulated: the cameras' keypoints agree on nothing",
@@ -204,19 +206,19 @@ void CheckAgreement(const app::PoseAgreement& agreement, CommandResult* result) 
 }
 
 /// Leaves out what was not asked for, and says what is not there. Throws what KnownFrames does.
-void LimitToFrames(const std::vector<int>& asked, std::vector<app::CameraPoses>* cameras, CommandResult* result) {
+void LimitToFrames(const std::vector<int>& asked, std::vector<stages::CameraPoses>* cameras, CommandResult* result) {
   std::vector<int> there;
-  for (app::CameraPoses& camera : *cameras) {
+  for (stages::CameraPoses& camera : *cameras) {
     if (camera.numbers.empty()) {
       for (const auto& [frame, people] : camera.track.frames) camera.numbers.push_back(frame);
     }
     there.insert(there.end(), camera.numbers.begin(), camera.numbers.end());
   }
-  const auto failed = [](const app::CameraPoses& c) { return !c.failure.empty(); };
+  const auto failed = [](const stages::CameraPoses& c) { return !c.failure.empty(); };
   if (asked.empty() || std::all_of(cameras->begin(), cameras->end(), failed)) return;
   const FrameChoice choice = KnownFrames("--frames", asked, std::move(there), "the footage");
-  app::TellFrames(choice.beyond, result);
-  for (app::CameraPoses& camera : *cameras) {
+  stages::TellFrames(choice.beyond, result);
+  for (stages::CameraPoses& camera : *cameras) {
     auto& frames = camera.track.frames;
     const size_t before = frames.size();
     for (auto it = frames.begin(); it != frames.end();)
@@ -231,7 +233,7 @@ void LimitToFrames(const std::vector<int>& asked, std::vector<app::CameraPoses>*
 CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   CommandResult result;
   const bool existing = arguments.backend.rfind("openpose:", 0) == 0;
-  const app::TakeInput take = app::ReadTakeInput(arguments.take, &result);
+  const stages::TakeInput take = stages::ReadTakeInput(arguments.take, &result);
   if (take.footage.empty() && !existing) throw UsageError("no footage: give --video or --images for each camera, or --session");
   const geometry::Rig rig = ReadRig(arguments.calib.empty() ? take.calibration : arguments.calib, &result);
   const std::string out = arguments.out.empty() ? take.Folder("pose2d") : arguments.out;
@@ -245,7 +247,7 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
     detected.backend = arguments.backend;
     detected.skeleton = geometry::SkeletonFrom(arguments.skeleton);
     if (geometry::IsSkeletonFile(arguments.skeleton)) result.inputs.push_back(arguments.skeleton);
-    detected.cameras = app::ReadExistingPoses(arguments.backend.substr(9), take.footage, detected.skeleton, &result);
+    detected.cameras = stages::ReadExistingPoses(arguments.backend.substr(9), take.footage, detected.skeleton, &result);
   } else {
     detected =
         Detect(arguments, {take.footage, arguments.options, arguments.overlays, arguments.every, 0, frames}, rig, run, &result);
@@ -254,18 +256,18 @@ CommandResult Pose2d(const Arguments& arguments, const RunContext& run) {
   result.metrics["backend"] = detected.backend;
   result.metrics["skeleton"] = detected.skeleton.name;
   result.metrics["cameras"] = ordered_json::array();
-  for (const app::CameraPoses& camera : detected.cameras) AddCamera(camera, &result);
+  for (const stages::CameraPoses& camera : detected.cameras) AddCamera(camera, &result);
   CheckAnything(detected, &result);
   CheckSizes(detected.cameras, rig, &result);
   detected.agreement =
-      app::MeasureAgreement(TracksOf(detected.cameras), detected.skeleton, rig, arguments.options.max_persons, run);
+      stages::MeasureAgreement(TracksOf(detected.cameras), detected.skeleton, rig, arguments.options.max_persons, run);
   if (!detected.agreement.json.empty()) {
     result.metrics["agreement"] = detected.agreement.json;
     CheckAgreement(detected.agreement, &result);
   }
   Write(detected, folder);
   result.folder = out;
-  for (const app::CameraPoses& camera : detected.cameras) {
+  for (const stages::CameraPoses& camera : detected.cameras) {
     if (!camera.track.frames.empty()) result.outputs.push_back({out + "/" + camera.track.camera, "pose2d"});
     for (const auto& [frame, picture] : camera.overlays) result.outputs.push_back({OverlayPath(out, camera, frame), "overlay"});
   }

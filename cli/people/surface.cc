@@ -1,11 +1,11 @@
 #include <memory>
 
-#include "app/people/surface_scores.h"
 #include "avatar/body/files/textured_person.h"
 #include "avatar/body/measure/body_scores.h"
 #include "avatar/body/measure/known_surface.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
+#include "stages/people/surface_scores.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -22,10 +22,10 @@ CommandResult RunSurface(const SurfaceArguments& arguments, CommandContext& cont
   result.inputs = arguments.bodies;
   result.inputs.push_back(arguments.truth);
   result.metrics["bodies"] = nlohmann::ordered_json::array();
-  result.text = app::SurfaceTableHead();
+  result.text = stages::SurfaceTableHead();
   for (const std::string& path : arguments.bodies)
-    app::AddSurfaceScores(path, body::ScoreBody(body::ReadPerson(path), truth, arguments.options, context.run), &result);
-  if (result.text == app::SurfaceTableHead()) result.text.clear();
+    stages::AddSurfaceScores(path, body::ScoreBody(body::ReadPerson(path), truth, arguments.options, context.run), &result);
+  if (result.text == stages::SurfaceTableHead()) result.text.clear();
   return result;
 }
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "app/result.h"
-#include "app/words.h"
 #include "core/progress.h"
+#include "stages/result.h"
+#include "stages/words.h"
 
 namespace CLI {
 class App;
@@ -16,23 +16,23 @@ class App;
 
 namespace mvstudio::cli {
 
-using app::CommandResult;
-using app::ExitCode;
-using app::FiniteOrNull;
-using app::kExitBadInput;
-using app::kExitIllPosed;
-using app::kExitInternal;
-using app::kExitInterrupted;
-using app::kExitMissingTool;
-using app::kExitOk;
-using app::kExitPartial;
-using app::kExitQualityGate;
-using app::kExitResources;
-using app::kExitTryAgain;
-using app::kExitUsage;
-using app::ParseRanges;
-using app::RangesText;
-using app::SplitNamePath;
+using stages::CommandResult;
+using stages::ExitCode;
+using stages::FiniteOrNull;
+using stages::kExitBadInput;
+using stages::kExitIllPosed;
+using stages::kExitInternal;
+using stages::kExitInterrupted;
+using stages::kExitMissingTool;
+using stages::kExitOk;
+using stages::kExitPartial;
+using stages::kExitQualityGate;
+using stages::kExitResources;
+using stages::kExitTryAgain;
+using stages::kExitUsage;
+using stages::ParseRanges;
+using stages::RangesText;
+using stages::SplitNamePath;
 
 struct CommandContext {
   RunContext run;                 ///< progress, threads, seed

@@ -27,9 +27,23 @@ template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<std::
 template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<double>&, const std::string&);
 template CLI::Option* AddOption(CLI::App*, const std::string&, std::vector<int>&, const std::string&);
 
+std::set<std::string> GivenOptions(const CLI::App* sub) {
+  std::set<std::string> given;
+  for (const CLI::Option* option : sub->get_options()) {
+    if (option->count() > 0) given.insert(option->get_lnames().begin(), option->get_lnames().end());
+  }
+  return given;
+}
+
 void StartGroup(CLI::App* sub, const std::string& subject) { sub->option_defaults()->group(subject); }
 
 std::string GroupOf(const CLI::App* sub) { return const_cast<CLI::App*>(sub)->option_defaults()->get_group(); }
+
+std::string FlagsOf(const std::string& name) {
+  std::string flags = "--";
+  for (const char c : name) flags += c == ',' ? std::string(",--") : std::string(1, c);
+  return flags;
+}
 
 CLI::Option* AddFlag(CLI::App* app, const std::string& name, bool& value, const std::string& help) {
   return app->add_flag(name, value, help)->default_function([&value] { return value ? "true" : "false"; });

@@ -2,12 +2,14 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <set>
 #include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "cli/program/flag_text.h"
+#include "core/choice/option_style.h"
 #include "core/disk/place.h"
 #include "core/fields.h"
 #include "core/join.h"
@@ -54,6 +56,9 @@ inline constexpr bool kIsListOfChoices = false;
 template <class T>
 inline constexpr bool kIsListOfChoices<std::vector<T>> = kHasWords<T> || kHasSharedWords<T>;
 
+/// Names of the options that were typed, without dashes.
+std::set<std::string> GivenOptions(const CLI::App* sub);
+
 /// The heading in help of the options that are added to `sub` from here on.
 void StartGroup(CLI::App* sub, const std::string& subject);
 std::string GroupOf(const CLI::App* sub);
@@ -71,6 +76,20 @@ class GroupScope {
   std::string before_;
 };
 
+/// An option that takes names with commas between them, or nothing.
+template <class T>
+CLI::Option* AddNames(CLI::App* app, const std::string& name, T& value, const std::string& help) {
+  const auto set = [&value, name](const std::vector<std::string>& texts) {
+    SetFromString(Join(texts, ","), name.substr(2), &value);
+  };
+  return AddWordsOption(
+             app, name, set, [&value] { return std::string(ToString(value)); }, help)
+      ->expected(0, 1);
+}
+
+/// "--unit,--calib-unit" of a field's name, which may hold other names behind commas.
+std::string FlagsOf(const std::string& name);
+
 /// A visitor of fields that binds each to a flag.
 struct OptionAdder {
   CLI::App* sub;
@@ -84,7 +103,22 @@ struct OptionAdder {
     } else if constexpr (kIsListOfChoices<Value>) {
       AddChoices(sub, "--" + name, value, WithFlags(help))->capture_default_str();
     } else {
-      AddOption(sub, "--" + name, value, WithFlags(help))->capture_default_str();
+      AddOption(sub, FlagsOf(name), value, WithFlags(help))->capture_default_str();
+    }
+  }
+  /// See core/choice/option_style.h: the style belongs to the type.
+  template <class Value>
+  void Styled(OptionStyle style, const std::string& name, Value& value, const std::string& help) const {
+    if constexpr (std::is_same_v<Value, bool>) {
+      AddFlag(sub, "--" + name, value, WithFlags(help));
+    } else if constexpr (kHasWords<Value> || kHasSharedWords<Value>) {
+      AddNames(sub, "--" + name, value, WithFlags(help))->type_name("[CAMERAS]");
+    } else if constexpr (kIsListOfChoices<Value>) {
+      AddChoices(sub, "--" + name, value, WithFlags(help))->allow_extra_args(true);
+    } else {
+      CLI::Option* option = AddOption(sub, FlagsOf(name), value, WithFlags(help));
+      if (style == OptionStyle::kList) option->delimiter(',');
+      if (style == OptionStyle::kFolder) NameOutput(option, OutputKind::kFolder);
     }
   }
   void StartGroup(const char* subject) const { cli::StartGroup(sub, subject); }

@@ -4,9 +4,9 @@
 
 namespace mvstudio::cli {
 
-std::vector<std::string> PathsIn(const std::vector<app::NamedPath>& named) {
+std::vector<std::string> PathsIn(const std::vector<stages::NamedPath>& named) {
   std::vector<std::string> paths;
-  for (const app::NamedPath& each : named) paths.push_back(each.path);
+  for (const stages::NamedPath& each : named) paths.push_back(each.path);
   return paths;
 }
 
@@ -21,8 +21,8 @@ std::vector<std::string> Joined(std::vector<std::string> first, const std::vecto
   return first;
 }
 
-bool KeepsOlder(const std::string& path, app::CommandResult* result) {
-  if (result->exit != app::kExitIllPosed || !std::filesystem::exists(path)) return false;
+bool KeepsOlder(const std::string& path, stages::CommandResult* result) {
+  if (result->exit != stages::kExitIllPosed || !std::filesystem::exists(path)) return false;
   result->warnings.push_back({"CLI-OLDER-KEPT", path + ": of an earlier run, was kept, for this one found nothing", ""});
   result->folder.clear();
   return true;

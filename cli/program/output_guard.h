@@ -3,19 +3,19 @@
 #include <string>
 #include <vector>
 
-#include "app/result.h"
-#include "app/words.h"
 #include "core/disk/output.h"
 #include "dataset/build/build.h"
+#include "stages/result.h"
+#include "stages/words.h"
 
 namespace mvstudio::cli {
 
 /// Paths alone, for the check that no output is an input.
-std::vector<std::string> PathsIn(const std::vector<app::NamedPath>& named);
+std::vector<std::string> PathsIn(const std::vector<stages::NamedPath>& named);
 
 /// True where `path` is there and the run ended in failure (exit code 5): the older result is the better one. It is then said,
 /// and the result's folder stays as it is.
-bool KeepsOlder(const std::string& path, app::CommandResult* result);
+bool KeepsOlder(const std::string& path, stages::CommandResult* result);
 
 /// Footage and plates.
 std::vector<std::string> PathsOf(const std::vector<dataset::CameraFootage>& footage);

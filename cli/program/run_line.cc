@@ -4,7 +4,6 @@
 #include <chrono>
 #include <filesystem>
 
-#include "app/dataset/studio_names.h"
 #include "cli/help/examples.h"
 #include "cli/help/short_help.h"
 #include "cli/help/wrap.h"
@@ -18,6 +17,7 @@
 #include "core/disk/lock.h"
 #include "core/disk/manifest.h"
 #include "core/disk/replace.h"
+#include "stages/dataset/studio_names.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -117,8 +117,9 @@ void SeeFlags(const std::vector<std::string>& words, const std::vector<std::stri
 
 void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::string>& argv) {
   const WriterScope writer(outcome.command);
+  if (outcome.result.partial && outcome.result.exit == kExitOk) outcome.result.exit = kExitPartial;
   NameFlags(&outcome.result);
-  app::NameCameras(&outcome.result);
+  stages::NameCameras(&outcome.result);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
   KeepResult(outcome.command, &outcome.result, outcome.json, argv);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);

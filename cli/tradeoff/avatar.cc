@@ -3,9 +3,6 @@
 #include <filesystem>
 #include <limits>
 
-#include "app/dataset/studio_names.h"
-#include "app/study/avatar_trials.h"
-#include "app/study/tradeoff.h"
 #include "avatar/run/pack/pack_builder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -18,13 +15,16 @@
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/panoptic/studio_names.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/dataset/studio_names.h"
+#include "stages/study/avatar_trials.h"
+#include "stages/study/tradeoff.h"
 
 namespace mvstudio::cli {
 namespace {
 
 struct Arguments {
-  app::AvatarTradeoffOptions options;
-  app::AvatarGrid grid;
+  stages::AvatarTradeoffOptions options;
+  stages::AvatarGrid grid;
   std::string holdout_cameras;
   bool quick = false;
 };
@@ -97,12 +97,12 @@ std::vector<std::string> SpreadOut(const dataset::PanopticDataset& data, const s
   return names;
 }
 
-void RunAll(const app::AvatarTradeoffOptions& options, CommandContext& context, std::vector<app::AvatarTrial>* trials,
+void RunAll(const stages::AvatarTradeoffOptions& options, CommandContext& context, std::vector<stages::AvatarTrial>* trials,
             CommandResult* result) {
   const double begin_s = Now();
   ProgressStage stage(context.run, "tradeoff avatar", static_cast<int64_t>(trials->size()));
   int64_t left_out = 0;
-  for (app::AvatarTrial& trial : *trials) {
+  for (stages::AvatarTrial& trial : *trials) {
     if (options.limit_minutes > 0 && Now() - begin_s > 60 * options.limit_minutes) {
       ++left_out;
       continue;
@@ -119,8 +119,8 @@ void RunAll(const app::AvatarTradeoffOptions& options, CommandContext& context, 
 }
 
 CommandResult Run(const Arguments& arguments, CommandContext& context) {
-  app::AvatarTradeoffOptions options = arguments.options;
-  app::AvatarGrid grid = arguments.grid;
+  stages::AvatarTradeoffOptions options = arguments.options;
+  stages::AvatarGrid grid = arguments.grid;
   if (arguments.quick) {
     grid.widths = {8, 16}, grid.sizes = {64}, grid.steps = {0, 60, 180}, grid.losses = {"l1+ssim"};
     grid.cameras = {std::numeric_limits<int>::max(), 3};
@@ -130,23 +130,24 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   if (options.holdout_frames.empty()) options.holdout_frames = LastFrames(data);
   RequireFrames(data, options.holdout_frames);
   if (options.score_size_px == 0) options.score_size_px = *std::max_element(grid.sizes.begin(), grid.sizes.end());
-  std::vector<app::AvatarTrial> trials = app::MakeTrials(grid, SpreadOut(data, options.holdout_cameras));
+  std::vector<stages::AvatarTrial> trials = stages::MakeTrials(grid, SpreadOut(data, options.holdout_cameras));
   for (const std::string& method : grid.methods)
     for (const std::string& loss : grid.losses) LossFlags(loss, method);
   const OutputFolder place(options.out, {options.dataset}, {"tradeoff-avatar.html"});
   MakeFolder(options.out);
   CommandResult result;
   RunAll(options, context, &trials, &result);
-  app::UseStudioNames(options.dataset);
-  trials.erase(std::remove_if(trials.begin(), trials.end(), [](const app::AvatarTrial& t) { return !t.done; }), trials.end());
-  app::MarkFronts(&trials);
+  stages::UseStudioNames(options.dataset);
+  trials.erase(std::remove_if(trials.begin(), trials.end(), [](const stages::AvatarTrial& t) { return !t.done; }),
+               trials.end());
+  stages::MarkFronts(&trials);
   result.metrics["holdout_cameras"] = options.holdout_cameras;
   result.metrics["holdout_frames"] = options.holdout_frames;
   result.metrics["score_size_px"] = options.score_size_px;
-  result.metrics["trials"] = app::TrialsJson(trials);
-  result.text = app::TrialsText(trials, "FD");
+  result.metrics["trials"] = stages::TrialsJson(trials);
+  result.text = stages::TrialsText(trials, "FD");
   const std::string page = options.out + "/tradeoff-avatar.html";
-  WriteFileAtomic(page, app::TrialsPage(trials, options));
+  WriteFileAtomic(page, stages::TrialsPage(trials, options));
   result.outputs.push_back({page, "figure"});
   result.folder = options.out;
   return result;

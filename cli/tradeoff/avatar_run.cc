@@ -16,9 +16,9 @@
 namespace mvstudio::cli {
 namespace {
 
-using app::AvatarTradeoffOptions;
-using app::AvatarTrial;
 using report::Value;
+using stages::AvatarTradeoffOptions;
+using stages::AvatarTrial;
 
 std::vector<std::string> Words(const std::string& text, char between = ' ') {
   std::vector<std::string> words;
@@ -46,8 +46,8 @@ Called Call(const std::vector<std::string>& words, const CommandContext& context
   return {json["metrics"], json["timing"]};
 }
 
-std::vector<std::string> TrainWords(const app::AvatarTradeoffOptions& options, const CommandContext& context,
-                                    const app::AvatarTrial& trial, const std::string& folder) {
+std::vector<std::string> TrainWords(const stages::AvatarTradeoffOptions& options, const CommandContext& context,
+                                    const stages::AvatarTrial& trial, const std::string& folder) {
   std::vector<std::string> words = {"avatar", "train", options.dataset, "--out", folder, "--overwrite"};
   const auto add = [&words](const std::string& flag, const std::string& value) {
     words.push_back(flag), words.push_back(value);
@@ -65,7 +65,7 @@ std::vector<std::string> TrainWords(const app::AvatarTradeoffOptions& options, c
   return words;
 }
 
-std::vector<std::string> EvalWords(const app::AvatarTradeoffOptions& options, const CommandContext& context,
+std::vector<std::string> EvalWords(const stages::AvatarTradeoffOptions& options, const CommandContext& context,
                                    const std::string& folder) {
   return {"avatar",
           "eval",
@@ -86,8 +86,8 @@ std::vector<std::string> EvalWords(const app::AvatarTradeoffOptions& options, co
 }
 
 /// One after the other; what an earlier call finished with the same words is read from `folder`/trial.json.
-Value TrainAndScore(const app::AvatarTradeoffOptions& options, const CommandContext& context, const app::AvatarTrial& trial,
-                    const std::string& folder, const std::function<void()>& poll) {
+Value TrainAndScore(const stages::AvatarTradeoffOptions& options, const CommandContext& context,
+                    const stages::AvatarTrial& trial, const std::string& folder, const std::function<void()>& poll) {
   const std::vector<std::string> train = TrainWords(options, context, trial, folder),
                                  eval = EvalWords(options, context, folder);
   const std::string kept = folder + "/trial.json";
@@ -142,8 +142,8 @@ std::vector<std::string> LossFlags(const std::string& loss, const std::string& m
           "--weight-gradient", has("gradient") ? "0.5" : "0", "--perceptual",  has("posenet") ? "posenet" : "none"};
 }
 
-void RunTrial(const app::AvatarTradeoffOptions& options, const CommandContext& context, const std::function<void()>& poll,
-              app::AvatarTrial* trial) {
+void RunTrial(const stages::AvatarTradeoffOptions& options, const CommandContext& context, const std::function<void()>& poll,
+              stages::AvatarTrial* trial) {
   const Value record = TrainAndScore(options, context, *trial, options.out + "/" + FolderOf(*trial, context.run.seed), poll);
   const Value &holdout = record["eval"]["holdout"], &train = record["train"];
   trial->ssim = holdout["ssim"].Number(), trial->psnr_db = holdout["psnr_db"].Number();

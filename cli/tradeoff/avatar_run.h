@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "app/study/avatar_trials.h"
 #include "cli/program/command.h"
+#include "stages/study/avatar_trials.h"
 
 /// Runs the trials of `tradeoff avatar`: each is this program's own `avatar train` and `avatar eval` in a process by itself, so
 /// that its memory is its own and it can be repeated by hand.
@@ -17,7 +17,7 @@ std::vector<std::string> LossFlags(const std::string& loss, const std::string& m
 
 /// Trains and scores `trial` in a folder below options.out, or reads what an earlier call kept there; an interrupted training
 /// goes on. Throws IoError with the command line and its error when the program fails.
-void RunTrial(const app::AvatarTradeoffOptions& options, const CommandContext& context, const std::function<void()>& poll,
-              app::AvatarTrial* trial);
+void RunTrial(const stages::AvatarTradeoffOptions& options, const CommandContext& context, const std::function<void()>& poll,
+              stages::AvatarTrial* trial);
 
 }  // namespace mvstudio::cli

@@ -6,8 +6,6 @@
 #include <memory>
 #include <set>
 
-#include "app/input/corner_input.h"
-#include "app/study/tradeoff.h"
 #include "calib/board/sides.h"
 #include "cli/program/commands.h"
 #include "cli/program/flag_text.h"
@@ -16,6 +14,8 @@
 #include "cli/program/output_guard.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "stages/input/corner_input.h"
+#include "stages/study/tradeoff.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -23,7 +23,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  app::CornerArguments corners;
+  stages::CornerArguments corners;
   std::vector<std::string> detectors{"fast", "exact"}, models{"auto", "brown1", "brown2", "brown4", "rational8"},
       engines{"mvstudio"};
   std::vector<int> views{0, 12, 6};
@@ -105,11 +105,11 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
   std::vector<Source> sources;
   const bool file = !arguments.corners.corners.empty();
   for (const std::string& detector : file ? std::vector<std::string>{"file"} : arguments.detectors) {
-    app::CornerArguments corners = arguments.corners;
+    stages::CornerArguments corners = arguments.corners;
     corners.footage.cache.kind = calib::CachePlace::Kind::kOff;
     if (!file) FromString(detector, &corners.footage.detect.detector);
     const double start = Now();
-    calib::CalibrateInput input = app::ReadCornerInput(corners, context.run, result).input;
+    calib::CalibrateInput input = stages::ReadCornerInput(corners, context.run, result).input;
     calib::PartSides(&input);
     sources.push_back({detector, std::move(input), file ? 0 : Now() - start});
   }
@@ -138,8 +138,8 @@ std::string ToText(const std::vector<Trial>& trials) {
   for (const Trial& t : trials) {
     text += Format("%-8s  %6s  %-10s  %-11s  %-8s  %8s  %11s  %7s %s\n", t.detector.c_str(),
                    t.views ? std::to_string(t.views).c_str() : "all", t.model.c_str(), t.chosen.c_str(), t.engine.c_str(),
-                   app::Shown(t.seconds, 2).c_str(), app::Shown(t.holdout_px, 4).c_str(), app::Shown(t.edge_mm, 4).c_str(),
-                   t.on_front ? "*" : "");
+                   stages::Shown(t.seconds, 2).c_str(), stages::Shown(t.holdout_px, 4).c_str(),
+                   stages::Shown(t.edge_mm, 4).c_str(), t.on_front ? "*" : "");
   }
   return text + "*: no other way is both faster and better\n";
 }
@@ -150,8 +150,8 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   }
   CommandResult result;
   std::vector<Trial> trials;
-  const std::unique_ptr<OutputFolder> place =
-      app::TradeoffPlace(arguments.out, "calibrate", Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners}));
+  const std::unique_ptr<OutputFolder> place = stages::TradeoffPlace(
+      arguments.out, "calibrate", Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners}));
   const std::vector<Source> sources = Sources(arguments, context, &result);
   ProgressStage stage(
       context.run, "tradeoff",
@@ -168,9 +168,9 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
       }
     }
   }
-  std::vector<app::TradeoffPoint> points;
+  std::vector<stages::TradeoffPoint> points;
   for (const Trial& t : trials) points.push_back({t.Name(), t.seconds, t.holdout_px});
-  const std::vector<bool> on_front = app::ParetoFront(points);
+  const std::vector<bool> on_front = stages::ParetoFront(points);
   for (size_t i = 0; i < trials.size(); ++i) trials[i].on_front = on_front[i];
   result.metrics["trials"] = ToJson(trials);
   result.text = ToText(trials);
@@ -181,10 +181,10 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
                              "`mvstudio calibrate` on the same input says what is missing"});
   }
   if (arguments.out.empty()) return result;
-  app::WriteTradeoffPage({"calibrate", "Calibration: speed against accuracy",
-                          "Ways to calibrate: time against error on time steps that took no part", "detection and solution (s)",
-                          "held-out 2-D RMS (px)"},
-                         points, arguments.out, &result);
+  stages::WriteTradeoffPage({"calibrate", "Calibration: speed against accuracy",
+                             "Ways to calibrate: time against error on time steps that took no part",
+                             "detection and solution (s)", "held-out 2-D RMS (px)"},
+                            points, arguments.out, &result);
   return result;
 }
 

@@ -2,14 +2,14 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "app/dataset/pack_speed.h"
-#include "app/study/tradeoff.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/panoptic/panoptic.h"
+#include "stages/dataset/pack_speed.h"
+#include "stages/study/tradeoff.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -17,7 +17,7 @@ namespace {
 struct Arguments {
   std::string folder, out;
   std::vector<std::string> crops{"96", "128", "256", "full"};
-  app::PackSpeedOptions options;
+  stages::PackSpeedOptions options;
 };
 
 std::vector<int> CropSizes(const std::vector<std::string>& texts) {
@@ -33,10 +33,10 @@ std::vector<int> CropSizes(const std::vector<std::string>& texts) {
 }
 
 /// True where no other way of the same crop size and threads is at least as fast, as small and as good, and better in one.
-std::vector<bool> FrontOfEach(const std::vector<app::PackSpeedTrial>& trials) {
+std::vector<bool> FrontOfEach(const std::vector<stages::PackSpeedTrial>& trials) {
   std::vector<bool> on_front;
-  for (const app::PackSpeedTrial& a : trials) {
-    on_front.push_back(std::none_of(trials.begin(), trials.end(), [&a](const app::PackSpeedTrial& b) {
+  for (const stages::PackSpeedTrial& a : trials) {
+    on_front.push_back(std::none_of(trials.begin(), trials.end(), [&a](const stages::PackSpeedTrial& b) {
       if (a.crop_px != b.crop_px || a.threads != b.threads) return false;
       const bool no_worse =
           b.crops_per_s >= a.crops_per_s && b.bytes_per_crop <= a.bytes_per_crop && b.rms_levels <= a.rms_levels;
@@ -53,12 +53,12 @@ CommandResult Run(Arguments& arguments, const CommandContext& context) {
   dataset::OpenPanopticDataset(arguments.folder);  // refused before a folder is made
   const ScratchFolder work(arguments.out);
   arguments.options.work = work.path();
-  const app::PackSpeedReport report = app::MeasurePackSpeed(arguments.folder, arguments.options, context.run);
+  const stages::PackSpeedReport report = stages::MeasurePackSpeed(arguments.folder, arguments.options, context.run);
   const std::vector<bool> on_front = FrontOfEach(report.trials);
-  result.metrics = nlohmann::ordered_json::parse(app::PackSpeedJson(report, on_front));
-  result.text = app::PackSpeedText(report, on_front);
+  result.metrics = nlohmann::ordered_json::parse(stages::PackSpeedJson(report, on_front));
+  result.text = stages::PackSpeedText(report, on_front);
   const std::string page = arguments.out + "/tradeoff-pack.html";
-  WriteFileAtomic(page, app::PackSpeedPage(report, on_front));
+  WriteFileAtomic(page, stages::PackSpeedPage(report, on_front));
   result.outputs.push_back({page, "figure"});
   result.folder = arguments.out;
   return result;
@@ -71,7 +71,7 @@ void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry) {
   CLI::App* sub = tradeoff.add_subcommand("pack",
                                           "Image codec x crop size x threads: crops a second at random, bytes a crop and PSNR, "
                                           "packs beside a JPEG folder that is cropped when read");
-  app::PackSpeedOptions& o = arguments->options;
+  stages::PackSpeedOptions& o = arguments->options;
   AddOption(sub, "folder", arguments->folder, "dataset folder")->required();
   AddOption(sub, "--codecs", o.codecs, "of the packs: raw, png, jpeg:Q")->delimiter(',')->capture_default_str();
   AddOption(sub, "--crops", arguments->crops, "px, or full for whole images")->delimiter(',')->capture_default_str();

@@ -5,16 +5,16 @@
 #include <limits>
 #include <memory>
 
-#include "app/input/pose_input.h"
-#include "app/input/take_frames.h"
-#include "app/people/pose_truth.h"
-#include "app/study/tradeoff.h"
 #include "cli/program/commands.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "stages/input/pose_input.h"
+#include "stages/input/take_frames.h"
+#include "stages/people/pose_truth.h"
+#include "stages/study/tradeoff.h"
 #include "triangulate/batch/batch.h"
 #include "triangulate/take/limbs.h"
 #include "triangulate/take/steps.h"
@@ -27,7 +27,7 @@ using triangulate::PointMethod;
 using triangulate::TakeMethod;
 
 struct Arguments {
-  app::PoseArguments pose;
+  stages::PoseArguments pose;
   triangulate::TakeOptions take;
   std::vector<TakeMethod> methods = {ByPoint(PointMethod::kRobust),   ByPoint(PointMethod::kAllViews),
                                      ByPoint(PointMethod::kLost),     ByPoint(PointMethod::kLinear),
@@ -151,7 +151,7 @@ std::vector<triangulate::Point> SolveTimed(const triangulate::TakeProblem& probl
 }
 
 /// The way of a trial for one point, for cameras left out.
-triangulate::PointSolver OnePoint(const Arguments& arguments, const app::PoseInput& input,
+triangulate::PointSolver OnePoint(const Arguments& arguments, const stages::PoseInput& input,
                                   const triangulate::TakeProblem& problem, const Trial& trial) {
   triangulate::PointSolver solve;
   if (HasKernel(trial.method)) {
@@ -171,7 +171,7 @@ triangulate::PointSolver OnePoint(const Arguments& arguments, const app::PoseInp
   };
 }
 
-Trial Run(const Arguments& arguments, const app::PoseInput& input, const triangulate::TakeProblem& problem, Trial trial) {
+Trial Run(const Arguments& arguments, const stages::PoseInput& input, const triangulate::TakeProblem& problem, Trial trial) {
   const triangulate::PointSolver solve = OnePoint(arguments, input, problem, trial);
   triangulate::TakeProblem thin = problem;
   for (auto& seen : thin.observations) {
@@ -184,8 +184,8 @@ Trial Run(const Arguments& arguments, const app::PoseInput& input, const triangu
   trial.limb_std_mm = 1000 * MeanLimbStd(MeasureLimbs(take.points, input.limbs));
   trial.holdout = HoldOut(problem, solve, arguments.take.holdout_points, trial.threads).all;
   if (!arguments.truth.empty()) {
-    const app::TruthComparison truth =
-        app::CompareWithTruth(app::ToPose3d(take, input.skeleton), arguments.truth, {arguments.align_truth});
+    const stages::TruthComparison truth =
+        stages::CompareWithTruth(stages::ToPose3d(take, input.skeleton), arguments.truth, {arguments.align_truth});
     if (truth.comparison.num > 0) trial.truth_mm = truth.comparison.median_mm;
     trial.why_no_truth = truth.comparison.why_none;
   }
@@ -219,9 +219,9 @@ std::string ToText(const std::vector<Trial>& trials, const std::vector<bool>& on
     const Trial& t = trials[i];
     text += Format("%-14s  %9s  %5s  %7d  %9.0f  %8s  %11s  %6s  %8s  %8s %s\n", std::string(ToString(t.method)).c_str(),
                    t.precision.c_str(), t.views ? std::to_string(t.views).c_str() : "all", t.threads, t.points_per_s,
-                   app::Shown(t.coverage, 3).c_str(), app::Shown(t.holdout.median_px, 3).c_str(),
-                   app::Shown(t.holdout.p90_px, 2).c_str(), app::Shown(t.limb_std_mm, 2).c_str(),
-                   app::Shown(t.truth_mm, 3).c_str(), on_front[i] ? "*" : "");
+                   stages::Shown(t.coverage, 3).c_str(), stages::Shown(t.holdout.median_px, 3).c_str(),
+                   stages::Shown(t.holdout.p90_px, 2).c_str(), stages::Shown(t.limb_std_mm, 2).c_str(),
+                   stages::Shown(t.truth_mm, 3).c_str(), on_front[i] ? "*" : "");
   }
   return text + "*: no other way is both faster and better\n";
 }
@@ -266,8 +266,9 @@ bool AddErrors(const Arguments& arguments, const triangulate::TakeProblem& probl
     return true;
   }
   for (const Trial& trial : trials) {
-    if (!trial.why_no_truth.empty() && result->errors.empty())
-      app::AddNothingInCommon("truth", arguments.truth, trial.why_no_truth, result);
+    if (trial.why_no_truth.empty() || !result->errors.empty()) continue;
+    result->exit = kExitQualityGate;
+    result->errors.push_back(stages::NothingInCommon("truth", arguments.truth, trial.why_no_truth));
   }
   return false;
 }
@@ -275,11 +276,11 @@ bool AddErrors(const Arguments& arguments, const triangulate::TakeProblem& probl
 CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   std::vector<Trial> trials = Trials(arguments);
-  const std::unique_ptr<OutputFolder> place = app::TradeoffPlace(
+  const std::unique_ptr<OutputFolder> place = stages::TradeoffPlace(
       arguments.out, "triangulate", Joined(PathsIn(arguments.pose.pose2d), {arguments.pose.calib, arguments.truth}));
-  const app::PoseInput input = app::ReadPoseInput(arguments.pose, &result);
+  const stages::PoseInput input = stages::ReadPoseInput(arguments.pose, &result);
   const triangulate::TakeProblem problem =
-      PrepareTake(input.rig, input.frames, app::BodyOf(input.skeleton), arguments.take, context.run);
+      PrepareTake(input.rig, input.frames, stages::BodyOf(input.skeleton), arguments.take, context.run);
   if (AddErrors(arguments, problem, {}, &result)) return result;
   ProgressStage stage(context.run, "tradeoff", static_cast<int64_t>(trials.size()));
   for (Trial& trial : trials) {
@@ -287,20 +288,20 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
     stage.Advance(1, trial.Name());
   }
   const bool truth = !arguments.truth.empty();
-  std::vector<app::TradeoffPoint> points;
+  std::vector<stages::TradeoffPoint> points;
   for (const Trial& t : trials) {
     points.push_back({t.Name(), 1e6 / t.points_per_s, truth ? t.truth_mm : t.holdout.median_px});
   }
-  const std::vector<bool> on_front = app::ParetoFront(points);
+  const std::vector<bool> on_front = stages::ParetoFront(points);
   result.metrics["sigma_px"] = problem.sigma_px;
   result.metrics["trials"] = ToJson(trials, on_front);
   result.text = ToText(trials, on_front);
   AddErrors(arguments, problem, trials, &result);
   if (arguments.out.empty()) return result;
-  app::WriteTradeoffPage({"triangulate", "Triangulation: speed against accuracy", "Ways to triangulate: time against error",
-                          "time for a point (microseconds)",
-                          truth ? "median distance from the truth (mm)" : "median error with the camera left out (px)"},
-                         points, arguments.out, &result);
+  stages::WriteTradeoffPage({"triangulate", "Triangulation: speed against accuracy", "Ways to triangulate: time against error",
+                             "time for a point (microseconds)",
+                             truth ? "median distance from the truth (mm)" : "median error with the camera left out (px)"},
+                            points, arguments.out, &result);
   return result;
 }
 

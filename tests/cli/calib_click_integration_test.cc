@@ -8,7 +8,7 @@
 
 #include "dataset/footage/image_io.h"
 #include "geometry/rig/rig_io.h"
-#include "tests/app/click_setup.h"
+#include "tests/stages/click_setup.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/running_cli.h"
 
@@ -17,7 +17,7 @@ namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using app::testing::TruePx;
+using stages::testing::TruePx;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
@@ -58,12 +58,12 @@ class CalibClick : public ::testing::Test {
   void SetUp() override {
     geometry::Rig rig;
     geometry::RigCamera camera;
-    camera.camera = app::testing::ClickLens();
+    camera.camera = stages::testing::ClickLens();
     rig.cameras.push_back(camera);
     geometry::WriteRig(rig, folder_ / "lenses.json");
-    dataset::WriteImage(app::testing::DotsImage(), folder_ / "a.png");
+    dataset::WriteImage(stages::testing::DotsImage(), folder_ / "a.png");
     std::string places = "name,x,y,z\n";
-    const calib::ScenePoints points = app::testing::Walls();
+    const calib::ScenePoints points = stages::testing::Walls();
     for (int p = 0; p < 12; ++p) {
       const Eigen::Vector3d x = points.x_in_world.col(p);
       places += points.names[static_cast<size_t>(p)] + "," + std::to_string(x.x()) + "," + std::to_string(x.y()) + "," +
@@ -136,7 +136,7 @@ TEST_F(CalibClick, FromThePageToACalibration) {
                                 "--scene-points", folder_ / "places.csv", "--out", folder_ / "calib", "--json"});
   ASSERT_EQ(placed.exit, 0) << placed.err;
   const geometry::Rig rig = geometry::ReadRig(folder_ / "calib/calibration.json");
-  const geometry::Rigid3 off = rig.cameras.at(0).cam_from_world * Inverse(app::testing::CamFromWalls());
+  const geometry::Rigid3 off = rig.cameras.at(0).cam_from_world * Inverse(stages::testing::CamFromWalls());
   EXPECT_LT(off.translation.norm(), 1e-3);
 }
 

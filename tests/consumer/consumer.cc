@@ -1,11 +1,17 @@
-// Calibrates two cameras from exact corners, triangulates a point with the result and compares an image with itself.
+// Calibrates two cameras from exact corners, triangulates a point and, as the command does, a take with the result, and
+// compares an image with itself.
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
+#include <fstream>
 
 #include "avatar/metrics/ssim.h"
 #include "calib/calibrate.h"
 #include "geometry/lens/camera.h"
+#include "geometry/rig/rig_io.h"
+#include "stages/triangulate/run.h"
 #include "triangulate/point/point.h"
 
 namespace {
@@ -50,6 +56,39 @@ calib::CalibrateInput Filmed(const geometry::Rig& rig) {
   return input;
 }
 
+/// The stage of the command: options in, files and a report out. The largest error of its points, metres; infinite without
+/// them.
+double StageErrorM(const geometry::Rig& rig, const geometry::Rig& truth) {
+  namespace fs = std::filesystem;
+  const fs::path folder = fs::temp_directory_path() / "mvstudio-consumer";
+  fs::remove_all(folder), fs::create_directories(folder);
+  const auto wand_end = [](int end, int frame) {
+    return Eigen::Vector3d(0.2 + 0.1 * std::cos(0.3 * frame), 0.1 + 0.2 * end, 1.5 + 0.1 * std::sin(0.2 * frame));
+  };
+  std::ofstream table(folder / "wand.csv");
+  table << "camera,frame,person,joint,x_px,y_px,score\n";
+  for (const auto& camera : truth.cameras) {
+    for (int i = 0; i < 60; ++i) {
+      const Eigen::Vector2d px = geometry::Projector(camera.camera).Project(camera.cam_from_world * wand_end(i % 2, i / 2)).px;
+      table << camera.camera.name << "," << i / 2 << ",0," << (i % 2 ? "top" : "grip") << "," << px.x() << "," << px.y()
+            << ",1\n";
+    }
+  }
+  table.close();
+  geometry::WriteRig(rig, (folder / "calibration.json").string());
+  stages::TriangulateOptions options;
+  options.pose.calib = (folder / "calibration.json").string(), options.pose.points2d = (folder / "wand.csv").string();
+  options.out = (folder / "pose3d").string();
+  const stages::TriangulateReport report = stages::RunTriangulate(options);
+  double worst_m = report.points.num_points == 60 ? 0 : 1.0 / 0.0;
+  for (const triangulate::TakePoint& at : report.take.points) {
+    const int end = report.skeleton.joints[static_cast<size_t>(at.joint_idx)] == "top";
+    worst_m = std::max(worst_m, (at.point.x_in_world - wand_end(end, at.frame)).norm());
+  }
+  fs::remove_all(folder);
+  return worst_m;
+}
+
 }  // namespace
 
 int main() {
@@ -69,9 +108,11 @@ int main() {
   for (size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = static_cast<uint8_t>(i * 37);
   const double ssim = metrics::Ssim(image, image).value;
 
-  std::printf("focal length %.3f px (620), point off by %.3f mm, SSIM %.6f\n", focal_px,
-              1e3 * (found.x_in_world - point).norm(), ssim);
+  const double stage_error_m = StageErrorM(report.rig, truth);
+
+  std::printf("focal length %.3f px (620), point off by %.3f mm, those of a take by %.3f mm, SSIM %.6f\n", focal_px,
+              1e3 * (found.x_in_world - point).norm(), 1e3 * stage_error_m, ssim);
   const bool right = report.status == Status::kOk && std::abs(focal_px - 620) < 1 && found.status == Status::kOk &&
-                     (found.x_in_world - point).norm() < 1e-3 && ssim == 1;
+                     (found.x_in_world - point).norm() < 1e-3 && stage_error_m < 2e-3 && ssim == 1;
   return right ? 0 : 1;
 }

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/progress.h"
+#include "dataset/verify/verify.h"
+#include "stages/result.h"
+
+/// Content and defects of a dataset, a pack or a session.
+namespace mvstudio::stages {
+
+/// Lists all defects of a folder in Panoptic layout or a pack: exit 6 when parts are bad, 3 when everything is. Throws
+/// UsageError for a session.
+CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run);
+
+/// Describes a session, a folder in Panoptic layout or a pack.
+CommandResult DescribeDataset(const std::string& path);
+
+/// Adds findings to a result: metrics.findings, its errors and warnings, a line of text each.
+void AddFindings(const std::vector<dataset::Finding>& findings, CommandResult* result);
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,191 @@
+#include "stages/input/corner_input.h"
+
+#include <algorithm>
+
+#include "calib/check/same_corners.h"
+#include "core/error.h"
+#include "core/join.h"
+#include "core/some_of.h"
+#include "dataset/session/timeline_source.h"
+#include "stages/input/board_footage.h"
+#include "stages/input/board_pairing.h"
+
+namespace mvstudio::stages {
+namespace {
+
+void RequireCamera(const std::string& name, bool known) {
+  if (!known) throw UsageError("option 'mirrored' " + name + ": there is no camera called '" + name + "'");
+}
+
+void MarkMirrored(const std::vector<std::string>& mirrored, std::vector<calib::Footage>* footage) {
+  for (const std::string& name : mirrored) {
+    bool known = false;
+    for (calib::Footage& camera : *footage) {
+      if (camera.camera == name) camera.mirrored = known = true;
+    }
+    RequireCamera(name, known);
+  }
+}
+
+/// Corners of a file: column u becomes width - 1 - u.
+void FlipCorners(const std::vector<std::string>& mirrored, calib::CalibrateInput* input) {
+  for (const std::string& name : mirrored) {
+    const auto camera =
+        std::find_if(input->cameras.begin(), input->cameras.end(), [&](const auto& c) { return c.name == name; });
+    RequireCamera(name, camera != input->cameras.end());
+    if (camera->width_px <= 0)
+      throw UsageError("option 'mirrored' " + name + ": its image size is not known; give option 'size'");
+    for (calib::Detection& detection : input->detections) {
+      if (detection.camera_idx != camera - input->cameras.begin()) continue;
+      detection.points_px.row(0) = (camera->width_px - 1.0) - detection.points_px.row(0).array();
+      const calib::Board& board = input->boards[static_cast<size_t>(detection.board_idx)];
+      for (int& id : detection.corner_ids)  // what ran mirrored was taken for the back
+        id = (id + (board.back_m ? board.num_side_corners() : 0)) % board.num_corners();
+    }
+  }
+}
+
+/// What the mirrored cameras' calibration is for.
+void SayMirrored(const std::vector<std::string>& mirrored, CommandResult* result) {
+  if (mirrored.empty()) return;
+  result->warnings.push_back({"CAL-MIRRORED", "calibrated as images that are not flipped: " + Join(mirrored, ", "),
+                              "flip their footage left-right before other commands read it"});
+}
+
+/// Two boards with a mark in common cannot be told apart.
+void RequireDistinct(const std::vector<calib::Board>& boards) {
+  for (size_t a = 0; a < boards.size(); ++a) {
+    for (size_t b = a + 1; b < boards.size(); ++b) {
+      const std::string shared = calib::SharedMarks(boards[a], boards[b]);
+      if (shared.empty()) continue;
+      throw UsageError("the boards " + calib::ToString(boards[a]) + " and " + calib::ToString(boards[b]) + " share " + shared +
+                       ": print them with other ids (first=ID) or another dictionary; a back that shows the front in a "
+                       "mirror is one board with two-sided=THICKNESS");
+    }
+  }
+}
+
+/// Whether nothing of a board was found, which may as well be out of sight.
+bool ShowsNothing(const std::string& reason) { return reason.rfind("no ", 0) == 0; }
+
+/// "camera a: 16 of 30 images are not used (reason: 4, 5, …)" of those images that `counts` takes; empty where they are a tenth
+/// at most.
+template <class Counts>
+std::string UnusedImages(const calib::FootageDetections& camera, const Counts& counts) {
+  constexpr size_t kMostNamed = 8;
+  size_t count = 0;
+  std::vector<std::string> parts;
+  for (const auto& [reason, steps] : camera.unused) {
+    if (steps.empty() || !counts(reason)) continue;
+    count += steps.size();
+    std::vector<std::string> names;
+    for (const int64_t step : steps) names.push_back(std::to_string(step));
+    parts.push_back(reason + ": " + SomeOf(names, kMostNamed));
+  }
+  if (10 * count <= static_cast<size_t>(camera.num_images)) return "";
+  return "camera " + camera.camera.name + ": " + std::to_string(count) + " of " + std::to_string(camera.num_images) +
+         " images are not used (" + Join(parts, "; ") + ")";
+}
+
+/// Images without a board, where they are more than a tenth. A board that one of several cameras does not see at all is in most
+/// rigs in the sight of others: said, and no warning.
+void SayUnused(const calib::FootageDetections& camera, bool alone, CommandResult* result) {
+  if (!camera.failure.empty()) return;
+  const std::string doubtful = UnusedImages(camera, [&](const std::string& reason) { return alone || !ShowsNothing(reason); });
+  if (!doubtful.empty())
+    result->warnings.push_back({"CAL-UNUSED", doubtful, "look at some of them: the board whole, sharp and large enough"});
+  const std::string unseen = alone ? "" : UnusedImages(camera, ShowsNothing);
+  if (!unseen.empty()) result->text += unseen + "\n";
+}
+
+/// The timeline of a table of times, in place of what a session says.
+dataset::Timeline TimelineOfTable(const CornerArguments& arguments, CommandResult* result) {
+  constexpr double kPictureRateHz = 30;  // the table's times replace it
+  std::vector<dataset::SessionCamera> cameras;
+  std::vector<dataset::CameraTimes> times;
+  for (const NamedPath& camera : arguments.cameras) {
+    cameras.push_back({camera.name, "", "", 0, 0});
+    times.push_back(dataset::ReadFootageTimes(camera.name, camera.path, kPictureRateHz));
+  }
+  for (const std::string& note : dataset::ReadTimestamps(arguments.timestamps, cameras, &times))
+    result->warnings.push_back({"SES-TIMELINE", note, "see docs/formats.md for the columns of time stamps"});
+  result->inputs.push_back(arguments.timestamps);
+  return dataset::BuildTimeline(times, dataset::TimelineClock::kCommon, nullptr);
+}
+
+CornerInput Detect(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
+  if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
+  const std::vector<calib::Board>& boards = arguments.boards;
+  RequireDistinct(boards);
+  std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, result);
+  if (arguments.timeline) PairByTime(*arguments.timeline, &footage, result);
+  MarkMirrored(arguments.mirrored, &footage);
+  for (const calib::Board& board : boards) {
+    const int turns = calib::NumLikeTurns(board);
+    if (turns == 1 || footage.size() * boards.size() < 2) continue;
+    result->warnings.push_back(
+        {"CAL-AMBIGUOUS",
+         "the board " + calib::ToString(board) + " looks the same after " + (turns == 4 ? "a quarter turn" : "half a turn"),
+         "use a chessboard with one odd and one even number of corners, or ChArUco"});
+  }
+  CornerInput corners;
+  corners.found = calib::DetectFootage(boards, footage, arguments.footage, run);
+  for (const calib::FootageDetections& camera : corners.found) {
+    SayUnused(camera, corners.found.size() == 1, result);
+    for (const calib::SoftBoards& soft : camera.soft) {
+      const std::string text = "camera " + camera.camera.name + ": " + soft.text;
+      if (soft.many) result->warnings.push_back({"CAL-SOFT", text, "focus, light and a still board make corners sharp"});
+      if (!soft.many) result->text += text + "\n";
+    }
+    for (const std::string& note : camera.notes) {
+      result->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
+    }
+  }
+  corners.input = calib::ToCalibrateInput(boards, corners.found);
+  return corners;
+}
+
+/// Two cameras with one file would stand in one place, which nothing else contradicts.
+void RequireOwnFootage(const calib::CalibrateInput& input) {
+  if (const auto same = calib::FindSameCorners(input)) throw UsageError(ToString(*same));
+}
+
+}  // namespace
+
+void FillTimeline(CornerArguments* arguments, CommandResult* result) {
+  if (arguments->timestamps.empty()) return;
+  if (arguments->cameras.empty())
+    throw UsageError("option 'timestamps' pairs footage: it needs option 'camera' or option 'session'");
+  arguments->timeline = std::make_shared<const dataset::Timeline>(TimelineOfTable(*arguments, result));
+}
+
+CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
+  if (!arguments.timestamps.empty() && !arguments.timeline) {
+    CornerArguments timed = arguments;
+    FillTimeline(&timed, result);
+    return ReadCornerInput(timed, run, result);
+  }
+  SayMirrored(arguments.mirrored, result);
+  if (arguments.corners.empty()) {
+    CornerInput detected = Detect(arguments, run, result);
+    RequireOwnFootage(detected.input);
+    return detected;
+  }
+  if (!arguments.cameras.empty())
+    throw UsageError("give either option 'camera' (footage) or option 'corners' (a file), not both");
+  if (arguments.boards.size() > 1) throw UsageError("option 'corners' takes one option 'board' at most");
+  calib::CornerFileOptions options = arguments.corner_files;
+  if (!arguments.boards.empty()) options.board = arguments.boards[0];
+  const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);
+  result->inputs.push_back(arguments.corners);
+  Append(file.notes, &result->warnings);
+  CornerInput corners;
+  corners.input.boards = file.boards;
+  corners.input.cameras = file.cameras;
+  corners.input.detections = file.detections;
+  RequireOwnFootage(corners.input);
+  FlipCorners(arguments.mirrored, &corners.input);
+  return corners;
+}
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,111 @@
+#include "stages/input/tracker_input.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/some_of.h"
+#include "dataset/trackers/tracker_file.h"
+
+namespace mvstudio::stages {
+namespace {
+
+using dataset::TrackedPoints;
+using dataset::TrackerKind;
+
+TrackerKind KindOf(const std::string& path) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(path, error) ? dataset::DetectTracker(path) : TrackerKind::kNone;
+}
+
+void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>& joints, InputNotes* notes) {
+  std::vector<std::string> lacking;
+  for (const std::string& joint : joints) {
+    if (std::find(camera.joints.begin(), camera.joints.end(), joint) == camera.joints.end()) lacking.push_back(joint);
+  }
+  if (!lacking.empty()) {
+    notes->warnings.push_back({"POSE-JOINTS-DIFFER",
+                               camera.track.camera + ": its file lacks " + std::to_string(lacking.size()) + " of " +
+                                   std::to_string(joints.size()) + " joints that other cameras have: " + SomeOf(lacking),
+                               "the others still give these joints; track all cameras with one network if they should too"});
+  }
+  if (camera.individuals.size() > 1) {
+    notes->warnings.push_back({"POSE-INDIVIDUALS",
+                               camera.track.camera + ": " + std::to_string(camera.individuals.size()) + " individuals (" +
+                                   SomeOf(camera.individuals) +
+                                   "); they are matched across cameras by their places, and numbered, without their names",
+                               "option 'max-persons' says how many are kept"});
+  }
+}
+
+using NamedBones = std::vector<std::pair<std::string, std::string>>;
+
+/// Adds the bones whose joints exist, each once.
+void AddBones(const NamedBones& bones, geometry::Skeleton* skeleton) {
+  for (const auto& [from, to] : bones) {
+    const int a = skeleton->Find(from), b = skeleton->Find(to);
+    const auto same = [a = a, b = b](const std::pair<int, int>& bone) {
+      return bone == std::pair(a, b) || bone == std::pair(b, a);
+    };
+    if (a < 0 || b < 0 || a == b || std::any_of(skeleton->bones.begin(), skeleton->bones.end(), same)) continue;
+    skeleton->bones.emplace_back(a, b);
+  }
+}
+
+/// Joints with the bones that files state between them, else those of their project.
+geometry::Skeleton JoinedSkeleton(const std::vector<TrackedPoints>& cameras, const std::vector<std::string>& joints,
+                                  const NamedBones& of_project) {
+  geometry::Skeleton skeleton = geometry::PointsSkeleton(joints);
+  for (const TrackedPoints& camera : cameras) AddBones(camera.bones, &skeleton);
+  if (skeleton.bones.empty()) AddBones(of_project, &skeleton);
+  return skeleton;
+}
+
+}  // namespace
+
+bool HasTrackerFile(const std::vector<NamedPath>& pose2d) {
+  return std::any_of(pose2d.begin(), pose2d.end(),
+                     [](const NamedPath& named) { return KindOf(named.path) != TrackerKind::kNone; });
+}
+
+dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, InputNotes* notes) {
+  std::vector<TrackedPoints> cameras;
+  for (const auto& [camera, path] : arguments.pose2d) {
+    if (KindOf(path) == TrackerKind::kNone) {
+      throw UsageError(
+          "option 'pose2d' " + camera + "=" + path +
+          " is no file of DeepLabCut or SLEAP, but another camera's is; give files of one program for all cameras");
+    }
+    cameras.push_back(dataset::ReadTrackerFile(path, camera));
+  }
+  const std::vector<std::string> joints = dataset::UnitedJoints(cameras);
+  for (const TrackedPoints& camera : cameras) SayWhatDiffers(camera, joints, notes);
+  dataset::Pose2dSet set;
+  set.skeleton = arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones)
+                                            : geometry::SkeletonFrom(arguments.skeleton);
+  set.tracks = dataset::ToSkeleton(std::move(cameras), set.skeleton);
+  return set;
+}
+
+dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& skeleton, InputNotes* notes) {
+  const geometry::Skeleton given = skeleton.empty() ? geometry::Skeleton() : geometry::SkeletonFrom(skeleton);
+  const geometry::Skeleton* named = skeleton.empty() ? nullptr : &given;
+  const TrackerKind kind = KindOf(path);
+  if (kind == TrackerKind::kNone) return dataset::ReadPose2dCsv(path, named);
+  if (kind != TrackerKind::kCaliscopeCsv) {
+    throw FormatError(path, "",
+                      "one camera's " + std::string(ToString(kind)) +
+                          ", not a table of all cameras; give it as option "
+                          "'pose2d' NAME=FILE, once for each camera");
+  }
+  dataset::CaliscopePoints points = dataset::ReadCaliscopeCsv(path, named);
+  if (points.num_beyond > 0) {
+    notes->warnings.push_back({"POSE-POINTS-BEYOND",
+                               std::to_string(points.num_beyond) + " rows are of points that skeleton " + given.name +
+                                   " does not have, and are left out",
+                               "leave option 'skeleton' out to keep every point under its number"});
+  }
+  return std::move(points.set);
+}
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,180 @@
+#include "stages/nets/avatar_gaussians.h"
+
+#include <ATen/ATen.h>
+
+#include <cmath>
+
+#include "avatar/splats/files/cloud_file.h"
+#include "avatar/splats/files/player_file.h"
+#include "avatar/splats/files/ply.h"
+#include "core/disk/files.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "core/format.h"
+#include "dataset/footage/image_io.h"
+
+namespace mvstudio::stages {
+namespace {
+
+/// Options of the networks' training that Gaussians have too.
+bool IsShared(const std::string& name) {
+  for (const char* shared :
+       {"method", "steps", "batch", "save-every", "validate-pictures", "weight-l1", "weight-ssim", "weight-mask"})
+    if (name == shared) return true;
+  return false;
+}
+
+std::string HistoryOf(const std::vector<std::string>& rows) {
+  std::string text = "degree,step,l1,ssim_loss,mask,total,validation_ssim,validation_psnr_db,gaussians,wall_s\n";
+  for (const std::string& row : rows) text += row + "\n";
+  return text;
+}
+
+std::string RowText(int degree, const splats::TrainRow& row, double wall_s) {
+  const auto number = [](double value) { return std::isfinite(value) ? Format("%.6g", value) : std::string(); };
+  return std::to_string(degree) + "," + std::to_string(row.step) + "," + number(row.loss.l1) + "," + number(row.loss.ssim) +
+         "," + number(row.loss.mask) + "," + number(row.loss.total) + "," + number(row.validation_ssim) + "," +
+         number(row.validation_psnr_db) + "," + std::to_string(row.gaussians) + Format(",%.2f", wall_s);
+}
+
+/// What was asked for, of which runs of one recipe are known.
+std::map<std::string, std::string> AskedFor(const avatar::GaussianOptions& gaussians, const splats::TrainOptions& options) {
+  std::map<std::string, std::string> out = {{"train.steps", std::to_string(options.steps)},
+                                            {"train.batch", std::to_string(options.batch)},
+                                            {"train.weight-l1", Format("%.6g", options.weights.l1)},
+                                            {"train.weight-ssim", Format("%.6g", options.weights.ssim)},
+                                            {"train.weight-mask", Format("%.6g", options.weights.mask)}};
+  for (const auto& [name, value] : FieldsAsText(gaussians)) out["model." + name] = value;
+  return out;
+}
+
+/// The body at each instant that was trained on, in order.
+std::vector<splats::PlayerInstant> InstantsOf(const RunPacks& packs) {
+  std::map<int, const Eigen::Matrix3Xf*> by_frame;
+  const int64_t* frames = packs.train.frame.data_ptr<int64_t>();
+  for (size_t i = 0; i < packs.train_views.size(); ++i)
+    by_frame[static_cast<int>(frames[i])] = packs.train_views[i].vertices.get();
+  std::vector<splats::PlayerInstant> instants;
+  for (const auto& [frame, vertices] : by_frame) instants.push_back({frame, vertices});
+  return instants;
+}
+
+/// What a training leaves.
+struct Trained {
+  avatar::GaussianTraining learned;
+  std::map<std::string, std::string> asked;
+  std::vector<std::string> rows;
+  std::vector<splats::TrainView> samples;
+  double wall_s = 0;
+};
+
+void Save(const Trained& trained, const avatar::RunConfig& config, const RunPacks& packs, const AvatarRun& files,
+          const RunContext& run) {
+  const body::BodyTemplate& body = config.pack.fitted->person.body;
+  const splats::TrainResult& result = trained.learned.result;
+  const bool mip = trained.learned.options.smooth;
+  FilesTogether together;
+  WriteFileAtomic(files.Path("history.csv"), HistoryOf(trained.rows));
+  dataset::WriteImage(avatar::GaussianSheet(result.cloud, body, trained.samples, mip, run.num_threads),
+                      files.Path(Format("samples/step_%06d.png", result.best_step)));
+  WritePly(splats::ToPly(result.cloud, body.faces, body.vertices), files.Path(splats::kPlyFileName));
+  const std::string player = splats::PlayerBytes(result.cloud, mip, body, InstantsOf(packs));
+  if (!player.empty()) WriteFileAtomic(files.Path(splats::kPlayerFileName), player);
+  splats::WriteCloud({result.cloud, mip, config.pack.size_px, result.best_step, run.seed, trained.wall_s, trained.asked}, body,
+                     files.Path(splats::kCloudFileName));
+  together.Commit();
+}
+
+void TellDegrees(const avatar::GaussianTraining& trained, CommandResult* result) {
+  for (const avatar::DegreeTrial& trial : trained.trials)
+    result->metrics["colour_degrees"].push_back(
+        {{"degree", trial.degree}, {"validation_ssim", FiniteOrNull(trial.validation_ssim)}, {"gaussians", trial.gaussians}});
+  result->metrics["colour_degree"] = trained.options.degree;
+  result->text = "colours of degree " + std::to_string(trained.options.degree) + ": " + trained.reason + "\n";
+}
+
+void TellSkipped(const splats::SkippedSplats& skipped, CommandResult* result) {
+  result->metrics["skipped"] = {
+      {"degenerate", skipped.degenerate}, {"behind_camera", skipped.behind_camera}, {"not_finite", skipped.not_finite}};
+  if (skipped.degenerate + skipped.behind_camera + skipped.not_finite > 0)
+    result->text += Format("%lld Gaussians could not be shown in the last image (key skipped)\n",
+                           static_cast<long long>(skipped.degenerate + skipped.behind_camera + skipped.not_finite));
+}
+
+int64_t NumbersOf(const splats::Cloud& cloud) {
+  int64_t count = 0;
+  ForEachGroup(cloud.values,
+               [&](splats::Group, int, const std::vector<float>& array) { count += static_cast<int64_t>(array.size()); });
+  return count;
+}
+
+CommandResult ResultOf(const Trained& trained, const AvatarRun& files) {
+  CommandResult result;
+  const splats::TrainResult& learned = trained.learned.result;
+  auto& m = result.metrics;
+  m["method"] = "gaussians", m["num_parameters"] = NumbersOf(learned.cloud), m["gaussians"] = learned.cloud.size();
+  m["steps"] = learned.best_step, m["wall_s"] = trained.wall_s;
+  if (trained.learned.trials.size() <= 1)  // else the time is that of several trainings
+    m["it_per_s"] = FiniteOrNull(trained.wall_s > 0 ? trained.learned.options.steps / trained.wall_s : std::nan(""));
+  m["density"] = {{"cloned", learned.density.cloned}, {"split", learned.density.split}, {"pruned", learned.density.pruned}};
+  m["mip_filter"] = trained.learned.options.smooth;
+  TellDegrees(trained.learned, &result);
+  TellSkipped(learned.skipped, &result);
+  result.outputs = files.Outputs();
+  if (learned.status != Status::kOk) {
+    result.exit = kExitIllPosed;
+    result.errors.push_back(
+        {"AVA-NONFINITE", "the loss is not finite on " + learned.trouble, "look at these images; train again without them"});
+  }
+  return result;
+}
+
+}  // namespace
+
+void RefuseNetworkOptions(const std::function<bool(const std::string&)>& given) {
+  const auto refuse = [&](const std::string& name) {
+    if (given(name) && !IsShared(name))
+      throw UsageError("option '" + name + "' is of the networks: option 'method' gaussians has none; leave it out");
+  };
+  const auto field = [&](const std::string& name, const auto&, const std::string&) { refuse(name); };
+  VisitConstFields(field, avatar::ModelOptions{});
+  VisitConstFields(field, avatar::TrainOptions{});
+  for (const char* name :
+       {"init-from", "iuv", "pose3d", "fit-shape", "fit-pictures", "ranks", "rank", "world-size", "rendezvous"})
+    refuse(name);
+}
+
+void RefuseGaussianOptions(const std::function<bool(const std::string&)>& given) {
+  VisitConstFields(
+      [&](const std::string& name, const auto&, const std::string&) {
+        if (given(name)) throw UsageError("option '" + name + "' needs option 'method' gaussians");
+      },
+      avatar::GaussianOptions{});
+}
+
+CommandResult TrainGaussianRun(const GaussianRun& arguments, const avatar::RunConfig& config, const RunPacks& packs,
+                               const AvatarRun& files, const std::function<void()>& begin, const RunContext& run) {
+  const splats::TrainOptions options = TrainOptionsOf(arguments.gaussians, arguments.networks, arguments.given);
+  avatar::GaussianImages images;
+  images.train = avatar::TrainViewsOf(packs.train, packs.train_views);
+  images.camera.assign(packs.train.camera_idx.data_ptr<int64_t>(),
+                       packs.train.camera_idx.data_ptr<int64_t>() + packs.train.size());
+  std::vector<splats::TrainView> watched;
+  if (packs.watched) watched = avatar::TrainViewsOf(*packs.watched, packs.watched_views);
+  if (!config.split.validation_cameras.empty()) images.validation = watched;
+  Trained trained;
+  trained.asked = AskedFor(arguments.gaussians, options);
+  const double start_s = arguments.clock_s();
+  const auto on_row = [&](int degree, const splats::TrainRow& row, const splats::Cloud&) {
+    trained.rows.push_back(RowText(degree, row, arguments.clock_s() - start_s));
+  };
+  trained.learned =
+      avatar::TrainGaussians(*config.pack.fitted, images, arguments.gaussians.colour_degree, options, run, on_row);
+  trained.wall_s = arguments.clock_s() - start_s;
+  trained.samples = watched.empty() ? images.train : watched;
+  begin();
+  Save(trained, config, packs, files, run);
+  return ResultOf(trained, files);
+}
+
+}  // namespace mvstudio::stages

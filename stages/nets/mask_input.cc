@@ -1,0 +1,241 @@
+#include "stages/nets/mask_input.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "core/choice/frame_choice.h"
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "dataset/detect/models/models.h"
+#include "dataset/footage/frames.h"
+#include "dataset/footage/image_io.h"
+#include "dataset/masks/size_rule.h"
+#include "dataset/panoptic/panoptic.h"
+#include "stages/frame_notice.h"
+#include "stages/input/calib_read.h"
+#include "stages/input/pose3d_input.h"
+#include "stages/words.h"
+
+namespace mvstudio::stages {
+namespace fs = std::filesystem;
+namespace {
+
+std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+
+/// The camera as its footage shows it.
+geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::RigCamera& camera, const MaskCamera& taken,
+                              const std::map<int, People>& poses, CommandResult* result) {
+  const int w = taken.samples.width, h = taken.samples.height, cw = camera.camera.width_px, ch = camera.camera.height_px;
+  const std::string sizes = "footage is " + SizeText(w, h) + ", the calibration is for " + SizeText(cw, ch);
+  const auto rules = dataset::SizeRules(cw, ch, w, h);
+  if (rules.empty()) throw FormatError(taken.footage.path, "camera " + taken.footage.camera, sizes + ": more than 2 % apart");
+  if (rules.size() == 1) return ApplySizeRule(camera, rules[0], w, h);
+  dataset::SizeRule rule = rules[0];
+  for (const dataset::SizeRule& r : rules) {
+    if (r.name == ToString(arguments.run.size_rule)) rule = r;
+  }
+  std::vector<Image> frames;
+  std::vector<People> people;
+  for (size_t f = 0; f < taken.samples.frames.size(); ++f) {
+    const auto found = poses.find(taken.InstantOf(taken.samples.numbers[f]));
+    if (found == poses.end()) continue;
+    frames.push_back(taken.samples.frames[f]), people.push_back(found->second);
+  }
+  if (arguments.run.size_rule == dataset::SizeRuleChoice::kAuto && !frames.empty())
+    rule = dataset::DecideSizeRule(rules, camera, frames, people, 0, arguments.mask).rule;
+  result->warnings.push_back({"MSK-SIZE", "camera " + taken.footage.camera + ": " + sizes + "; taken as '" + rule.name + "'",
+                              "calibrate with footage of the size that is used, or name the rule with option 'size-rule'"});
+  return ApplySizeRule(camera, rule, w, h);
+}
+
+MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::MaskOptions& options, bool keep_undamaged) {
+  MaskCamera camera;
+  camera.footage = footage;
+  if (footage.timeline) {
+    camera.frame_at.emplace();
+    const dataset::CameraTimeline* times = footage.timeline->Find(footage.camera);
+    const std::vector<int64_t> frames = times ? times->frame_at : std::vector<int64_t>();
+    for (size_t instant = 0; instant < frames.size(); ++instant) {
+      if (frames[instant] >= 0) camera.frame_at->emplace(static_cast<int>(instant), static_cast<int>(frames[instant]));
+    }
+  }
+  camera.samples = dataset::SampleFootage(footage.path, options.background_frames, keep_undamaged);
+  if (footage.plate.empty()) return camera;
+  camera.plate = dataset::ReadImage(footage.plate);
+  if (camera.plate.width != camera.samples.width || camera.plate.height != camera.samples.height) {
+    throw FormatError(footage.plate, "camera " + footage.camera,
+                      "the clean plate is " + SizeText(camera.plate.width, camera.plate.height) + ", the footage " +
+                          SizeText(camera.samples.width, camera.samples.height) + ": take both with the same settings");
+  }
+  return camera;
+}
+
+void AddCalibration(const MaskArguments& arguments, const std::string& path, MaskJob* job, CommandResult* result) {
+  const calib::ImportedRig imported = ReadCalibrationFiles({path}, arguments.read);
+  const geometry::Rig& rig = imported.rig;
+  AddNotes(imported.notes, result);
+  RequirePoses(rig, path);
+  result->inputs.push_back(path);
+  for (MaskCamera& camera : job->cameras) {
+    const int idx = rig.Find(camera.footage.camera);
+    if (idx < 0) throw FormatError(path, "cameras", "has no camera " + camera.footage.camera);
+    camera.camera = MatchSize(arguments, rig.cameras[idx], camera, job->poses, result);
+    for (const auto& [instant, people] : job->poses) {
+      const int frame = camera.FrameAt(instant);
+      if (frame >= 0) camera.bodies.frames[frame] = dataset::ProjectBody(people, *camera.camera, arguments.mask);
+    }
+  }
+}
+
+MaskCamera* CameraNamed(const std::string& name, MaskJob* job) {
+  const auto is = [&](const MaskCamera& camera) { return camera.footage.camera == name; };
+  const auto found = std::find_if(job->cameras.begin(), job->cameras.end(), is);
+  return found == job->cameras.end() ? nullptr : &*found;
+}
+
+/// The sizes of the footage, in whose pixels the joints are.
+geometry::Rig FootageRig(const MaskJob& job) {
+  geometry::Rig rig;
+  for (const MaskCamera& camera : job.cameras) {
+    geometry::RigCamera sized;
+    sized.camera.name = camera.footage.camera;
+    sized.camera.width_px = camera.samples.width, sized.camera.height_px = camera.samples.height;
+    rig.cameras.push_back(std::move(sized));
+  }
+  return rig;
+}
+
+void AddKeypoints(const MaskArguments& arguments, MaskJob* job, CommandResult* result) {
+  const geometry::Skeleton skeleton = geometry::SkeletonFrom(arguments.skeleton);
+  if (geometry::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
+  std::vector<dataset::Pose2dTrack> tracks;
+  for (const NamedPath& named : arguments.pose2d) {
+    const auto& [name, path] = named;
+    if (!CameraNamed(name, job))
+      throw UsageError("option 'pose2d' " + ToString(named) + ": camera " + name + " has no footage");
+    tracks.push_back(dataset::ReadPose2d(path, name, skeleton));
+    result->inputs.push_back(path);
+  }
+  ApplyChanges(arguments.changes, FootageRig(*job), skeleton, &tracks);
+  for (const dataset::Pose2dTrack& track : tracks) {
+    MaskCamera* camera = CameraNamed(track.camera, job);
+    for (const auto& [frame, people] : track.frames) {
+      dataset::ProjectedBody body = dataset::BodyFromKeypoints(people, skeleton, arguments.mask);
+      if (!body.empty()) camera->bodies.frames[frame] = std::move(body);
+    }
+  }
+}
+
+/// Leaves time steps that were not asked for without masks, and says which are not there.
+void LimitToFrames(const std::string& ranges, MaskJob* job, CommandResult* result) {
+  if (ranges.empty()) return;
+  std::vector<int> there;
+  for (const MaskCamera& camera : job->cameras) {
+    for (const int frame : camera.samples.all) {
+      if (camera.InstantOf(frame) >= 0) there.push_back(camera.InstantOf(frame));
+    }
+  }
+  const FrameChoice choice =
+      KnownFrames("option 'frames'", ParseRanges("option 'frames'", ranges), std::move(there), "the footage");
+  TellFrames(choice.beyond, result);
+  for (MaskCamera& camera : job->cameras) {
+    camera.wanted.emplace();
+    for (const int frame : camera.samples.all) {
+      if (std::binary_search(choice.frames.begin(), choice.frames.end(), camera.InstantOf(frame))) camera.wanted->insert(frame);
+    }
+  }
+}
+
+void CheckArguments(const MaskArguments& arguments, const TakeInput& take) {
+  if (take.footage.empty())
+    throw UsageError("no footage was given: add option 'video' CAMERA=FILE or option 'images' CAMERA=FOLDER");
+  std::set<std::string> cameras;
+  for (const dataset::CameraFootage& f : take.footage) {
+    if (!cameras.insert(f.camera).second) throw UsageError("camera " + f.camera + " was given footage twice");
+  }
+  if (!arguments.pose3d.empty() && !arguments.pose2d.empty())
+    throw UsageError("give option 'pose3d' or option 'pose2d', not both");
+  const std::string calib = arguments.calib.empty() ? take.calibration : arguments.calib;
+  if (!arguments.pose3d.empty() && calib.empty()) throw UsageError("option 'pose3d' needs option 'calib'");
+  if (arguments.run.hull && calib.empty()) throw UsageError("option 'hull' needs option 'calib'");
+  if (!arguments.changes.rate.empty())
+    throw UsageError("option 'rate': a mask has the number of its frame, whatever the rates; joints must be numbered so");
+  if (arguments.mask.background_frames < 1) throw UsageError("option 'mask-background-frames' must be at least 1");
+  if (!(arguments.hull.voxel_m > 0)) throw UsageError("option 'hull-voxel' must be positive");
+}
+
+}  // namespace
+
+MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, CommandResult* result, const RunContext& run) {
+  CheckArguments(arguments, take);
+  MaskJob job;
+  job.mask = arguments.mask, job.hull = arguments.hull, job.run = arguments.run;
+  if (!arguments.pose3d.empty()) {
+    job.poses = ReadCoco19Poses(arguments.pose3d);
+    result->inputs.push_back(arguments.pose3d);
+  }
+  job.cameras.resize(take.footage.size());
+  {
+    ProgressStage stage(run, "reading footage", static_cast<int64_t>(take.footage.size()));
+    ParallelFor(static_cast<int64_t>(take.footage.size()), run.num_threads, [&](int64_t c) {
+      job.cameras[c] = SampleCamera(take.footage[c], arguments.mask, arguments.run.keep_undamaged);
+    });
+    stage.Advance(static_cast<int64_t>(take.footage.size()));
+  }
+  LimitToFrames(arguments.changes.frames, &job, result);
+  const std::string calib = arguments.calib.empty() ? take.calibration : arguments.calib;
+  if (!calib.empty()) AddCalibration(arguments, calib, &job, result);
+  AddKeypoints(arguments, &job, result);
+  return job;
+}
+
+std::vector<MaskBackend> MaskBackends(const MaskArguments& arguments, CommandResult* result) {
+  const std::string& name = arguments.backend;
+  if (name == "background") return {{"background", nullptr}};
+  if (name == "selfie") return {{"selfie", detect::SelfieSegmenter()}};
+  if (name.rfind("onnx:", 0) == 0) return {{name, detect::OnnxSegmenter(name.substr(5), arguments.onnx)}};
+  if (name != "auto") throw UsageError("option 'backend' " + name + ": known are auto, background, selfie, onnx:FILE");
+  std::vector<MaskBackend> backends = {{"background", nullptr}};
+  if (detect::HasModel("selfie")) {
+    backends.push_back({"selfie", detect::SelfieSegmenter()});
+  } else {
+    result->warnings.push_back(
+        {"MSK-NONET", "the net 'selfie' is not installed: only 'background' can be tried", "mvstudio models fetch"});
+  }
+  return backends;
+}
+
+TruthScore CompareWithTruth(const std::string& truth, const std::string& folder, const std::string& camera) {
+  TruthScore score;
+  std::map<int, std::string> exact;
+  const std::vector<std::string> files = FilesMatching(truth);
+  const std::vector<int64_t> numbers = dataset::NumberFrames(truth, files).numbers;
+  for (size_t i = 0; i < files.size(); ++i) exact[static_cast<int>(numbers[i])] = files[i];
+  if (exact.empty()) throw IoError(truth, "no exact mask is there");
+  score.masks = dataset::MeaningOfMasks(files);
+  for (const auto& [frame, path] : exact) {
+    const std::string own = MaskPath(folder, camera, frame);
+    if (!fs::exists(own)) {
+      ++score.missing;
+      continue;
+    }
+    const Image a = dataset::ReadImage(own, true), b = dataset::ReadMask(path, score.masks);
+    if (a.width != b.width || a.height != b.height)
+      throw FormatError(path, "", "is " + SizeText(b.width, b.height) + ", the footage " + SizeText(a.width, a.height));
+    double both = 0, either = 0;
+    for (size_t i = 0; i < a.pixels.size(); ++i) {
+      const bool m = a.pixels[i] > 127, t = b.pixels[i] > 127;
+      both += m && t, either += m || t;
+      score.too_much_px += m && !t, score.too_little_px += t && !m;
+    }
+    const double iou = either > 0 ? both / either : 1;
+    score.iou_sum += iou;
+    ++score.pictures;
+    if (iou < score.worst || score.worst_picture.empty()) score.worst = iou, score.worst_picture = own;
+  }
+  return score;
+}
+
+}  // namespace mvstudio::stages

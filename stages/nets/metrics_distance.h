@@ -1,0 +1,46 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/progress.h"
+#include "stages/input/picture_pairs.h"
+#include "stages/result.h"
+
+/// Distances between sets of images or features for `mvstudio metrics`. Needs libtorch.
+namespace mvstudio::stages {
+
+struct DistanceResult {
+  double fd = 0, floor = 0, kid = 0, kid_se = 0;  ///< floor, kid: NaN where a set is known by its mean and covariance alone
+  int64_t n_a = 0, n_b = 0, d = 0;                ///< n: 0 where it is not known
+  std::string features;
+  std::string name;  ///< "FID" or "FD (features)"
+};
+
+/// One of two sets: images, or else a file of features (.npy, .safetensors, .npz) or statistics (.npz).
+struct DistanceSide {
+  std::string path;                   ///< of the file, or the images' folder
+  std::vector<std::string> pictures;  ///< empty for a file
+};
+
+/// True for .npy, .npz and .safetensors.
+bool IsFeatureFile(const std::string& path);
+
+/// By a net where a side has images: "gabor", "posenet", "auto", or a TorchScript file. Images may have different sizes and
+/// need no partners; those with opacity lie over `backdrop`. Statistics are `mu` (d) and `sigma` (d, d), as pytorch-fid
+/// writes them. Throws IoError, FormatError: also for an .npz that holds something else, which it names.
+DistanceResult CompareSides(const DistanceSide& reference, const DistanceSide& other, const std::string& net,
+                            const Backdrop& backdrop, const RunContext& run);
+
+/// For two files of features or statistics.
+DistanceResult CompareFeatureFiles(const std::string& reference, const std::string& other, const RunContext& run);
+
+struct WrittenStatistics {
+  int64_t n = 0, d = 0;
+  std::string features;
+};
+/// Writes `mu` and `sigma` of a set as .npz, with `features` (the net's name) and `n`.
+WrittenStatistics WriteStatistics(const DistanceSide& side, const std::string& net, const Backdrop& backdrop,
+                                  const std::string& out, const RunContext& run);
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,103 @@
+#include "stages/people/likely_cause.h"
+
+#include <algorithm>
+
+#include "core/format.h"
+
+namespace mvstudio::stages {
+namespace {
+
+nlohmann::ordered_json ToJson(const triangulate::CauseTrial& trial) {
+  return {{"cause", std::string(ToString(trial.cause))},
+          {"assumption", trial.assumption},
+          {"carried", trial.carried},
+          {"residual_px", trial.residual_px},
+          {"clear", trial.clear}};
+}
+
+nlohmann::ordered_json CausesJson(const triangulate::CauseReport& report) {
+  nlohmann::ordered_json causes = nlohmann::ordered_json::array({ToJson(report.as_given)});
+  for (const triangulate::CauseTrial& trial : report.trials) causes.push_back(ToJson(trial));
+  return causes;
+}
+
+/// What to do about clocks that do not fit: nothing that was done already.
+std::string TimingRemedy(const triangulate::CauseTrial& trial, bool timed) {
+  if (!timed) return trial.remedy;
+  return "the offsets that were given do not hold for this take: find them anew with `mvstudio sync`, or leave them out";
+}
+
+/// The motion asks for offsets that change the residuals little: it is slow, or errors of the calibration hide it. Said where
+/// they change them at all.
+CommandResult SlightTiming(const triangulate::CauseReport& report, bool timed) {
+  constexpr double kLeastGain = 0.05;
+  CommandResult result;
+  if (report.trials.empty()) return result;
+  const triangulate::CauseTrial& trial = report.trials[0];
+  if (trial.offset_frames < 0.5 || trial.residual_px > (1 - kLeastGain) * report.as_given.residual_px) return result;
+  result.metrics["causes"] = CausesJson(report);
+  result.warnings.push_back(
+      {"TRI-TIMING",
+       "the motion says that the cameras are not synchronous: it fits " + trial.assumption +
+           Format("; mean residual %.2f px instead of %.2f px", trial.residual_px, report.as_given.residual_px),
+       TimingRemedy(trial, timed)});
+  return result;
+}
+
+/// What the best assumptions would leave; none of them explains the take.
+std::string NothingExplains(const triangulate::CauseReport& report) {
+  constexpr size_t kShown = 3;
+  std::string text =
+      Format("none of the likely causes explains it: of the detections in a sample %.3g %% fit together as given",
+             100 * report.as_given.carried);
+  for (size_t i = 0; i < std::min(kShown, report.trials.size()); ++i)
+    text += Format(", %.3g %% ", 100 * report.trials[i].carried) + report.trials[i].assumption;
+  return text;
+}
+
+}  // namespace
+
+CauseFinding CauseOfLoss(const std::optional<triangulate::CauseReport>& given, const std::string& code,
+                         const std::string& otherwise) {
+  if (!given) return {{}, false, otherwise};
+  const triangulate::CauseReport& report = *given;
+  CauseFinding finding{{}, !report.message.empty(), otherwise};
+  finding.said.metrics["causes"] = CausesJson(report);
+  if (finding.clear) {
+    finding.remedy = report.trials[0].remedy;
+    finding.said.warnings.push_back({code, "likeliest cause: " + report.message, finding.remedy});
+  } else if (report.as_given.num_detections > 0 && !report.trials.empty()) {
+    finding.said.warnings.push_back({code, NothingExplains(report), otherwise});
+  }
+  return finding;
+}
+
+CauseFinding CauseInTiming(const triangulate::CauseReport& report, bool timed) {
+  if (report.message.empty()) return {SlightTiming(report, timed)};
+  const triangulate::CauseTrial& trial = report.trials[0];
+  CauseFinding finding{{}, true, TimingRemedy(trial, timed)};
+  finding.said.metrics["causes"] = CausesJson(report);
+  const Notice notice{"TRI-TIMING", "the cameras are not synchronous: " + report.message, finding.remedy};
+  if (trial.offset_frames < 0.5 && trial.cause != triangulate::Cause::kRates) {
+    finding.said.warnings.push_back(notice);
+  } else {
+    finding.said.exit = kExitQualityGate;
+    finding.said.errors.push_back(notice);
+  }
+  return finding;
+}
+
+CauseFinding CauseInCamera(const triangulate::CauseReport& report, bool timed) {
+  using triangulate::Cause;
+  CauseFinding finding;
+  if (!report.trials.empty()) finding.said.metrics["causes"] = CausesJson(report);
+  if (report.message.empty() || report.trials[0].cause == Cause::kMoved) return finding;
+  const triangulate::CauseTrial& trial = report.trials[0];
+  if (trial.cause == Cause::kTimeOffset || trial.cause == Cause::kRates) return CauseInTiming(report, timed);
+  finding.clear = true, finding.remedy = trial.remedy;
+  finding.said.exit = kExitQualityGate;
+  finding.said.errors.push_back({"TRI-CAUSE", "likeliest cause: " + report.message, trial.remedy});
+  return finding;
+}
+
+}  // namespace mvstudio::stages

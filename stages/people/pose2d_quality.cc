@@ -1,0 +1,91 @@
+#include "stages/people/pose2d_quality.h"
+
+#include <cmath>
+#include <limits>
+
+#include "stages/input/pose_input.h"
+#include "stages/input/take_frames.h"
+#include "triangulate/take/take.h"
+
+namespace mvstudio::stages {
+namespace {
+
+using nlohmann::ordered_json;
+
+struct OkCount {
+  int ok = 0, tried = 0;
+  double share() const { return tried ? static_cast<double>(ok) / tried : 0; }
+};
+
+ordered_json FiguresJson(const triangulate::LeftOutFigures& figures) {
+  return {{"median_px", FiniteOrNull(figures.median_px)},
+          {"p90_px", FiniteOrNull(figures.p90_px)},
+          {"predicted_median_px", FiniteOrNull(figures.predicted_median_px)},
+          {"coverage", FiniteOrNull(figures.coverage)},
+          {"num", figures.num_samples}};
+}
+
+std::vector<OkCount> CountOk(const triangulate::TakeResult& take, size_t num_joints) {
+  std::vector<OkCount> counts(num_joints);
+  for (const triangulate::TakePoint& point : take.points) {
+    OkCount& count = counts[static_cast<size_t>(point.joint_idx)];
+    ++count.tried;
+    count.ok += point.point.status == Status::kOk;
+  }
+  return counts;
+}
+
+void AddCameras(const triangulate::TakeResult& take, const geometry::Rig& rig, ordered_json* json) {
+  (*json)["cameras"] = ordered_json::array();
+  for (size_t c = 0; c < rig.cameras.size() && c < take.holdout.cameras.size(); ++c) {
+    if (take.holdout.cameras[c].num_samples == 0) continue;
+    ordered_json camera{{"name", rig.cameras[c].camera.name}};
+    camera.update(FiguresJson(take.holdout.cameras[c]));
+    (*json)["cameras"].push_back(camera);
+  }
+}
+
+void AddJoints(const triangulate::TakeResult& take, const std::vector<OkCount>& counts, const geometry::Skeleton& skeleton,
+               ordered_json* json) {
+  (*json)["joints"] = ordered_json::array();
+  for (size_t j = 0; j < skeleton.joints.size(); ++j) {
+    ordered_json joint{{"name", skeleton.joints[j]}, {"share_ok", counts[j].share()}};
+    if (j < take.holdout.joints.size()) joint.update(FiguresJson(take.holdout.joints[j]));
+    (*json)["joints"].push_back(joint);
+  }
+}
+
+}  // namespace
+
+PoseAgreement MeasureAgreement(const std::vector<dataset::Pose2dTrack>& tracks, const geometry::Skeleton& skeleton,
+                               const geometry::Rig& rig, int max_persons, const RunContext& run) {
+  PoseAgreement agreement;
+  agreement.median_px = agreement.p90_px = std::numeric_limits<double>::quiet_NaN();
+  std::vector<dataset::Pose2dTrack> known;
+  for (const dataset::Pose2dTrack& track : tracks) {
+    if (rig.Find(track.camera) >= 0) known.push_back(track);
+  }
+  if (known.size() < 2) return agreement;
+  triangulate::TakeOptions options;
+  options.max_persons = max_persons;
+  const triangulate::TakeResult take =
+      triangulate::TriangulateTake(rig, ToFrames(known, rig, ""), BodyOf(skeleton), options, run);
+  const std::vector<OkCount> counts = CountOk(take, skeleton.joints.size());
+  OkCount all;
+  for (const OkCount& count : counts) all.ok += count.ok, all.tried += count.tried;
+  agreement.median_px = take.holdout.all.num_samples ? take.holdout.all.median_px : agreement.median_px;
+  agreement.p90_px = take.holdout.all.num_samples ? take.holdout.all.p90_px : agreement.p90_px;
+  agreement.share_ok = all.share();
+  agreement.sigma_px = take.sigma_px;
+  agreement.sides_fixed = take.sides.num_swapped;
+  agreement.json = FiguresJson(take.holdout.all);
+  agreement.json["share_ok"] = agreement.share_ok;
+  agreement.json["sigma_px"] = FiniteOrNull(take.sigma_px);
+  agreement.json["sides_fixed"] = take.sides.num_swapped;
+  agreement.json["method"] = std::string(ToString(take.method));
+  AddCameras(take, rig, &agreement.json);
+  AddJoints(take, counts, skeleton, &agreement.json);
+  return agreement;
+}
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "stages/result.h"
+
+/// Cost and quality of training over a grid of settings. Each trial is a run of this program's own `avatar train` and
+/// `avatar eval`, so it can be repeated manually.
+namespace mvstudio::stages {
+
+struct AvatarGrid {
+  std::vector<int> widths{8, 16}, sizes{64, 128}, steps{0, 300, 600}, cameras{16, 6, 3};
+  std::vector<std::string> losses{"l1", "l1+ssim"};
+  std::vector<std::string> methods{"tna"};  ///< tna, direct, v2v, gaussians
+  std::vector<int> gaussians{0};            ///< takes the place of the width with Gaussians; 0: automatic
+};
+
+/// One point of the grid.
+struct AvatarTrial {
+  std::string method = "tna";
+  int width = 0, size_px = 0, steps = 0;  ///< 0 steps: the posed template in averaged colours, without a network
+  int gaussians = 0;                      ///< in place of the width with method gaussians: to begin with; 0: automatic
+  std::string loss;
+  std::vector<std::string> cameras;  ///< used for training
+  /// Results; NaN before it has run.
+  double ssim = 0, psnr_db = 0, mask_iou = 0, fd = 0, train_s = 0, s_per_step = 0, ms_per_frame = 0, parameters = 0,
+         peak_rss_mb = 0, kid = 0;
+  bool done = false;
+  bool train_front = false, render_front = false;  ///< among the trials with as many cameras
+  std::string Name() const;                        ///< "width 8, 64 px, 300 steps, l1+ssim"
+};
+
+struct AvatarTradeoffOptions {
+  std::string dataset, out, features = "auto";
+  std::string train_flags, gaussian_flags;  ///< further flags of trainings: of networks, of Gaussians
+  std::vector<std::string> holdout_cameras;
+  std::string holdout_frames;
+  int score_size_px = 0;     ///< all trials are scored at this size
+  double limit_minutes = 0;  ///< no further trial starts after this time; 0: no limit
+};
+
+/// Every combination, cheapest first; without steps, one for each method, size and number of cameras, and of Gaussians.
+/// `cameras`: candidate names, ordered so that every prefix is well spread. Throws UsageError for a method that does not exist.
+std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<std::string>& cameras);
+
+/// Marks the Pareto fronts within each number of cameras: seconds of training, and ms per frame, against 1 - SSIM.
+void MarkFronts(std::vector<AvatarTrial>* trials);
+
+nlohmann::ordered_json TrialsJson(const std::vector<AvatarTrial>& trials);
+std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string& distance);
+std::string TrialsPage(const std::vector<AvatarTrial>& trials, const AvatarTradeoffOptions& options);
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,76 @@
+#include "stages/words.h"
+
+#include <charconv>
+#include <cmath>
+#include <set>
+#include <sstream>
+
+#include "core/error.h"
+#include "core/format.h"
+#include "core/utf8.h"
+
+namespace mvstudio::stages {
+
+std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const std::string& text) {
+  const size_t equals = text.find('=');
+  if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
+    throw UsageError(flag + " " + text + ": expected NAME=PATH, e.g. " + flag + " cam_01=videos/cam01.mp4");
+  }
+  if (!IsUtf8(text.substr(0, equals))) throw UsageError(flag + " " + text + ": the name is not UTF-8");
+  return {text.substr(0, equals), text.substr(equals + 1)};
+}
+
+std::string ToString(const NamedPath& named) { return named.name + "=" + named.path; }
+
+void FromString(const std::string& text, const std::string& option, NamedPath* named) {
+  const auto [name, path] = SplitNamePath("option '" + option + "'", text);
+  *named = {name, path};
+}
+
+namespace {
+
+int ParseNumber(const std::string& flag, const std::string& text) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || value < 0) {
+    throw UsageError(flag + ": '" + text + "' is not a frame number; expected a list such as 0-79,90 or 80-99");
+  }
+  return value;
+}
+
+}  // namespace
+
+std::vector<int> ParseRanges(const std::string& flag, const std::string& text) {
+  std::set<int> numbers;
+  std::stringstream items(text);
+  for (std::string item; std::getline(items, item, ',');) {
+    const size_t dash = item.find('-');
+    const int first = ParseNumber(flag, item.substr(0, dash));
+    const int last = dash == std::string::npos ? first : ParseNumber(flag, item.substr(dash + 1));
+    if (last < first || last - first > 10'000'000)
+      throw UsageError(flag + ": range '" + item + "' runs backwards or is too long");
+    for (int i = 0; i <= last - first; ++i) numbers.insert(first + i);
+  }
+  return {numbers.begin(), numbers.end()};
+}
+
+std::string LengthText(double metres) {
+  const double size = std::abs(metres);
+  if (!std::isfinite(metres)) return "unknown";
+  if (size > 0 && size < 1e-4) return Format("%.3g um", 1e6 * metres);
+  return size < 1 ? Format("%.2f mm", 1e3 * metres) : Format(size < 1e5 ? "%.2f m" : "%.3g m", metres);
+}
+
+std::string RangesText(const std::vector<int>& numbers) {
+  std::string text;
+  for (size_t i = 0; i < numbers.size();) {
+    size_t end = i + 1;
+    while (end < numbers.size() && numbers[end] == numbers[end - 1] + 1) ++end;
+    text += (text.empty() ? "" : ",") + std::to_string(numbers[i]);
+    if (end - i > 1) text += "-" + std::to_string(numbers[end - 1]);
+    i = end;
+  }
+  return text;
+}
+
+}  // namespace mvstudio::stages
