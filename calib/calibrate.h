@@ -131,7 +131,6 @@ struct CalibrateReport {
   double need_px = 0;  ///< CalibrateOptions::need_px
   double solve_s = 0;  ///< wall time of the joint adjustment
   int num_corners = 0, num_frames = 0;
-  std::string gauge;
   Verdict verdict;
 };
 

@@ -242,7 +242,7 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
   m["solve_s"] = FiniteOrNull(report.solve_s);
   m["num_frames"] = report.num_frames;
   m["num_corners"] = report.num_corners;
-  m["gauge"] = report.gauge;
+  m["gauge"] = GaugeText(report.rig.gauge);
   m["verdict"] = VerdictJson(report.verdict);
   m["uncertainty"] = {{"centre_px", FiniteOrNull(report.uncertainty.centre_px)},
                       {"edge_px", FiniteOrNull(report.uncertainty.edge_px)},
@@ -350,7 +350,7 @@ std::string CalibrateSummary(const calib::CalibrateReport& report) {
   }
   text += Format("rig: rms %.3f px, held-out %s px, %d corners in %d frames, %.1f %% rejected, world: %s\n", report.rms_px,
                  Figure(report.holdout_rms_px, 3).c_str(), report.num_corners, report.num_frames,
-                 100 * report.rejected_fraction, report.gauge.c_str());
+                 100 * report.rejected_fraction, GaugeText(report.rig.gauge).c_str());
   if (report.rig.cameras.size() == 2) {
     text += Format("baseline %.3f mm\n", BaselineMm(report.rig));
   }

@@ -281,7 +281,7 @@ bool ScaleByLengths(const std::vector<calib::StatedLength>& lengths, const std::
   DescribeLengths(scale, result);
   if (scale.status != Status::kOk) return false;
   *rig = geometry::InWorld(*rig, {}, scale.scale);
-  rig->gauge = GaugeWithLengths(rig->gauge);
+  rig->gauge.stated_lengths = true;
   return true;
 }
 

@@ -61,7 +61,7 @@ void WriteProjectParts(const dataset::ProjectSettings& settings, const geometry:
     MoveTo(world, &pose->rows);
     pose->world = world.text;
     geometry::Rig moved = geometry::InWorld(rig, world.new_from_old);
-    moved.gauge = world.text;
+    moved.gauge = geometry::RigGauge::Other(world.text);
     const std::string path = (fs::path(out) / "calibration.json").string();
     geometry::WriteRig(moved, path);
     result->outputs.push_back({path, ""});

@@ -26,7 +26,7 @@ TEST(Calibrate, NoiseFreeRigToRoundingError) {
   const CalibrateReport report = Calibrate(testing::ToInput(scene), Quick(), RunContext());
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LT(report.rms_px, 1e-7);
-  EXPECT_EQ(report.gauge, "camera cam0");
+  EXPECT_EQ(GaugeText(report.rig.gauge), "camera cam0");
   const geometry::Rig truth = testing::TruthRig(scene);
   for (size_t c = 0; c < 3; ++c) {
     const geometry::Rigid3 &found = report.rig.cameras[c].cam_from_world, &wanted = truth.cameras[c].cam_from_world;
@@ -42,7 +42,7 @@ TEST(Calibrate, WorldOfABoardHasZUpAndItsCorner0AtTheOrigin) {
   options.world.board_frame = 4;
   const CalibrateReport report = Calibrate(testing::ToInput(scene), options, RunContext());
   ASSERT_EQ(report.status, Status::kOk) << report.message;
-  EXPECT_EQ(report.gauge, "board in frame 4");
+  EXPECT_EQ(GaugeText(report.rig.gauge), "board in frame 4");
   geometry::Rigid3 world_from_board;
   world_from_board.rotation = Eigen::Quaterniond(0, 1, 0, 0);  // diag(1, -1, -1)
   const geometry::Rigid3 cam_from_board = scene.truth.cam_from_world[1] * scene.truth.world_from_board[1];
