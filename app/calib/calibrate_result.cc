@@ -283,7 +283,7 @@ void AddFilmGain(const calib::CalibrateReport& report, const std::vector<calib::
 }
 
 ordered_json VerdictJson(const calib::Verdict& verdict) {
-  ordered_json json{{"status", verdict.status}, {"reasons", ordered_json::array()}};
+  ordered_json json{{"status", ToString(verdict.outcome())}, {"reasons", ordered_json::array()}};
   for (const auto& reason : verdict.reasons)
     json["reasons"].push_back({{"level", reason.fails ? "fail" : "warn"}, {"code", reason.code}, {"text", reason.text}});
   return json;
@@ -294,7 +294,7 @@ std::string VerdictLine(const calib::Verdict& verdict) {
   const auto failing = std::find_if(reasons.begin(), reasons.end(), [](const auto& reason) { return reason.fails; });
   const auto first = failing == reasons.end() ? reasons.begin() : failing;
   const auto more = std::count_if(reasons.begin(), reasons.end(), [](const auto& reason) { return reason.fails; }) - 1;
-  std::string line = "verdict: " + verdict.status;
+  std::string line = "verdict: " + std::string(ToString(verdict.outcome()));
   if (first != reasons.end()) line += ": " + first->text + " (" + first->code + ")";
   if (more > 0) line += Format(" and %d more", static_cast<int>(more));
   return line + "\n";

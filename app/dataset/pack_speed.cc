@@ -209,7 +209,7 @@ class Measurement {
       return jpeg ? source_.JpegPath(name, frame) : source_.data.ImagePath(name, frame);
     };
     PackSpeedTrial trial;
-    trial.way = "folder", trial.codec = codec, trial.crop_px = task.crop_px;
+    trial.from_folder = true, trial.codec = codec, trial.crop_px = task.crop_px;
     double bytes = 0;
     for (size_t i = 0; i < pack.samples().size(); ++i) bytes += static_cast<double>(std::filesystem::file_size(path(i)));
     trial.bytes_per_crop = bytes / static_cast<double>(pack.samples().size());
@@ -221,7 +221,7 @@ class Measurement {
     {
       const dataset::Pack pack = dataset::OpenPack(path);
       PackSpeedTrial trial;
-      trial.way = "pack", trial.codec = codec, trial.crop_px = task.crop_px;
+      trial.codec = codec, trial.crop_px = task.crop_px;
       trial.bytes_per_crop = static_cast<double>(pack.info().bytes) / static_cast<double>(pack.samples().size());
       const auto read = [&](size_t i) { return pack.ReadImage(i); };
       AddTrials(trial, Compare(task.truth, task.stride, read), pack.samples().size(), [&](size_t i) { read(i); });
@@ -239,9 +239,9 @@ class Measurement {
 std::vector<PackSpeedUp> SpeedUps(const std::vector<PackSpeedTrial>& trials) {
   std::vector<PackSpeedUp> list;
   for (const PackSpeedTrial& folder : trials) {
-    if (folder.way != "folder" || !(folder.psnr_db >= kGoodPsnr) || folder.crop_px == 0) continue;
+    if (!folder.from_folder || !(folder.psnr_db >= kGoodPsnr) || folder.crop_px == 0) continue;
     for (const PackSpeedTrial& pack : trials) {
-      const bool same = pack.way == "pack" && pack.crop_px == folder.crop_px && pack.threads == folder.threads;
+      const bool same = !pack.from_folder && pack.crop_px == folder.crop_px && pack.threads == folder.threads;
       if (!same || !(pack.psnr_db >= kGoodPsnr)) continue;
       list.push_back({folder.crop_px, folder.threads, folder.codec, folder.psnr_db, pack.codec, pack.psnr_db,
                       pack.crops_per_s / folder.crops_per_s});
@@ -277,8 +277,9 @@ std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>
                      "way     codec      crop  threads   crops/s   bytes/crop  PSNR dB\n";
   for (size_t i = 0; i < report.trials.size(); ++i) {
     const PackSpeedTrial& t = report.trials[i];
-    text += Format("%-6s  %-8s  %5s  %7d  %8.0f  %11.0f  %7s %s\n", t.way.c_str(), t.codec.c_str(), CropText(t.crop_px).c_str(),
-                   t.threads, t.crops_per_s, t.bytes_per_crop, PsnrText(t.psnr_db).c_str(), on_front[i] ? "*" : "");
+    text +=
+        Format("%-6s  %-8s  %5s  %7d  %8.0f  %11.0f  %7s %s\n", t.Way().c_str(), t.codec.c_str(), CropText(t.crop_px).c_str(),
+               t.threads, t.crops_per_s, t.bytes_per_crop, PsnrText(t.psnr_db).c_str(), on_front[i] ? "*" : "");
   }
   text += "*: no other way of this crop size is faster, smaller and nearer to the lossless crop at once\n";
   for (const PackSpeedUp& s : report.speed_ups) {
@@ -298,7 +299,7 @@ std::string PackSpeedJson(const PackSpeedReport& report, const std::vector<bool>
   json["trials"] = json["speed_ups"] = json["builds"] = ordered_json::array();
   for (size_t i = 0; i < report.trials.size(); ++i) {
     const PackSpeedTrial& t = report.trials[i];
-    json["trials"].push_back({{"way", t.way},
+    json["trials"].push_back({{"way", t.Way()},
                               {"codec", t.codec},
                               {"crop_px", t.crop_px},
                               {"threads", t.threads},

@@ -22,8 +22,9 @@ struct PackSpeedOptions {
 
 /// One method of reading, with one number of threads.
 struct PackSpeedTrial {
-  std::string way;  ///< "pack" or "folder"
+  bool from_folder = false;  ///< of images; else from a pack
   std::string codec;
+  std::string Way() const { return from_folder ? "folder" : "pack"; }
   int crop_px = 0, threads = 1;
   double crops_per_s = 0, bytes_per_crop = 0;
   double psnr_db = 0;  ///< against the crop of the lossless picture; infinity: the same bytes

@@ -309,7 +309,7 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   AddBoardPlaces(report, corners.input.boards, front_of, &result);
   for (const auto& reason : report.verdict.reasons)
     result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments), reason.fails});
-  if (report.verdict.status == "fail") result.exit = kExitQualityGate;
+  if (report.verdict.outcome() == calib::Outcome::kFail) result.exit = kExitQualityGate;
   SayLeftOut(solved.left_out, corners, &result);
   SayNotFilmed(not_filmed, &result);
   AskForFloor(report.rig.gauge, !arguments.session.session.empty(), path, &result);

@@ -211,7 +211,7 @@ CommandResult Eval(Arguments arguments, CommandContext& context) {
     return result;
   }
   Append(check.verdict.reasons, &result.warnings);
-  if (check.verdict.status == "fail") result.exit = kExitQualityGate;
+  if (check.verdict.outcome() == calib::Outcome::kFail) result.exit = kExitQualityGate;
   if (!arguments.repair.empty()) Repair(check, arguments.repair, &result);
   return result;
 }

@@ -100,7 +100,7 @@ TEST(Calibrate, DisconnectedCamerasAreNamed) {
   EXPECT_EQ(report.components[0], (std::vector<int>{0, 1}));
   EXPECT_EQ(report.components[1], std::vector<int>{2});
   EXPECT_NE(report.message.find("{cam0, cam1}, {cam2}"), std::string::npos) << report.message;
-  EXPECT_EQ(report.verdict.status, "fail");
+  EXPECT_EQ(report.verdict.outcome(), Outcome::kFail);
 }
 
 TEST(Calibrate, FrontoParallelBoardsAreDegenerate) {
@@ -124,7 +124,7 @@ TEST(Calibrate, ASingleViewIsNotEnough) {
   options.noise_px = 0.1;
   const CalibrateReport report =
       Calibrate(testing::ToInput(MakeScene(options)), Quick(geometry::LensModel::kRational8), RunContext());
-  EXPECT_NE(report.verdict.status, "pass");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
   ASSERT_FALSE(report.verdict.reasons.empty());
 }
 
