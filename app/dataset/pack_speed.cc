@@ -7,6 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "app/report_fields.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -250,8 +251,6 @@ std::vector<PackSpeedUp> SpeedUps(const std::vector<PackSpeedTrial>& trials) {
   return list;
 }
 
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
-
 std::string CropText(int crop_px) { return crop_px ? std::to_string(crop_px) : std::string("full"); }
 
 std::string PsnrText(double psnr_db) { return std::isfinite(psnr_db) ? Format("%.2f", psnr_db) : "exact"; }
@@ -296,36 +295,9 @@ std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>
 
 std::string PackSpeedJson(const PackSpeedReport& report, const std::vector<bool>& on_front) {
   ordered_json json{{"pictures", report.pictures}, {"width_px", report.width_px}, {"height_px", report.height_px}};
-  json["trials"] = json["speed_ups"] = json["builds"] = ordered_json::array();
-  for (size_t i = 0; i < report.trials.size(); ++i) {
-    const PackSpeedTrial& t = report.trials[i];
-    json["trials"].push_back({{"way", t.Way()},
-                              {"codec", t.codec},
-                              {"crop_px", t.crop_px},
-                              {"threads", t.threads},
-                              {"crops_per_s", Number(t.crops_per_s)},
-                              {"bytes_per_crop", Number(t.bytes_per_crop)},
-                              {"psnr_db", Number(t.psnr_db)},
-                              {"exact", t.rms_levels == 0},
-                              {"on_front", static_cast<bool>(on_front[i])}});
-  }
-  for (const PackSpeedUp& s : report.speed_ups) {
-    json["speed_ups"].push_back({{"crop_px", s.crop_px},
-                                 {"threads", s.threads},
-                                 {"folder", s.folder},
-                                 {"folder_psnr_db", Number(s.folder_psnr_db)},
-                                 {"codec", s.codec},
-                                 {"pack_psnr_db", Number(s.pack_psnr_db)},
-                                 {"factor", Number(s.factor)}});
-  }
-  for (const PackBuildSpeed& b : report.builds) {
-    json["builds"].push_back({{"codec", b.codec},
-                              {"crop_px", b.crop_px},
-                              {"threads", b.threads},
-                              {"build_per_s", Number(b.build_per_s)},
-                              {"decode_per_s", Number(b.decode_per_s)},
-                              {"decode_share", Number(b.decode_share)}});
-  }
+  json["trials"] = RowsJson(report.trials);
+  for (size_t i = 0; i < report.trials.size(); ++i) json["trials"][i]["on_front"] = static_cast<bool>(on_front[i]);
+  json["speed_ups"] = RowsJson(report.speed_ups), json["builds"] = RowsJson(report.builds);
   return json.dump();
 }
 

@@ -10,6 +10,7 @@
 #include "app/people/apply_sync.h"
 #include "app/people/known_lengths.h"
 #include "app/people/likely_cause.h"
+#include "app/report_fields.h"
 #include "calib/calibrate.h"
 #include "calib/keypoints/moments.h"
 #include "calib/keypoints/place.h"
@@ -140,14 +141,7 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
   for (size_t c = 0; c < report.cameras.size(); ++c)
     m["cameras"].push_back(
         CameraJson(report.cameras[c], report.rig.cameras[c].camera, calib::ToString(report.plan.distortion)));
-  m["decisions"] = ordered_json::array();
-  for (const calib::KeypointDecision& d : report.decisions)
-    m["decisions"].push_back({{"group", d.group},
-                              {"choice", d.choice},
-                              {"holdout_px", FiniteOrNull(d.holdout_px)},
-                              {"standard_error", FiniteOrNull(d.standard_error_px)},
-                              {"chosen", d.chosen},
-                              {"refusal", d.refusal}});
+  m["decisions"] = app::RowsJson(report.decisions);
 }
 
 std::string Limbs(const calib::KeypointError& error) {

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "app/dataset/studio_names.h"
+#include "app/report_fields.h"
 #include "app/study/avatar_trials.h"
 #include "app/study/tradeoff.h"
 #include "avatar/run/pack/pack_builder.h"
@@ -143,7 +144,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   result.metrics["holdout_cameras"] = options.holdout_cameras;
   result.metrics["holdout_frames"] = options.holdout_frames;
   result.metrics["score_size_px"] = options.score_size_px;
-  result.metrics["trials"] = app::TrialsJson(trials);
+  result.metrics["trials"] = app::RowsJson(trials);
   result.text = app::TrialsText(trials, "FD");
   const std::string page = options.out + "/tradeoff-avatar.html";
   WriteFileAtomic(page, app::TrialsPage(trials, options));
