@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "calib/calibrate.h"
+#include "calib/check/lens_check.h"
 
 namespace mvstudio::app {
 namespace {
