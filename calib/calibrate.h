@@ -85,6 +85,17 @@ struct SelectionRow {
   bool chosen = false;
 };
 
+template <class Visitor>
+void VisitFields(Visitor&& visit, const SelectionRow& r) {
+  visit("camera", r.camera);
+  visit("model", r.model);
+  visit("num_params", r.num_params);
+  visit("holdout_rms_px", r.holdout_rms_px);
+  visit("holdout_median_px", r.holdout_median_px);
+  visit("gross_fraction", r.gross_fraction);
+  visit("chosen", r.chosen);
+}
+
 struct CalibrateReport {
   Status status = Status::kOk;
   std::string message;  ///< one line when the status is not kOk
@@ -131,9 +142,22 @@ struct CalibrateReport {
   double need_px = 0;  ///< CalibrateOptions::need_px
   double solve_s = 0;  ///< wall time of the joint adjustment
   int num_corners = 0, num_frames = 0;
-  std::string gauge;
   Verdict verdict;
 };
+
+/// The errors.
+template <class Visitor>
+void VisitFields(Visitor&& visit, const CalibrateReport& r) {
+  visit("rms_px", r.rms_px);
+  visit("sigma_px", r.sigma_px);
+  visit("holdout_rms_px", r.holdout_rms_px);
+  visit("holdout_median_px", r.holdout_median_px);
+  visit("holdout_gross_fraction", r.holdout_gross_fraction);
+  visit("rig_holdout_rms_px", r.rig_holdout_rms_px);
+  visit("rig_holdout_median_px", r.rig_holdout_median_px);
+  visit("rig_holdout_gross_fraction", r.rig_holdout_gross_fraction);
+  visit("rejected_fraction", r.rejected_fraction);
+}
 
 /// Calibrates a rig from board observations: each camera alone, lens model by held-out error, cameras linked by shared
 /// boards, joint bundle adjustment with outlier rejection, covariance, verdict. A status other than kOk comes with a

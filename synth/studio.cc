@@ -122,7 +122,7 @@ geometry::Rig MakeStudio(const SynthOptions& options, uint64_t seed) {
   const double focal = options.focal_px > 0 ? options.focal_px : height * options.radius_m / kSubjectHeight;
   Rng rng(seed * 1000003 + 17);
   geometry::Rig rig;
-  rig.gauge = "truth of the synthetic studio: floor at z = 0, origin at its centre";
+  rig.gauge = geometry::RigGauge::Other("truth of the synthetic studio: floor at z = 0, origin at its centre");
   for (int i = 0; i < options.cameras; ++i) {
     const std::string name = Format("cam_%02d", i + 1);
     geometry::RigCamera entry;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "calib/board/observations.h"
+#include "core/units.h"
 #include "geometry/rig/rig.h"
 
 /// Detection of cameras that moved while the boards were filmed.
@@ -27,6 +28,27 @@ struct CameraMotion {
   double shift_px = 0;                                        ///< rms shift of the camera's corners by the motion
   double significance = 0;  ///< of the change, in standard deviations over the root of its 6 parameters
 };
+
+inline std::string ToString(CameraMotion::Kind kind) {
+  using Kind = CameraMotion::Kind;
+  return kind == Kind::kLens ? "lens" : kind == Kind::kDrift ? "drift" : "moved";
+}
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, const CameraMotion& r) {
+  visit("kind", r.kind);
+  visit("cameras", r.cameras);
+  visit("last_frame_before", r.last_before);
+  visit("first_frame_after", r.frame_idx);
+  visit("rotation_deg", RadToDeg(r.rotation_rad));
+  visit("rotation_sigma_deg", RadToDeg(r.rotation_sigma_rad));
+  visit("translation_mm", 1e3 * r.translation_m);
+  visit("focal_scale", r.focal_scale);
+  visit("focal_scale_sigma", r.focal_scale_sigma);
+  visit("centre_shift_px", r.centre_shift_px);
+  visit("shift_px", r.shift_px);
+  visit("significance", r.significance);
+}
 
 /// Finds cameras that moved, in the order of detection. The recording is cut into up to 12 time intervals. Each camera
 /// gets a pose per interval, with lenses and other cameras fixed and boards free. The motion is at the cut where the poses

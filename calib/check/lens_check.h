@@ -22,6 +22,19 @@ struct LensCheck {
   static constexpr int kFewestViews = 5;
 };
 
+template <class Visitor>
+void VisitFields(Visitor&& visit, const LensCheck& r) {
+  visit("status", r.status);
+  visit("changed", r.changed);
+  visit("num_boards", r.num_views);
+  visit("rms_px", r.rms_px);
+  visit("refitted_rms_px", r.refitted_rms_px);
+  visit("focal_px", r.focal_px);
+  visit("refitted_focal_px", r.refitted_focal_px);
+  visit("shift_px", r.shift_px);
+  visit("significance", r.significance);
+}
+
 /// `views`: of one camera, weights 0 for corners that do not count. Changed are lenses whose gain exceeds `sigmas` standard
 /// deviations a parameter and 2 % of what is left, and that move points by `least_px`.
 LensCheck CheckLens(const geometry::Camera& camera, std::vector<View> views, double sigmas, double least_px);

@@ -62,6 +62,22 @@ struct CameraCheck {
   bool moved = false;
 };
 
+/// Without the lens.
+template <class Visitor>
+void VisitFields(Visitor&& visit, const CameraCheck& r) {
+  visit("name", r.name);
+  visit("status", r.status);
+  visit("moved", r.moved);
+  visit("num_views", r.num_views);
+  visit("num_corners", r.num_corners);
+  visit("num_rejected", r.num_rejected);
+  visit("num_bad_views", r.num_bad_views);
+  visit("num_outlying_views", r.num_outlying_views);
+  visit("own_rms_px", r.own_rms_px);
+  visit("rms_px", r.rms_px);
+  visit("median_px", r.median_px);
+}
+
 /// A camera whose images agree with the others' at other times than the calibration states.
 struct LateCamera {
   std::string camera;

@@ -9,12 +9,6 @@ namespace {
 
 constexpr int kFewViews = 5;
 
-void Add(const char* status, Notice reason, Verdict* verdict) {
-  if (verdict->status != "fail") verdict->status = status;
-  reason.fails = std::string(status) == "fail";
-  verdict->reasons.push_back(std::move(reason));
-}
-
 std::string Motion(const CameraCheck& c) {
   return Format("%.3f +- %.3f deg, %.2f +- %.2f mm (%.2f px in its image)", RadToDeg(c.rotation_rad),
                 RadToDeg(c.rotation_sigma_rad), 1e3 * c.translation_m, 1e3 * c.translation_sigma_m, c.shift_px);
@@ -25,12 +19,10 @@ void JudgeLensAlone(const CameraCheck& c, const RigCheckOptions& options, const 
   const char* name = c.name.c_str();
   const bool has_lens = c.lens && c.lens->status == Status::kOk;
   if (check.cameras.size() > 1) {
-    Add("warn",
-        {"CAL-FEWVIEWS",
-         Format("camera %s shares no board with another camera: ", name) +
-             (has_lens ? "only its lens is checked" : "it is not checked"),
-         "hold the board where another camera sees it too"},
-        verdict);
+    verdict->Warn({"CAL-FEWVIEWS",
+                   Format("camera %s shares no board with another camera: ", name) +
+                       (has_lens ? "only its lens is checked" : "it is not checked"),
+                   "hold the board where another camera sees it too"});
   }
   if (!has_lens) return;
   const LensCheck& lens = *c.lens;
@@ -40,10 +32,9 @@ void JudgeLensAlone(const CameraCheck& c, const RigCheckOptions& options, const 
   const std::string change =
       Format(": focal length %.1f -> %.1f px, points move by %.1f px", lens.focal_px, lens.refitted_focal_px, lens.shift_px);
   const bool fails = lens.changed ? lens.shift_px > options.fail_px : lens.rms_px > options.fail_px;
-  Add(fails ? "fail" : "warn",
-      {"CAL-LENS", Format("camera %s: ", name) + (lens.changed ? "its lens has changed: " + figures + change : figures),
-       "its zoom or focus may have changed, or the board is not the one that was named"},
-      verdict);
+  verdict->Add(
+      fails, {"CAL-LENS", Format("camera %s: ", name) + (lens.changed ? "its lens has changed: " + figures + change : figures),
+              "its zoom or focus may have changed, or the board is not the one that was named"});
 }
 
 void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const RigCheck& check, Verdict* verdict) {
@@ -53,76 +44,63 @@ void JudgeCamera(const CameraCheck& c, const RigCheckOptions& options, const Rig
     return;
   }
   if (c.moved) {
-    Add("fail",
-        {"CAL-BUMPED", Format("camera %s has moved: ", name) + Motion(c),
-         "calibrate anew, or take the new pose with option 'repair'"},
-        verdict);
+    verdict->Fail({"CAL-BUMPED", Format("camera %s has moved: ", name) + Motion(c),
+                   "calibrate anew, or take the new pose with option 'repair'"});
     return;
   }
   if (c.num_views < kFewViews) {
-    Add("warn",
-        {"CAL-FEWVIEWS", Format("camera %s: only %d boards are shared with another camera", name, c.num_views),
-         Format("%d or more are better", kFewViews)},
-        verdict);
+    verdict->Warn({"CAL-FEWVIEWS", Format("camera %s: only %d boards are shared with another camera", name, c.num_views),
+                   Format("%d or more are better", kFewViews)});
   }
   if (c.num_outlying_views > 0) {
-    Add("warn",
+    verdict->Warn(
         {"CAL-FRAMES",
          Format("camera %s: %d of %d boards disagree grossly with the other cameras", name, c.num_outlying_views, c.num_views),
-         "check the synchronisation, or give the frames' times as option 'timestamps'; hold the board still"},
-        verdict);
+         "check the synchronisation, or give the frames' times as option 'timestamps'; hold the board still"});
   }
   if (c.own_rms_px > options.warn_px) {
-    Add(c.own_rms_px > options.fail_px ? "fail" : "warn",
-        {"CAL-LENS", Format("camera %s: %.2f px even with every board placed for it alone", name, c.own_rms_px),
-         "its zoom or focus may have changed, or the board is not the one that was named"},
-        verdict);
+    verdict->Add(c.own_rms_px > options.fail_px,
+                 {"CAL-LENS", Format("camera %s: %.2f px even with every board placed for it alone", name, c.own_rms_px),
+                  "its zoom or focus may have changed, or the board is not the one that was named"});
   }
   if (c.rms_px > options.warn_px && check.undecided.empty()) {
-    Add(c.rms_px > options.fail_px ? "fail" : "warn",
-        {"CAL-RESIDUAL",
-         Format("camera %s: %.2f px against the boards that all cameras agree on (limit %.1f)", name, c.rms_px,
-                c.rms_px > options.fail_px ? options.fail_px : options.warn_px),
-         "check that the footage is synchronised and the board is the one that was named"},
-        verdict);
+    verdict->Add(c.rms_px > options.fail_px,
+                 {"CAL-RESIDUAL",
+                  Format("camera %s: %.2f px against the boards that all cameras agree on (limit %.1f)", name, c.rms_px,
+                         c.rms_px > options.fail_px ? options.fail_px : options.warn_px),
+                  "check that the footage is synchronised and the board is the one that was named"});
   }
 }
 
 /// What was found about the corners and put right.
 void JudgeFound(const RigCheck& check, Verdict* verdict) {
   if (!check.exchanged.empty())
-    Add("fail",
+    verdict->Fail(
         {"CAL-EXCHANGED",
          Format(
              "the corners of cameras %s and %s are each other's: with their names exchanged %.2f px rms remain, and no camera "
              "has moved",
              check.exchanged[0].c_str(), check.exchanged[1].c_str(), check.rms_px),
-         "exchange the two names in the footage, or in the calibration by calib convert, option 'rename'"},
-        verdict);
+         "exchange the two names in the footage, or in the calibration by calib convert, option 'rename'"});
   for (const TurnedCamera& camera : check.found.turned)
-    Add("warn",
-        {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"},
-        verdict);
+    verdict->Warn(
+        {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"});
   if (!check.found.frame_shift.empty())
-    Add("warn",
-        {"CAL-FRAMES", check.found.shift_text + "; they were added",
-         "number the frames by their time stamps, or give them as option 'timestamps'"},
-        verdict);
+    verdict->Warn({"CAL-FRAMES", check.found.shift_text + "; they were added",
+                   "number the frames by their time stamps, or give them as option 'timestamps'"});
   for (const LateCamera& camera : check.late)
-    Add("warn",
+    verdict->Warn(
         {"CAL-LATE",
          Format("camera %s takes its images %.2f frames %s than the others, which the calibration does not state; with that, "
                 "no camera has moved",
                 camera.camera.c_str(), std::abs(camera.frames), camera.frames > 0 ? "later" : "earlier"),
          "synchronise the cameras, or calibrate this recording anew: offsets are lost where a calibration is written in a "
          "format "
-         "without them, and change when cameras are started anew"},
-        verdict);
+         "without them, and change when cameras are started anew"});
   if (check.offsets_stated && !check.offsets_used)
-    Add("warn",
-        {"CAL-LATE", "the time offsets that the calibration states are not applied: the corners agree better without them",
-         "the cameras were started anew since, or their clocks run apart"},
-        verdict);
+    verdict->Warn({"CAL-LATE",
+                   "the time offsets that the calibration states are not applied: the corners agree better without them",
+                   "the cameras were started anew since, or their clocks run apart"});
 }
 
 /// Lengths that are wrong by ten times the limit are another board's; of two cameras, a baseline that is off looks the same.
@@ -132,11 +110,11 @@ void JudgeScale(const RigCheckOptions& options, const RigCheck& check, Verdict* 
   if (!(std::abs(percent) > options.scale_percent)) return;
   const std::string either = "; or the two cameras stand that much farther apart or closer than when they were calibrated";
   const bool alone = check.two_cameras && check.undecided.empty();
-  Add(alone || std::abs(percent) > kFails * options.scale_percent ? "fail" : "warn",
+  verdict->Add(
+      alone || std::abs(percent) > kFails * options.scale_percent,
       {"CAL-SCALE",
        Format("lengths by this calibration differ from those on the board by %+.2f %%", percent) + (alone ? either : ""),
-       "check the size of the board's squares, now and at the calibration"},
-      verdict);
+       "check the size of the board's squares, now and at the calibration"});
 }
 
 }  // namespace
@@ -144,7 +122,7 @@ void JudgeScale(const RigCheckOptions& options, const RigCheck& check, Verdict* 
 void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
   Verdict& verdict = check->verdict;
   if (check->status != Status::kOk) {
-    Add("fail", {"CAL-UNSOLVED", check->message, "show the board to at least two cameras at a time"}, &verdict);
+    verdict.Fail({"CAL-UNSOLVED", check->message, "show the board to at least two cameras at a time"});
     return;
   }
   JudgeFound(*check, &verdict);
@@ -157,11 +135,9 @@ void JudgeCheck(const RigCheckOptions& options, RigCheck* check) {
         motions += (motions.empty() ? "" : "; ") + name + " " + Motion(c);
       }
     }
-    Add("fail",
-        {"CAL-BUMPED", "one of the cameras " + names + " has moved; it cannot be told which. If it was: " + motions,
-         check->cameras.size() < 3 ? "two cameras only know of each other: a third one decides"
-                                   : "hold the board where three of them see it at a time"},
-        &verdict);
+    verdict.Fail({"CAL-BUMPED", "one of the cameras " + names + " has moved; it cannot be told which. If it was: " + motions,
+                  check->cameras.size() < 3 ? "two cameras only know of each other: a third one decides"
+                                            : "hold the board where three of them see it at a time"});
   }
   JudgeScale(options, *check, &verdict);
   for (const CameraCheck& c : check->cameras) JudgeCamera(c, options, *check, &verdict);

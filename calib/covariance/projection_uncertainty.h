@@ -36,6 +36,15 @@ struct CameraUncertainty {
   double corner_px = 0;  ///< the largest of four: 95 % of the way from the middle to each corner of the image
 };
 
+template <class Visitor>
+void VisitFields(Visitor&& visit, const CameraUncertainty& r) {
+  visit("name", r.name);
+  visit("range_m", r.range_m);
+  visit("centre_px", r.centre_px);
+  visit("edge_px", r.edge_px);
+  visit("corner_px", r.corner_px);
+}
+
 /// The largest figures over all cameras; NaN where none has a value (lenses that have no ray there are left out).
 struct UncertaintySummary {
   double centre_px = 0, edge_px = 0, corner_px = 0;  ///< as in CameraUncertainty
@@ -43,6 +52,16 @@ struct UncertaintySummary {
   double volume_max_mm = 0;  ///< the worst of them
   std::vector<CameraUncertainty> cameras;
 };
+
+/// Without the cameras.
+template <class Visitor>
+void VisitFields(Visitor&& visit, const UncertaintySummary& r) {
+  visit("centre_px", r.centre_px);
+  visit("edge_px", r.edge_px);
+  visit("volume_mm", r.volume_mm);
+  visit("corner_px", r.corner_px);
+  visit("volume_max_mm", r.volume_max_mm);
+}
 
 /// Scatter of projections and triangulated points caused by the noise of the calibration's corners. Errors are relative to
 /// the boards, not to the gauge. A point keeps its coordinates in each board's frame and moves with the board in every

@@ -82,7 +82,7 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
       std::any_of(extrinsics.begin(), extrinsics.end(), [](const auto& entry) { return entry.first.compare(0, 2, "K_") == 0; });
   if (swapped) std::swap(intrinsics, extrinsics), std::swap(files[0], files[1]);
   ImportedRig imported;
-  imported.rig.gauge = "as imported";
+  imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
   for (const std::string& name : ReadNames(Require(intrinsics, "names", files[0]))) {
     const Entry& matrix = Require(intrinsics, "K_" + name, files[0]);
     const Entry* distortion = FindEntry(intrinsics, "dist_" + name);

@@ -152,7 +152,7 @@ std::string ReadName(const ValueView& view, const std::string& key) {
 
 ImportedRig ReadEuroc(const std::vector<std::string>& paths, const ReadOptions& options) {
   ImportedRig imported;
-  imported.rig.gauge = "EuRoC's body";
+  imported.rig.gauge = geometry::RigGauge::Other("EuRoC's body");
   for (const std::string& path : paths) {
     const internal::Value document = internal::ParseYaml(path, ReadFile(path));
     const ValueView root(path, document);
@@ -247,7 +247,8 @@ ImportedRig internal::ReadKalibrChains(const std::vector<std::string>& paths, co
                           ": several camchains are one rig where every camera has T_cam_imu; else give one");
   ImportedRig imported;
   for (const auto& chain : chains) AddChain(chain, by_imu, placed, several, options, &imported);
-  imported.rig.gauge = by_imu ? "Kalibr's IMU" : "camera " + imported.rig.cameras[0].camera.name;
+  imported.rig.gauge =
+      by_imu ? geometry::RigGauge::Other("Kalibr's IMU") : geometry::RigGauge::OfCamera(imported.rig.cameras[0].camera.name);
   for (size_t f = 0; f < paths.size(); ++f) {
     geometry::UnusedKeys unused(paths[f], options.metres_per_unit);
     AddUnused(ValueView(paths[f], documents[f]), {"rostopic", "camoverlaps", "tcamimu"}, &unused);

@@ -106,7 +106,7 @@ std::string ModelText(const geometry::RigCamera& camera) {
 
 ImportedRig ReadMrcal(const std::vector<std::string>& paths, const ReadOptions& options) {
   ImportedRig imported;
-  imported.rig.gauge = "mrcal's reference";
+  imported.rig.gauge = geometry::RigGauge::Other("mrcal's reference");
   for (const std::string& path : paths) {
     geometry::UnusedKeys unused(path, options.metres_per_unit);
     internal::AddCamera(ReadOne(path, options.metres_per_unit, &unused), {path, ""}, &imported.rig);

@@ -150,7 +150,7 @@ void UndoScale(const ValueView& root, ImportedRig* imported) {
 /// cameras.json of 3D Gaussian splatting: a list of images, each with its centre, world_from_cam as rows, and focal lengths.
 ImportedRig ReadSplatCameras(const ValueView& root, const ReadOptions& options) {
   ImportedRig imported;
-  imported.rig.gauge = "as imported";
+  imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
   std::vector<internal::PictureCamera> pictures;
   for (size_t i = 0; i < root.ListSize(); ++i) {
     const ValueView view = root[i];
@@ -190,7 +190,7 @@ ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options) 
   if (document.kind == internal::Value::Kind::kList) return ReadSplatCameras(root, options);
   const ValueView frames = root["frames"];
   ImportedRig imported;
-  imported.rig.gauge = "nerfstudio's world";
+  imported.rig.gauge = geometry::RigGauge::Other("nerfstudio's world");
   std::vector<internal::PictureCamera> pictures;
   for (size_t i = 0; i < frames.ListSize(); ++i) {
     const ValueView frame = frames[i];

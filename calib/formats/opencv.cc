@@ -72,7 +72,7 @@ geometry::Rigid3 ReadPose(const Entry& rotation, const Entry& translation, doubl
 
 void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const ReadOptions& options, ImportedRig* imported) {
   geometry::Rig& rig = imported->rig;
-  rig.gauge = "camera left";
+  rig.gauge = geometry::RigGauge::OfCamera("left");
   rig.cameras.push_back(
       ReadCamera(entries, "left", *FindEntry(entries, "m1"), FindEntry(entries, "d1"), size, options, &imported->notes));
   rig.cameras.push_back(
@@ -184,7 +184,7 @@ Entries Together(const std::vector<Entries>& files) {
 /// Several files of one camera each, named by the file.
 ImportedRig ReadMany(const std::vector<std::string>& paths, const std::vector<Entries>& files, const ReadOptions& options) {
   ImportedRig imported;
-  imported.rig.gauge = "as imported";
+  imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
   std::vector<std::string> unplaced;
   for (size_t i = 0; i < paths.size(); ++i) {
     if (!AddSingle(files[i], internal::Stem(paths[i]), paths[i], options, &imported)) unplaced.push_back(paths[i]);
@@ -227,7 +227,7 @@ bool IsStereo(const geometry::Rig& rig) {
 ImportedRig ReadByName(const std::string& path, const internal::Value& document, const ReadOptions& options) {
   const internal::ValueView root(path, document);
   ImportedRig imported;
-  imported.rig.gauge = "as imported";
+  imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
   geometry::UnusedKeys unused(path, options.metres_per_unit);
   for (const auto& [name, entry] : document.entries) {
     const internal::ValueView view = root[name];
@@ -266,7 +266,8 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOpti
     AddStereo(entries, ReadSize(entries, paths.front(), options), options, &imported);
   } else if (FindFirst(entries, kMatrixKeys)) {
     const bool placed = AddSingle(entries, "camera", paths.front(), options, &imported);
-    imported.rig.gauge = placed ? "as imported" : "camera camera";
+    imported.rig.gauge =
+        placed ? geometry::RigGauge{geometry::RigGauge::Kind::kImported} : geometry::RigGauge::OfCamera("camera");
     if (placed) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   } else {
     throw FormatError(paths.front(), "", "no calibration in it: neither camera_matrix nor M1 and M2");

@@ -110,7 +110,7 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
   pugi::xpath_node_set elements = document.select_nodes("//camera");
   elements.sort();
   ImportedRig imported;
-  imported.rig.gauge = "as imported";
+  imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
   geometry::UnusedKeys unused(path, 0.001);
   const pugi::xml_node head = document.child("calibration");
   for (const pugi::xml_attribute& word : head.attributes()) {

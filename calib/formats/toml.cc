@@ -155,7 +155,7 @@ geometry::RigCamera ReadCamera(const CameraTable& table, const ReadOptions& opti
 ImportedRig ReadToml(const std::string& path, const ReadOptions& options) {
   const toml::table root = Parse(path);
   ImportedRig imported;
-  imported.rig.gauge = "as imported";
+  imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
   geometry::UnusedKeys unused(path, options.metres_per_unit);
   const std::vector<CameraTable> cameras = CamerasInFileOrder(root, path);
   const auto first = std::find_if(cameras.begin(), cameras.end(), [](const CameraTable& t) { return !t.Flag("ignore"); });

@@ -56,6 +56,16 @@ struct KeypointDecision {
   std::string refusal;  ///< why it is out whatever the held-out error says, one line; of lenses
 };
 
+template <class Visitor>
+void VisitFields(Visitor&& visit, const KeypointDecision& r) {
+  visit("group", r.group);
+  visit("choice", r.choice);
+  visit("holdout_px", r.holdout_px);
+  visit("standard_error", r.standard_error_px);
+  visit("chosen", r.chosen);
+  visit("refusal", r.refusal);
+}
+
 struct KeypointChoice {
   KeypointPlan plan;
   std::vector<KeypointDecision> decisions;

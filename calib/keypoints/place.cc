@@ -275,7 +275,7 @@ PlacedRig PlaceFromKeypoints(const geometry::Rig& lenses, const std::vector<Dete
     return Fail(Status::kDegenerate, "no bone of known length was measured, so nothing says how large the rig is");
   const Rigid3 world_from_first = geometry::Inverse(placed.rig.cameras[0].cam_from_world);
   for (geometry::RigCamera& camera : placed.rig.cameras) camera.cam_from_world = camera.cam_from_world * world_from_first;
-  placed.rig.gauge = "camera " + placed.rig.cameras[0].camera.name;
+  placed.rig.gauge = geometry::RigGauge::OfCamera(placed.rig.cameras[0].camera.name);
   return placed;
 }
 

@@ -251,7 +251,7 @@ MarkedRig PlaceFromMarks(const geometry::Rig& lenses, const ScenePoints& marks, 
   for (const auto& [point, count] : views)
     if (count >= 2)
       out.points[marks.names[static_cast<size_t>(best->points[static_cast<size_t>(point)])]] = best->scene.points.col(point);
-  out.rig.gauge = "camera " + out.rig.cameras[0].camera.name;
+  out.rig.gauge = geometry::RigGauge::OfCamera(out.rig.cameras[0].camera.name);
   return out;
 }
 

@@ -269,8 +269,8 @@ KeypointRefineReport RefineFromKeypoints(const geometry::Rig& given, const std::
   if (report.kept_input) return report.rig = given, report;
   AddCovariances(study.whole().covariance(), &report.rig);
   report.rig = geometry::MovedWorld(report.rig, -offset);
-  report.rig.gauge =
-      report.plan.free_poses ? "the camera centres of the given calibration: their mean, turn and size" : "the other cameras";
+  report.rig.gauge = geometry::RigGauge::Other(
+      report.plan.free_poses ? "the camera centres of the given calibration: their mean, turn and size" : "the other cameras");
   return report;
 }
 

@@ -200,11 +200,11 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
   }
 }
 
-std::string GaugeText(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const Work& work) {
+geometry::RigGauge GaugeOf(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const Work& work) {
   if (options.intrinsics_only) return kLensesOnly;
-  if (world.is_board) return "board in frame " + std::to_string(world.frame_idx);
-  if (work.bundle.gauge.kind == Gauge::Kind::kNone) return "cameras whose poses were given";
-  return "camera " + input.cameras[world.camera].name;
+  if (world.is_board) return geometry::RigGauge::OfBoard(world.frame_idx);
+  if (work.bundle.gauge.kind == Gauge::Kind::kNone) return geometry::RigGauge::Other("cameras whose poses were given");
+  return geometry::RigGauge::OfCamera(input.cameras[world.camera].name);
 }
 
 void AddReadout(const Work& work, CalibrateReport* report) {
@@ -230,7 +230,7 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
     *culprits = internal::MostDemanding(*work);
     return;
   }
-  internal::FillReport(input, *work, GaugeText(input, options, world, *work), report);
+  internal::FillReport(input, *work, GaugeOf(input, options, world, *work), report);
   internal::ReconsiderFrames(*work, report);
   if (!options.intrinsics_only) AddReadout(*work, report);
   DiscountHeldBoards(work, report);

@@ -157,8 +157,8 @@ void ReportCameras(const CalibrateInput& input, const Work& work, CalibrateRepor
   report->holdout_median_px = UpperMedian(medians);
 }
 
-void FillRig(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report) {
-  report->gauge = report->rig.gauge = gauge;
+void FillRig(const CalibrateInput& input, const Work& work, const geometry::RigGauge& gauge, CalibrateReport* report) {
+  report->rig.gauge = gauge;
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     report->rig.cameras.push_back({work.state.cameras[c], work.state.cam_from_world[c], std::nullopt, std::nullopt});
     if (!work.state.time_offset_frames.empty()) report->cameras[c].time_offset_frames = work.state.time_offset_frames[c];
@@ -208,7 +208,7 @@ std::string FewBoards(const CalibrateInput& input) {
 
 }  // namespace
 
-void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report) {
+void FillReport(const CalibrateInput& input, const Work& work, const geometry::RigGauge& gauge, CalibrateReport* report) {
   FillRig(input, work, gauge, report);
   const Eigen::Matrix3Xd corners = CornersInBoard(input.boards[0]);
   report->board_size_m = (corners.rowwise().maxCoeff() - corners.rowwise().minCoeff()).norm();

@@ -174,6 +174,6 @@ std::vector<RigError> RigErrors(const std::vector<View>& views, const RigState& 
 void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report);
 
 /// Fills all figures of the report that derive from the solution.
-void FillReport(const CalibrateInput& input, const Work& work, const std::string& gauge, CalibrateReport* report);
+void FillReport(const CalibrateInput& input, const Work& work, const geometry::RigGauge& gauge, CalibrateReport* report);
 
 }  // namespace mvstudio::calib::internal

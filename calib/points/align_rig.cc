@@ -61,7 +61,7 @@ RigAlignment Moved(const geometry::Rig& rig, const geometry::Rigid3& new_from_ol
   RigAlignment out;
   out.new_from_old = new_from_old, out.scale = scale;
   out.rig = geometry::InWorld(rig, new_from_old, scale);
-  out.rig.gauge = GaugeAfter("the marked points", rig.gauge);
+  out.rig.gauge = geometry::GaugeAfterMove({geometry::RigGauge::Kind::kPoints}, rig.gauge);
   return out;
 }
 
@@ -76,12 +76,6 @@ bool Mirrored(const PlacePairs& pairs, double rms_m, bool with_scale) {
 
 }  // namespace
 
-std::string GaugeAfter(const std::string& new_world, const std::string& old_gauge) {
-  const size_t tail = old_gauge.find("; uncertainty relative to ");
-  const std::string relative = tail == std::string::npos ? old_gauge : old_gauge.substr(tail + 26);
-  return relative.empty() ? new_world : new_world + "; uncertainty relative to " + relative;
-}
-
 RigAlignment AlignToBoard(const geometry::Rig& rig, const CalibrateInput& input, int64_t frame) {
   const ScenePoints points = PointsOfBoard(rig, input, frame);
   if (points.clicks.empty()) throw UsageError("no camera of the calibration sees the board in frame " + std::to_string(frame));
@@ -95,7 +89,7 @@ RigAlignment AlignToBoard(const geometry::Rig& rig, const CalibrateInput& input,
   PointResectionOptions options;
   options.click_sigma_px = kCornerSigmaPx;
   RigAlignment out = PlaceRigid(rig, points, options);
-  out.rig.gauge = "board in frame " + std::to_string(frame);
+  out.rig.gauge = geometry::RigGauge::OfBoard(frame);
   return out;
 }
 

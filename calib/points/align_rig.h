@@ -56,7 +56,4 @@ PlacePairs ReadPlacePairs(const std::string& path);
 /// old world.
 RigAlignment AlignToPlaces(const geometry::Rig& rig, const PlacePairs& pairs, bool with_scale);
 
-/// The text of a rig's gauge after a motion that keeps covariances relative to the old one.
-std::string GaugeAfter(const std::string& new_world, const std::string& old_gauge);
-
 }  // namespace mvstudio::calib

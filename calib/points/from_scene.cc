@@ -274,7 +274,7 @@ KnownPoints KnownFromScenePoints(const ScenePoints& points, double click_sigma_p
   known.names = points.names;
   known.x_in_world = points.x_in_world;
   known.sigma_px = click_sigma_px;
-  known.gauge = "the marked points";
+  known.gauge.kind = geometry::RigGauge::Kind::kPoints;
   for (const PointClick& click : points.clicks)
     known.clicks.push_back({points.cameras[static_cast<size_t>(click.camera_idx)], click.point_idx, click.px});
   return known;
@@ -290,7 +290,7 @@ KnownPoints KnownFromBoard(const Board& board, const std::vector<Detection>& det
                                      [](const auto& a, const auto& b) { return a.second.size() < b.second.size(); });
   known.x_in_world = CornersInBoard(board);
   known.sigma_px = 0.3;
-  known.gauge = "the board in frame " + std::to_string(best->first);
+  known.gauge.kind = geometry::RigGauge::Kind::kSceneBoard, known.gauge.frame = best->first;
   for (int i = 0; i < known.x_in_world.cols(); ++i) known.names.push_back("corner " + std::to_string(i));
   for (const Detection& detection : detections) {
     if (detection.frame_idx != best->first) continue;
@@ -365,8 +365,8 @@ FromSceneReport AdjustScene(const ColmapScene& input, const std::vector<SceneIma
   for (PointObservation& o : work.observations) o.weight = 1 / (report.feature_sigma_px * report.feature_sigma_px);
   work.options.min_sigma = 1;
   AddScale(scale, scene.rig, &work);
-  report.rig.gauge =
-      scale.points ? scale.points->gauge : "camera " + scale.distance->a + ", its distance to " + scale.distance->b;
+  report.rig.gauge = scale.points ? scale.points->gauge : geometry::RigGauge::OfCamera(scale.distance->a);
+  if (!scale.points) report.rig.gauge.distance_to = scale.distance->b;
   report.bundle = SolvePointBundle(&work.scene, &work.observations, work.options);
   report.status = report.bundle.status, report.message = report.bundle.message;
   const double sigma = std::max(1.0, report.bundle.sigma_px);

@@ -25,7 +25,7 @@ struct KnownPoints {
   };
   std::vector<Click> clicks;
   double sigma_px = 1;  ///< per coordinate
-  std::string gauge;    ///< "the marked points", "the board in frame 3"
+  geometry::RigGauge gauge;
 };
 
 KnownPoints KnownFromScenePoints(const ScenePoints& points, double click_sigma_px);

@@ -149,7 +149,7 @@ SceneResectionReport ResectScene(const ScenePoints& points, const geometry::Rig&
       throw UsageError("option 'scene-points' names the camera '" + name + "', which the intrinsics do not have");
   }
   SceneResectionReport report;
-  report.rig.gauge = "the marked points";
+  report.rig.gauge.kind = geometry::RigGauge::Kind::kPoints;
   PlacedCovariance covariance(intrinsics, rigid);
   const auto solve = [&](const std::string& name, const geometry::Rig& group, const std::vector<size_t>& indices,
                          const std::vector<PointClick>& clicks) {

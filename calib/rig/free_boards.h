@@ -20,6 +20,15 @@ struct BoardMove {
   double moved_m = 0;             ///< rms shift of the corners of board_b, seen from board_a
 };
 
+template <class Visitor>
+void VisitFields(Visitor&& visit, const BoardMove& r) {
+  visit("board", r.board_b);
+  visit("against", r.board_a);
+  visit("last_before", r.before);
+  visit("first_after", r.after);
+  visit("moved_mm", 1e3 * r.moved_m);
+}
+
 /// All of them, in the order of time, from a solution with boards of their own (SeparateBoards). Left out are those below a
 /// fifth of the largest.
 std::vector<BoardMove> FindBoardMoves(const std::vector<View>& views, const RigState& state);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <string>
-#include <utility>
 
 #include "calib/calibrate.h"
 
@@ -10,21 +9,14 @@ namespace mvstudio::calib::internal {
 
 class Judgement {
  public:
-  void Warn(const char* code, const std::string& text, const std::string& hint) { Add("warn", {code, text, hint}); }
-  void Fail(const char* code, const std::string& text, const std::string& hint) { Add("fail", {code, text, hint}); }
+  void Warn(const char* code, const std::string& text, const std::string& hint) { verdict.Warn({code, text, hint}); }
+  void Fail(const char* code, const std::string& text, const std::string& hint) { verdict.Fail({code, text, hint}); }
   /// Fails above `fail`, warns above `warn`, passes smaller values and NaN.
   void Limit(double value, double warn, double fail, const char* code, const std::string& text, const std::string& hint) {
     if (value > fail) return Fail(code, text, hint);
     if (value > warn) Warn(code, text, hint);
   }
   Verdict verdict;
-
- private:
-  void Add(const std::string& status, Notice reason) {
-    if (verdict.status != "fail") verdict.status = status;
-    reason.fails = status == "fail";
-    verdict.reasons.push_back(std::move(reason));
-  }
 };
 
 /// A camera contradicts the others if its error in the rig exceeds its own by this ratio and this many pixels.

@@ -19,11 +19,13 @@ bool AddStates(const std::string& dir, CommandResult* result) {
   bool sound = true;
   result->metrics["models"] = nlohmann::ordered_json::array();
   for (const detect::ModelState& model : detect::ListModels(dir)) {
-    sound = sound && model.state == "ok";
-    result->metrics["models"].push_back(
-        {{"name", model.name}, {"state", model.state}, {"bytes", model.bytes}, {"path", model.path}});
-    result->text +=
-        Format("%-16s %9zu bytes  ", model.name.c_str(), model.bytes) + (model.state == "ok" ? model.path : model.state) + "\n";
+    sound = sound && model.defect.empty();
+    result->metrics["models"].push_back({{"name", model.name},
+                                         {"state", model.defect.empty() ? "ok" : model.defect},
+                                         {"bytes", model.bytes},
+                                         {"path", model.path}});
+    result->text += Format("%-16s %9zu bytes  ", model.name.c_str(), model.bytes) +
+                    (model.defect.empty() ? model.path : model.defect) + "\n";
   }
   return sound;
 }

@@ -100,7 +100,7 @@ RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, Command
   if (out.status != Status::kOk) return out;
   out.new_from_old = floor.floor_from_world;
   out.rig = geometry::InWorld(rig, floor.floor_from_world);
-  out.rig.gauge = calib::GaugeAfter("floor under people's feet", rig.gauge);
+  out.rig.gauge = geometry::GaugeAfterMove({geometry::RigGauge::Kind::kFloor}, rig.gauge);
   result->text += Format("z turned by %.2f degrees, tilt known to %.2f degrees; z = 0: %s\n", RadToDeg(floor.turned_rad),
                          RadToDeg(floor.tilt_sigma_rad), floor.level.c_str());
   constexpr double kMostTiltDeg = 1;
@@ -141,7 +141,7 @@ RigAlignment ByLengths(const geometry::Rig& rig, const Arguments& arguments, Com
   DescribeLengths(scale, result);
   out.num_used = static_cast<int>(scale.rows.size()), out.scale = scale.scale;
   out.rig = geometry::InWorld(rig, {}, scale.scale);
-  out.rig.gauge = GaugeWithLengths(rig.gauge);
+  out.rig.gauge.stated_lengths = true;
   return out;
 }
 
@@ -169,7 +169,7 @@ void Describe(const RigAlignment& found, CommandResult* result) {
     result->warnings.push_back({"CAL-CLICK", point + " off", "mark it again, or check its coordinates"});
   if (found.status != Status::kOk) return;
   AddMotion(found, &m);
-  m["gauge"] = found.rig.gauge;
+  m["gauge"] = GaugeText(found.rig.gauge);
   if (m.contains("lengths")) return;
   const std::string rms = std::isfinite(found.rms_px) ? Format("%.3f px", found.rms_px) : stages::LengthText(found.rms_m);
   result->text += Format("%d of %d points, rms %s", found.num_used, found.num_points, rms.c_str());
@@ -187,7 +187,8 @@ void DescribeHeights(const geometry::Rig& rig, bool has_floor, CommandResult* re
     heights[camera.camera.name] = FiniteOrNull(z);
     lowest = std::min(lowest, z), highest = std::max(highest, z), below += z < 0;
   }
-  result->text += Format("cameras between z = %.2f and %.2f m; world fixed by: %s\n", lowest, highest, rig.gauge.c_str());
+  result->text +=
+      Format("cameras between z = %.2f and %.2f m; world fixed by: %s\n", lowest, highest, GaugeText(rig.gauge).c_str());
   if (!has_floor || below == 0) return;
   result->warnings.push_back({"CAL-FLOOR", Format("%zu of %zu cameras are below the floor", below, rig.cameras.size()),
                               "check the frame of the board, or whether the people's joints are those of this calibration"});

@@ -158,8 +158,6 @@ bool FindsLenses(const Arguments& arguments) {
          arguments.lenses.empty();
 }
 
-constexpr char kBoardOfPoints[] = "board in frame 0";
-
 stages::CornerInput PointsAsCorners(Arguments* arguments, CommandResult* result) {
   if (arguments->scene.rigid) throw UsageError("--rigid places a rig that is known: give it with --start");
   const calib::ScenePoints points = calib::ReadScenePoints(arguments->scene.scene_points);
@@ -207,9 +205,10 @@ void SayNotFilmed(const std::vector<std::string>& cameras, CommandResult* result
 }
 
 /// Without a floor, the world is a camera's, and nothing is up.
-void AskForFloor(const std::string& gauge, bool in_session, const std::string& path, CommandResult* result) {
-  if (gauge.rfind("camera ", 0) != 0 || result->metrics["cameras"].size() < 2) return;  // one camera: its lens is what counts
-  const std::string what = "the world has the axes of " + gauge + " (x right, y down, z forward): z is not up";
+void AskForFloor(const geometry::RigGauge& gauge, bool in_session, const std::string& path, CommandResult* result) {
+  const bool one_camera = result->metrics["cameras"].size() < 2;  // its lens is what counts
+  if (gauge.kind != geometry::RigGauge::Kind::kCamera || one_camera) return;
+  const std::string what = "the world has the axes of " + GaugeText(gauge) + " (x right, y down, z forward): z is not up";
   const std::string hint =
       "give --world board:FRAME with a frame where the board lies on the floor, or move the rig later: mvstudio "
       "calib align " +
@@ -284,7 +283,8 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   FillStart(&arguments, &corners.input, &result);
   FillWorld(corners, &arguments, &result);
   calib::SolvableCalibration solved = CalibrateSolvable(corners.input, arguments.calibrate, context.run);
-  if (from_points && solved.report.gauge == kBoardOfPoints) solved.report.gauge = solved.report.rig.gauge = "the marked points";
+  if (from_points && solved.report.rig.gauge == geometry::RigGauge::OfBoard(0))
+    solved.report.rig.gauge = {geometry::RigGauge::Kind::kPoints};
   const calib::CalibrateReport& report = solved.report;
   if (report.status != Status::kOk) {
     CommandResult unsolved = Unsolved(report);
@@ -309,10 +309,10 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   AddBoardPlaces(report, corners.input.boards, front_of, &result);
   for (const auto& reason : report.verdict.reasons)
     result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments), reason.fails});
-  if (report.verdict.status == "fail") result.exit = kExitQualityGate;
+  if (report.verdict.outcome() == calib::Outcome::kFail) result.exit = kExitQualityGate;
   SayLeftOut(solved.left_out, corners, &result);
   SayNotFilmed(not_filmed, &result);
-  AskForFloor(report.gauge, !arguments.session.session.empty(), path, &result);
+  AskForFloor(report.rig.gauge, !arguments.session.session.empty(), path, &result);
   stages::WarnOfCovariance(report.rig, &result);
   return result;
 }

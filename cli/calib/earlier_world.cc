@@ -1,9 +1,7 @@
 #include "cli/calib/earlier_world.h"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
-#include <optional>
 #include <sstream>
 
 #include "cli/program/fingerprint.h"
@@ -15,16 +13,7 @@ namespace {
 
 using nlohmann::ordered_json;
 namespace fs = std::filesystem;
-
-/// N of "board in frame N".
-std::optional<int64_t> FrameOf(const std::string& gauge) {
-  const std::string head = "board in frame ";
-  if (gauge.rfind(head, 0) != 0) return std::nullopt;
-  int64_t frame = 0;
-  const char* const end = gauge.data() + gauge.size();
-  const auto [stop, error] = std::from_chars(gauge.data() + head.size(), end, frame);
-  return error == std::errc() && stop == end ? std::optional<int64_t>(frame) : std::nullopt;
-}
+using Kind = geometry::RigGauge::Kind;
 
 ordered_json Parsed(const std::string& text) { return ordered_json::parse(text, nullptr, false); }
 
@@ -68,22 +57,25 @@ std::string EarlierPairing(const std::string& folder) {
 
 }  // namespace
 
-std::string EarlierGauge(const std::string& folder) {
+std::optional<geometry::RigGauge> EarlierGauge(const std::string& folder) {
   const std::string path = folder + "/calibration.json";
-  if (!fs::is_regular_file(path)) return "";
+  if (!fs::is_regular_file(path)) return std::nullopt;
   try {
-    const std::string gauge = geometry::ReadRig(path).gauge;
-    return gauge.rfind("camera ", 0) == 0 || gauge.rfind("none", 0) == 0 ? "" : gauge;
+    const geometry::RigGauge gauge = geometry::ReadRig(path).gauge;
+    const bool lost = gauge.kind == Kind::kCamera || gauge.kind == Kind::kLensesOnly || GaugeText(gauge).empty();
+    return lost ? std::nullopt : std::optional(gauge);
   } catch (const std::exception&) {  // damaged: what it said is not known, and it is replaced
-    return "";
+    return std::nullopt;
   }
 }
 
-void KeepEarlierWorld(const std::string& folder, const std::string& gauge, const std::vector<std::string>& footage,
-                      const stages::CornerInput& corners, const std::string& pairing, calib::WorldOrigin* world,
-                      CommandResult* result) {
-  if (gauge.empty()) return;
-  const std::optional<int64_t> frame = FrameOf(gauge);
+void KeepEarlierWorld(const std::string& folder, const std::optional<geometry::RigGauge>& earlier,
+                      const std::vector<std::string>& footage, const stages::CornerInput& corners, const std::string& pairing,
+                      calib::WorldOrigin* world, CommandResult* result) {
+  if (!earlier) return;
+  const std::string gauge = GaugeText(*earlier);
+  const std::optional<int64_t> frame =
+      *earlier == geometry::RigGauge::OfBoard(earlier->frame.value_or(0)) ? earlier->frame : std::nullopt;
   const auto& boards = corners.input.detections;
   const auto there = [&](const calib::Detection& board) { return board.frame_idx == frame && board.board_idx == 0; };
   std::string why;

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <optional>
 
+#include "stages/report_fields.h"
 #include "calib/board/sides.h"
 #include "calib/check/rig_check.h"
 #include "cli/calib/calib.h"
@@ -35,29 +36,9 @@ struct Arguments {
   calib::RigCheckOptions check;
 };
 
-ordered_json LensJson(const calib::LensCheck& lens) {
-  return {{"status", std::string(ToString(lens.status))},
-          {"changed", lens.changed},
-          {"num_boards", lens.num_views},
-          {"rms_px", FiniteOrNull(lens.rms_px)},
-          {"refitted_rms_px", FiniteOrNull(lens.refitted_rms_px)},
-          {"focal_px", FiniteOrNull(lens.focal_px)},
-          {"refitted_focal_px", FiniteOrNull(lens.refitted_focal_px)},
-          {"shift_px", FiniteOrNull(lens.shift_px)},
-          {"significance", FiniteOrNull(lens.significance)}};
-}
-
 ordered_json CameraJson(const calib::CameraCheck& camera) {
-  ordered_json json{{"name", camera.name}, {"status", std::string(ToString(camera.status))}, {"moved", camera.moved}};
-  json["num_views"] = camera.num_views;
-  json["num_corners"] = camera.num_corners;
-  json["num_rejected"] = camera.num_rejected;
-  json["num_bad_views"] = camera.num_bad_views;
-  json["num_outlying_views"] = camera.num_outlying_views;
-  json["own_rms_px"] = FiniteOrNull(camera.own_rms_px);
-  json["rms_px"] = FiniteOrNull(camera.rms_px);
-  json["median_px"] = FiniteOrNull(camera.median_px);
-  if (camera.lens) json["lens"] = LensJson(*camera.lens);
+  ordered_json json = stages::FieldsJson(camera);
+  if (camera.lens) json["lens"] = stages::FieldsJson(*camera.lens);
   if (camera.status != Status::kOk) return json;
   json["rms_after_px"] = FiniteOrNull(camera.rms_after_px);
   json["rotation_deg"] = FiniteOrNull(RadToDeg(camera.rotation_rad));
@@ -212,7 +193,7 @@ CommandResult Eval(Arguments arguments, CommandContext& context) {
     return result;
   }
   Append(check.verdict.reasons, &result.warnings);
-  if (check.verdict.status == "fail") result.exit = kExitQualityGate;
+  if (check.verdict.outcome() == calib::Outcome::kFail) result.exit = kExitQualityGate;
   if (!arguments.repair.empty()) Repair(check, arguments.repair, &result);
   return result;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "stages/report_fields.h"
 #include "calib/calibrate.h"
 #include "calib/keypoints/moments.h"
 #include "calib/keypoints/place.h"
@@ -140,14 +141,7 @@ void FillMetrics(const calib::KeypointRefineReport& report, ordered_json* metric
   for (size_t c = 0; c < report.cameras.size(); ++c)
     m["cameras"].push_back(
         CameraJson(report.cameras[c], report.rig.cameras[c].camera, calib::ToString(report.plan.distortion)));
-  m["decisions"] = ordered_json::array();
-  for (const calib::KeypointDecision& d : report.decisions)
-    m["decisions"].push_back({{"group", d.group},
-                              {"choice", d.choice},
-                              {"holdout_px", FiniteOrNull(d.holdout_px)},
-                              {"standard_error", FiniteOrNull(d.standard_error_px)},
-                              {"chosen", d.chosen},
-                              {"refusal", d.refusal}});
+  m["decisions"] = stages::RowsJson(report.decisions);
 }
 
 std::string Limbs(const calib::KeypointError& error) {
@@ -282,7 +276,7 @@ bool ScaleByLengths(const std::vector<calib::StatedLength>& lengths, const std::
   DescribeLengths(scale, result);
   if (scale.status != Status::kOk) return false;
   *rig = geometry::InWorld(*rig, {}, scale.scale);
-  rig->gauge = GaugeWithLengths(rig->gauge);
+  rig->gauge.stated_lengths = true;
   return true;
 }
 

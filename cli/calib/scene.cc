@@ -71,8 +71,8 @@ CommandResult RunMarks(const SceneArguments& arguments, const geometry::Rig& len
   DescribeLengths(scale, &result);
   if (scale.status != Status::kOk) return result;
   placed.rig = geometry::InWorld(placed.rig, {}, scale.scale);
-  placed.rig.gauge = GaugeWithLengths(placed.rig.gauge);
-  result.metrics["gauge"] = placed.rig.gauge;
+  placed.rig.gauge.stated_lengths = true;
+  result.metrics["gauge"] = GaugeText(placed.rig.gauge);
   result.metrics["rms_px"] = FiniteOrNull(placed.rms_px);
   result.metrics["cameras"] = ordered_json::array();
   std::string lines;
@@ -83,9 +83,10 @@ CommandResult RunMarks(const SceneArguments& arguments, const geometry::Rig& len
         Format("%-16s %d of %d marks\n", placed.rig.cameras[c].camera.name.c_str(), placed.num_used[c], placed.num_clicks[c]);
     result.metrics["cameras"].push_back(json);
   }
-  result.text = lines +
-                Format("%zu marks, rms %.2f px, world: %s\n", placed.points.size(), placed.rms_px, placed.rig.gauge.c_str()) +
-                result.text;
+  result.text =
+      lines +
+      Format("%zu marks, rms %.2f px, world: %s\n", placed.points.size(), placed.rms_px, GaugeText(placed.rig.gauge).c_str()) +
+      result.text;
   result.warnings.push_back({"CAL-WORLD", "the world is that of " + placed.rig.cameras[0].camera.name,
                              "mvstudio calib align --floor-joints, or --floor-board, sets the floor"});
   WriteCalibration(placed.rig, out, &result);
@@ -103,7 +104,7 @@ CommandResult RunScenePoints(const SceneArguments& arguments, const geometry::Ri
   const calib::ScenePoints points = calib::ReadScenePoints(arguments.scene_points);
   result.inputs.insert(result.inputs.end(), arguments.scene_points.begin(), arguments.scene_points.end());
   const calib::SceneResectionReport report = calib::ResectScene(points, lenses, arguments.rigid, arguments.points);
-  result.metrics["gauge"] = report.rig.gauge;
+  result.metrics["gauge"] = GaugeText(report.rig.gauge);
   result.metrics["cameras"] = ordered_json::array();
   int failed = 0;
   std::string reason;
@@ -178,7 +179,7 @@ calib::KnownPoints FindBoard(const calib::Board& board, const std::vector<calib:
     throw UsageError("--from-scene: the board is seen by " + std::to_string(detections.size()) +
                      " cameras; two are needed for the scale");
   calib::KnownPoints known = calib::KnownFromBoard(board, detections, names);
-  known.gauge = "the board in the scene";
+  known.gauge.frame.reset();  // every camera has one image
   return known;
 }
 
@@ -213,7 +214,7 @@ CommandResult RunFromScene(const SceneArguments& arguments, const geometry::Rig&
   const calib::ColmapScene scene = calib::RunColmap(images, out + "/colmap", arguments.scene.colmap, context.run);
   const calib::FromSceneReport report = calib::AdjustScene(scene, images, scale, arguments.scene, context.run);
   if (report.status != Status::kOk) return Failed(std::move(result), report.status, report.message);
-  result.metrics["gauge"] = report.rig.gauge;
+  result.metrics["gauge"] = GaugeText(report.rig.gauge);
   result.metrics["rms_px"] = FiniteOrNull(report.bundle.rms_px);
   result.metrics["feature_sigma_px"] = FiniteOrNull(report.feature_sigma_px);
   result.metrics["own_lenses"] = report.own_lenses;
@@ -232,9 +233,9 @@ CommandResult RunFromScene(const SceneArguments& arguments, const geometry::Rig&
                           report.rig.cameras[c].camera.name.c_str(), report.rig.cameras[c].camera.fx(), report.num_seen[c],
                           1e3 * sigmas.position_m, RadToDeg(sigmas.rotation_rad));
   }
-  result.text +=
-      Format("%d points, %d features kept, %d rejected, feature sigma %.3f px, world: %s\n", report.num_points,
-             report.bundle.num_observations, report.bundle.num_rejected, report.feature_sigma_px, report.rig.gauge.c_str());
+  result.text += Format("%d points, %d features kept, %d rejected, feature sigma %.3f px, world: %s\n", report.num_points,
+                        report.bundle.num_observations, report.bundle.num_rejected, report.feature_sigma_px,
+                        GaugeText(report.rig.gauge).c_str());
   constexpr double kMisfit = 10;
   if (report.clusters.factor > kMisfit) {
     result.warnings.push_back(

@@ -80,7 +80,7 @@ CommandResult Show(const Arguments& arguments) {
   result.inputs = arguments.in;
   stages::AddNotes(imported.notes, &result);
   stages::AddCameraMetrics(rig, &result);
-  result.metrics["gauge"] = rig.gauge;
+  result.metrics["gauge"] = GaugeText(rig.gauge);
   const Eigen::MatrixXd baselines = Baselines(rig);
   auto& rows = result.metrics["baselines_m"] = ordered_json::array();
   for (Eigen::Index i = 0; i < baselines.rows(); ++i) {
@@ -88,7 +88,7 @@ CommandResult Show(const Arguments& arguments) {
   }
   result.text = Table(rig);
   if (rig.cameras.size() > 1) result.text += BaselineTable(rig, baselines);
-  result.text += "world frame fixed by: " + (rig.gauge.empty() ? "(not said)" : OneLine(rig.gauge));
+  result.text += "world frame fixed by: " + (GaugeText(rig.gauge).empty() ? "(not said)" : OneLine(GaugeText(rig.gauge)));
   return result;
 }
 

@@ -60,11 +60,4 @@ void DescribeLengths(const calib::LengthScale& scale, CommandResult* result) {
         {"CAL-SCALE", Format("the rig becomes %.4g times as large", scale.scale), "check the length and its unit"});
 }
 
-std::string GaugeWithLengths(const std::string& gauge) {
-  constexpr char kTail[] = "; uncertainty relative to ";
-  const size_t tail = gauge.find(kTail), end = tail == std::string::npos ? gauge.size() : tail;
-  const std::string world = gauge.substr(0, end) + (end > 0 ? ", " : "") + "size by stated lengths";
-  return world + (tail == std::string::npos ? "" : gauge.substr(tail));
-}
-
 }  // namespace mvstudio::cli

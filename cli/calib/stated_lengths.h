@@ -23,7 +23,4 @@ inline constexpr char kLengthHelp[] =
 /// unlikely. A status that is not kOk becomes an error, and exit 5.
 void DescribeLengths(const calib::LengthScale& scale, CommandResult* result);
 
-/// The gauge of a rig whose size stated lengths give.
-std::string GaugeWithLengths(const std::string& gauge);
-
 }  // namespace mvstudio::cli

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "stages/report_fields.h"
 #include "avatar/run/pack/pack_builder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -144,7 +145,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   result.metrics["holdout_cameras"] = options.holdout_cameras;
   result.metrics["holdout_frames"] = options.holdout_frames;
   result.metrics["score_size_px"] = options.score_size_px;
-  result.metrics["trials"] = stages::TrialsJson(trials);
+  result.metrics["trials"] = stages::RowsJson(trials);
   result.text = stages::TrialsText(trials, "FD");
   const std::string page = options.out + "/tradeoff-avatar.html";
   WriteFileAtomic(page, stages::TrialsPage(trials, options));

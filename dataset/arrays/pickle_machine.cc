@@ -3,11 +3,6 @@
 #include "core/error.h"
 
 namespace mvstudio::dataset::internal {
-namespace {
-
-constexpr size_t kMostSteps = 4'000'000;  // and so values, references and marks
-
-}  // namespace
 
 const PickleValue* PickleValue::Find(std::string_view key) const {
   for (size_t i = items.size(); kind == Kind::kDict && i >= 2; i -= 2) {
@@ -102,7 +97,7 @@ void PickleMachine::Remember(uint64_t key) {
 const PickleValue& PickleMachine::Run() {
   for (size_t steps = 0;; ++steps) {
     op_at_ = at_;
-    if (steps > kMostSteps) Fail("has more than " + std::to_string(kMostSteps) + " steps");
+    if (steps > max_steps_) Fail("has more than " + std::to_string(max_steps_) + " steps");
     const auto op = static_cast<unsigned char>(Take(1)[0]);
     if (op == '.') return *Pop();
     Step(op);

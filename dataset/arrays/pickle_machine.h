@@ -9,7 +9,8 @@
 
 #include "core/disk/npy.h"
 
-/// The stack machine of pickle.cc and of dataset/exports/read/zju.cc.
+/// The one machine that reads pickles: of arrays (pickle.cc), of ZJU-MoCap (dataset/exports/read) and of names of columns
+/// (dataset/trackers).
 namespace mvstudio::dataset::internal {
 
 /// A value of a pickle. Values may refer to each other in circles.
@@ -31,13 +32,16 @@ NpyArray ArrayOf(const PickleValue& array, const std::string& path, const std::s
 
 class PickleMachine {
  public:
-  /// `bytes` must outlive the machine and its values.
-  PickleMachine(const std::string& bytes, const std::string& path) : bytes_(bytes), path_(path) {}
+  /// `bytes` and `path` must outlive the machine and its values. At most `max_steps`, and so values, references and marks.
+  PickleMachine(const std::string& bytes, const std::string& path, size_t max_steps = 4'000'000)
+      : bytes_(bytes), path_(path), max_steps_(max_steps) {}
   PickleMachine(const PickleMachine&) = delete;
   PickleMachine& operator=(const PickleMachine&) = delete;
 
   /// Runs to the end: the value that the pickle stands for, owned by the machine.
   const PickleValue& Run();
+  /// Values that Run() left on the stack; a pickle of Python leaves none.
+  size_t num_left() const { return stack_.size(); }
 
  private:
   using Kind = PickleValue::Kind;
@@ -77,6 +81,7 @@ class PickleMachine {
 
   const std::string& bytes_;
   const std::string& path_;
+  const size_t max_steps_;
   size_t at_ = 0, op_at_ = 0, owned_bytes_ = 0;
   std::deque<PickleValue> values_;
   std::deque<std::string> owned_;

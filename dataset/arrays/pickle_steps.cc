@@ -10,6 +10,7 @@ namespace {
 
 using namespace std::string_view_literals;
 
+/// `code` is below 0x110000.
 void AppendUtf8(unsigned code, std::string* text) {
   if (code < 0x80) {
     *text += static_cast<char>(code);
@@ -17,7 +18,8 @@ void AppendUtf8(unsigned code, std::string* text) {
     *text += static_cast<char>(0xc0 | code >> 6);
     *text += static_cast<char>(0x80 | (code & 0x3f));
   } else {
-    *text += static_cast<char>(0xe0 | (code >> 12 & 0xf));
+    if (code >= 0x10000) *text += static_cast<char>(0xf0 | code >> 18);
+    *text += static_cast<char>(code >= 0x10000 ? 0x80 | (code >> 12 & 0x3f) : 0xe0 | code >> 12);
     *text += static_cast<char>(0x80 | (code >> 6 & 0x3f));
     *text += static_cast<char>(0x80 | (code & 0x3f));
   }
@@ -120,9 +122,10 @@ std::string_view PickleMachine::Unescape(std::string_view text) {
   std::string plain;
   for (size_t i = 0; i < text.size(); ++i) {
     unsigned code = 0;
-    if (text[i] == '\\' && i + 1 < text.size() && text[i + 1] == 'u' && HexAt(text, i + 2, 4, &code)) {
+    const size_t digits = text.substr(i, 2) == "\\u" ? 4 : text.substr(i, 2) == "\\U" ? 8 : 0;
+    if (digits > 0 && HexAt(text, i + 2, digits, &code) && code < 0x110000) {
       AppendUtf8(code, &plain);
-      i += 5;
+      i += 1 + digits;
     } else {
       AppendUtf8(static_cast<unsigned char>(text[i]), &plain);
     }

@@ -87,7 +87,7 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
   if (!job.take.split) return;
   std::string test;
   for (size_t i = 0; i < views.size(); ++i) {
-    if (job.take.views[views[i]].info.part == "test") test += images[i] + "\n";
+    if (job.take.views[views[i]].info.part == dataset::PartOfSplit::kTest) test += images[i] + "\n";
   }
   job.Write(model + "/test.txt", test);
 }

@@ -89,8 +89,8 @@ void WriteDynamic3dgs(const Job& job) {
       job.pictures.AddMask(i, frame, "seg/" + stem + ".png", Pictures::MaskValues::k1);
     }
   }
-  job.Write("train_meta.json", Meta(take, take.ViewsOf("train"), files).dump() + "\n");
-  job.Write("test_meta.json", Meta(take, take.ViewsOf("test"), files).dump() + "\n");
+  job.Write("train_meta.json", Meta(take, take.ViewsOf(dataset::PartOfSplit::kTrain), files).dump() + "\n");
+  job.Write("test_meta.json", Meta(take, take.ViewsOf(dataset::PartOfSplit::kTest), files).dump() + "\n");
   job.Write("init_pt_cld.npz", InitialPoints(job));
   NoteNearCameras(job);
 }

@@ -100,7 +100,7 @@ const Writer& WriterByName(const std::string& name) {
 Json CameraJson(const View& view) {
   const geometry::Camera& lens = view.camera.camera;
   Json json = {{"name", view.info.name}, {"dataset_name", view.info.source}, {"studio_name", view.info.studio}};
-  if (!view.info.part.empty()) json["part"] = view.info.part;
+  if (view.info.part != dataset::PartOfSplit::kNone) json["part"] = ToString(view.info.part);
   json["undistorted"] = view.info.undistorted;
   if (view.info.undistorted) json["lost_share"] = view.info.lost_share;
   json["size_px"] = {lens.width_px, lens.height_px};

@@ -11,6 +11,7 @@
 #include "dataset/markers/marker_files.h"
 #include "dataset/panoptic/missing.h"
 #include "dataset/panoptic/panoptic.h"
+#include "dataset/views/split.h"
 #include "dataset/views/undistort.h"
 #include "geometry/rig/rig.h"
 
@@ -89,10 +90,10 @@ void VisitFields(Visitor&& visit, ExportOptions& o) {
 }
 
 struct ExportedCamera {
-  std::string name;    ///< in the export
-  std::string source;  ///< in the dataset, 00_NN
-  std::string studio;  ///< in the calibration; may be empty
-  std::string part;    ///< "train", "validation", "test"; empty without a split
+  std::string name;                                         ///< in the export
+  std::string source;                                       ///< in the dataset, 00_NN
+  std::string studio;                                       ///< in the calibration; may be empty
+  dataset::PartOfSplit part = dataset::PartOfSplit::kNone;  ///< none without a split
   bool undistorted = false;
   double lost_share = 0;  ///< fraction of the footage's pixels that the ideal pinhole does not show
 };

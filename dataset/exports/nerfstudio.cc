@@ -54,7 +54,7 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
   Json json = {{"camera_model", "OPENCV"},
                {"orientation_override", "none"},
                {"applied_transform", RowsJson(Eigen::Matrix4d::Identity(), 3)}};
-  std::map<std::string, Json> parts;
+  std::map<dataset::PartOfSplit, Json> parts;
   Json frames = Json::array();
   std::vector<size_t> without_mask;
   for (size_t i = 0; i < job.take.views.size(); ++i) {
@@ -75,10 +75,11 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
     json["ply_file_path"] = "points3d.ply";
   }
   if (job.take.split) {
-    json["train_filenames"] = parts["train"];
+    json["train_filenames"] = parts[dataset::PartOfSplit::kTrain];
     // nerfstudio asks for a validation set whenever one part is named.
-    json["val_filenames"] = parts["validation"].empty() ? parts["test"] : parts["validation"];
-    json["test_filenames"] = parts["test"];
+    json["val_filenames"] = parts[dataset::PartOfSplit::kValidation].empty() ? parts[dataset::PartOfSplit::kTest]
+                                                                             : parts[dataset::PartOfSplit::kValidation];
+    json["test_filenames"] = parts[dataset::PartOfSplit::kTest];
     for (const char* key : {"train_filenames", "val_filenames", "test_filenames"}) {
       if (json[key].is_null()) json[key] = Json::array();
     }

@@ -18,11 +18,15 @@ bool AllowedInName(char c) {
   return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
 }
 
-std::string PartOf(const dataset::Split& split, const std::string& camera) {
+dataset::PartOfSplit PartOf(const dataset::Split& split, const std::string& camera) {
   const auto holds = [&](const dataset::SplitPart& part) {
     return std::find(part.cameras.begin(), part.cameras.end(), camera) != part.cameras.end();
   };
-  return holds(split.test) ? "test" : holds(split.validation) ? "validation" : holds(split.train) ? "train" : "";
+  using Part = dataset::PartOfSplit;
+  return holds(split.test)         ? Part::kTest
+         : holds(split.validation) ? Part::kValidation
+         : holds(split.train)      ? Part::kTrain
+                                   : Part::kNone;
 }
 
 /// Rig indices of the cameras that the options and the split name.
@@ -38,7 +42,7 @@ std::vector<size_t> ChooseCameras(const dataset::PanopticDataset& dataset, const
   for (size_t i = 0; i < dataset.rig.cameras.size(); ++i) {
     const std::string& name = dataset.rig.cameras[i].camera.name;
     if (!wanted.empty() && !wanted.count(name)) continue;
-    if (split && PartOf(*split, name).empty()) continue;
+    if (split && PartOf(*split, name) == dataset::PartOfSplit::kNone) continue;
     chosen.push_back(i);
   }
   if (chosen.empty()) throw UsageError("no camera is left: option 'cameras' and option 'split' have none in common");
@@ -181,10 +185,10 @@ std::vector<int> Take::PersonIds() const {
   return {ids.begin(), ids.end()};
 }
 
-std::vector<size_t> Take::ViewsOf(const std::string& part) const {
+std::vector<size_t> Take::ViewsOf(dataset::PartOfSplit part) const {
   std::vector<size_t> chosen;
   for (size_t i = 0; i < views.size(); ++i) {
-    if (views[i].info.part == part || (!split && part == "train")) chosen.push_back(i);
+    if (views[i].info.part == part || (!split && part == dataset::PartOfSplit::kTrain)) chosen.push_back(i);
   }
   return chosen;
 }

@@ -36,7 +36,7 @@ struct Take {
   const People& At(int frame) const;
   std::vector<int> PersonIds() const;
   /// Indices into views; all of them when there is no split and `part` is "train".
-  std::vector<size_t> ViewsOf(const std::string& part) const;
+  std::vector<size_t> ViewsOf(dataset::PartOfSplit part) const;
 };
 
 /// Cameras, frames and lenses selected by the options; notes are added to the report. Throws UsageError.

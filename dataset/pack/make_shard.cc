@@ -198,7 +198,7 @@ void AddSample(const PackPlan& plan, const PackPicture& picture, const PackTarge
   shard->person.push_back(target.person);
   shard->pose.push_back(PoseRow(*shard, picture.frame, target.person));
   shard->univ_time_ms.push_back(univ_time_ms);
-  shard->part.push_back(picture.part);
+  shard->part.push_back(static_cast<uint8_t>(picture.part));
   AddView(made.view, shard);
   const Coco19Pose* pose = target.person < 0 ? nullptr : &plan.dataset.poses.at(picture.frame).at(target.person);
   AddJoints(made.view, pose, shard);

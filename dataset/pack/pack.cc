@@ -54,11 +54,6 @@ std::string PackFile::Read(uint64_t offset, uint64_t bytes) const {
 namespace internal {
 namespace {
 
-const char* PartName(uint8_t part) {
-  constexpr const char* kNames[] = {"", "train", "validation", "test"};
-  return kNames[part];
-}
-
 geometry::RigCamera ViewOf(const Shard& s, size_t i, const geometry::RigCamera& source, PackView view) {
   if (view == PackView::kFull) return source;
   geometry::RigCamera camera;
@@ -105,7 +100,7 @@ PackSample SampleOf(const Shard& s, size_t i, const geometry::Rig& rig, PackView
     sample.joints_px.col(j) << s.joints_px[38 * i + 2 * j], s.joints_px[38 * i + 2 * j + 1];
     sample.in_view[j] = s.joint_in_view[19 * i + j] != 0;
   }
-  sample.part = PartName(s.part[i]);
+  sample.part = static_cast<PartOfSplit>(s.part[i]);
   sample.has_mask = s.mask_bytes[i] > 0;
   return sample;
 }

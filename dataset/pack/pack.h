@@ -11,6 +11,7 @@
 #include "core/progress.h"
 #include "dataset/pose/pose3d.h"
 #include "dataset/verify/verify.h"
+#include "dataset/views/split.h"
 #include "geometry/rig/rig.h"
 
 /// Reads packs: pictures of people with their cameras, masks and joints in HDF5 files, for training and archive.
@@ -37,7 +38,7 @@ struct PackSample {
   Eigen::Matrix<double, 2, 19> joints_px =
       Eigen::Matrix<double, 2, 19>::Zero();  ///< in the stored picture; 0 where not in view
   std::array<bool, 19> in_view{};            ///< the joint is valid and its projection lies inside the picture
-  std::string part;                          ///< "train", "validation", "test"; empty without a split or in no part
+  PartOfSplit part = PartOfSplit::kNone;
   bool has_mask = false;
 };
 

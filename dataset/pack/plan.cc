@@ -103,17 +103,15 @@ std::vector<PackTarget> TargetsOf(const PackPlan& plan, int camera_idx, int fram
   return targets;
 }
 
-// 1 train, 2 validation, 3 test, 0 none.
-uint8_t PartOf(const Split& split, const std::string& camera, int frame) {
-  const SplitPart* parts[] = {&split.train, &split.validation, &split.test};
-  for (uint8_t k = 0; k < 3; ++k) {
-    const SplitPart& part = *parts[k];
-    if (std::binary_search(part.cameras.begin(), part.cameras.end(), camera) &&
-        std::binary_search(part.frames.begin(), part.frames.end(), frame)) {
-      return static_cast<uint8_t>(k + 1);
-    }
-  }
-  return 0;
+PartOfSplit PartOf(const Split& split, const std::string& camera, int frame) {
+  const auto holds = [&](const SplitPart& part) {
+    return std::binary_search(part.cameras.begin(), part.cameras.end(), camera) &&
+           std::binary_search(part.frames.begin(), part.frames.end(), frame);
+  };
+  return holds(split.train)        ? PartOfSplit::kTrain
+         : holds(split.validation) ? PartOfSplit::kValidation
+         : holds(split.test)       ? PartOfSplit::kTest
+                                   : PartOfSplit::kNone;
 }
 
 int64_t PictureBytes(const PackPlan& plan) {
@@ -132,8 +130,8 @@ void FillShards(const std::optional<Split>& split, PackPlan* plan) {
     std::vector<PackPicture> pictures;
     int64_t count = 0;
     for (const int c : cameras) {
-      const uint8_t part = split ? PartOf(*split, plan->dataset.rig.cameras[c].camera.name, frame) : 0;
-      if (split && part == 0) continue;
+      const PartOfSplit part = split ? PartOf(*split, plan->dataset.rig.cameras[c].camera.name, frame) : PartOfSplit::kNone;
+      if (split && part == PartOfSplit::kNone) continue;
       PackPicture picture{c, frame, part, TargetsOf(*plan, c, frame)};
       count += static_cast<int64_t>(picture.targets.size());
       if (!picture.targets.empty()) pictures.push_back(std::move(picture));
@@ -196,7 +194,7 @@ std::string PicturesSha256(const PackPlan& plan) {
   for (const auto& shard : plan.shards) {
     std::string text = "shard\n";
     for (const PackPicture& p : shard) {
-      text += std::to_string(p.camera_idx) + " " + std::to_string(p.frame) + " " + std::to_string(p.part);
+      text += std::to_string(p.camera_idx) + " " + std::to_string(p.frame) + " " + std::to_string(static_cast<int>(p.part));
       for (const PackTarget& t : p.targets) text += " " + std::to_string(t.person);
       text += "\n";
     }

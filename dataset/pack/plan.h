@@ -26,7 +26,7 @@ struct PackTarget {
 struct PackPicture {
   int camera_idx = 0;
   int frame = 0;
-  uint8_t part = 0;
+  PartOfSplit part = PartOfSplit::kNone;
   std::vector<PackTarget> targets;
 };
 

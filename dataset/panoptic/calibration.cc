@@ -269,7 +269,8 @@ void WritePanopticCalibrationFile(const PanopticCalibrationFile& file, const std
 geometry::Rig ToRig(const PanopticCalibrationFile& file, const std::string& path) {
   UnusedKeysOf(file, path);
   geometry::Rig rig;
-  rig.gauge = "Panoptic file " + std::filesystem::path(path).filename().string();
+  rig.gauge.kind = geometry::RigGauge::Kind::kPanoptic,
+  rig.gauge.words = "file " + std::filesystem::path(path).filename().string();
   std::set<std::string> names;
   for (size_t i = 0; i < file.cameras.size(); ++i) {
     const std::string where = "cameras[" + std::to_string(i) + "]";

@@ -74,7 +74,7 @@ void CheckPlaces(const geometry::Rig& rig, const std::string& path, Findings* fi
 
 geometry::Rig VerifyCalibration(const std::string& path, Findings* findings) {
   geometry::Rig rig;
-  rig.gauge = "Panoptic calibration";
+  rig.gauge.kind = geometry::RigGauge::Kind::kPanoptic, rig.gauge.words = "calibration";
   try {
     const Json json = ParseJsonFile(path, kMaxCalibrationBytes);
     const JsonView cameras = JsonView(path, json)["cameras"];

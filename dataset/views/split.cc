@@ -82,6 +82,11 @@ std::string PartText(const SplitPart& part) {
 
 }  // namespace
 
+std::string_view ToString(PartOfSplit part) {
+  constexpr std::string_view kNames[] = {"", "train", "validation", "test"};
+  return kNames[static_cast<size_t>(part)];
+}
+
 std::vector<std::string> SplitFaults(const Split& split) {
   std::vector<std::string> faults;
   if (split.train.empty()) faults.push_back("train has no cameras or no frames");

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/fields.h"
@@ -17,6 +18,12 @@ struct SplitPart {
   std::vector<int> frames;           ///< frame numbers, sorted
   bool empty() const { return cameras.empty() || frames.empty(); }
 };
+
+/// The part that a camera or an image is in. The numbers are those of packs.
+enum class PartOfSplit : uint8_t { kNone, kTrain, kValidation, kTest };
+
+/// "train", "validation", "test"; empty for kNone.
+std::string_view ToString(PartOfSplit part);
 
 /// Frames of one uninterrupted motion.
 struct MotionBlock {

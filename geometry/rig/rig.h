@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "geometry/lens/camera.h"
+#include "geometry/rig/rig_gauge.h"
 #include "geometry/rigid/rigid3.h"
 
 namespace mvstudio::geometry {
@@ -43,8 +44,7 @@ struct RigBoard {
 /// All cameras of a studio in one world frame: right-handed, metres, z up where the world is known.
 struct Rig {
   std::vector<RigCamera> cameras;
-  std::string gauge;  ///< what fixes the world frame and hence the covariances, in words: "camera 00_00", "board in frame 0",
-                      ///< …
+  RigGauge gauge;
 
   /// Covariance of all cameras together, with the correlations that the blocks above omit: for each camera, in order, its
   /// lens parameters and then the six of cam_from_world. Becomes stale when cameras are changed or removed: see

@@ -234,7 +234,7 @@ Rig RigFromJsonText(const std::string& text, const std::string& path_for_message
   if (schema != kCalibrationSchema) root.At("schema").Fail(Shown(schema) + ", this version reads " + kCalibrationSchema);
   if (root.At("unit").Text() != "m") root.At("unit").Fail(Shown(root.At("unit").Text()) + ", this schema is in \"m\"");
   Rig rig;
-  if (root.Has("gauge")) rig.gauge = root.At("gauge").Text();
+  if (root.Has("gauge")) rig.gauge = GaugeFromText(root.At("gauge").Text());
   const Node cameras = root.At("cameras");
   if (cameras.ArraySize() == 0) cameras.Fail("must be a list of at least one camera");
   std::set<std::string> names;

@@ -128,7 +128,7 @@ std::string RigToJsonText(const Rig& rig) {
   ValidateForWriting(rig);
   try {
     std::string text = "{\n  \"schema\": " + Json(kCalibrationSchema).dump() +
-                       ",\n  \"unit\": \"m\",\n  \"gauge\": " + Json(rig.gauge).dump() + ",\n" + BoardsToText(rig) +
+                       ",\n  \"unit\": \"m\",\n  \"gauge\": " + Json(GaugeText(rig.gauge)).dump() + ",\n" + BoardsToText(rig) +
                        "  \"cameras\": [\n";
     for (size_t i = 0; i < rig.cameras.size(); ++i) text += (i ? ",\n" : "") + CameraToText(rig.cameras[i]);
     return text + "\n  ]" + JointCovarianceToText(rig) + "\n}\n";

@@ -5,6 +5,7 @@
 #include <map>
 #include <set>
 
+#include "stages/report_fields.h"
 #include "calib/verdict/film_next.h"
 #include "core/format.h"
 #include "core/statistics.h"
@@ -56,17 +57,6 @@ ordered_json CameraMetrics(const calib::CameraReport& camera, const calib::Foota
   return json;
 }
 
-ordered_json BoardMovesJson(const calib::CalibrateReport& report) {
-  ordered_json rows = ordered_json::array();
-  for (const calib::BoardMove& move : report.board_moves)
-    rows.push_back({{"board", move.board_b},
-                    {"against", move.board_a},
-                    {"last_before", move.before},
-                    {"first_after", move.after},
-                    {"moved_mm", FiniteOrNull(1e3 * move.moved_m)}});
-  return rows;
-}
-
 /// False where the lens was held at a calibration that states no covariance of it.
 bool LensSigmaKnown(const calib::CalibrateReport& report, size_t camera) {
   return camera < report.rig.cameras.size() && report.rig.cameras[camera].params_covariance.has_value();
@@ -96,32 +86,6 @@ ordered_json ResidualSamples(const calib::CalibrateReport& report) {
 
 double BaselineMm(const geometry::Rig& rig) {
   return 1e3 * (rig.cameras[0].CenterInWorld() - rig.cameras[1].CenterInWorld()).norm();
-}
-
-ordered_json Selection(const calib::CalibrateReport& report) {
-  ordered_json table = ordered_json::array();
-  for (const calib::SelectionRow& row : report.selection) {
-    table.push_back({{"camera", row.camera},
-                     {"model", row.model},
-                     {"num_params", row.num_params},
-                     {"holdout_rms_px", FiniteOrNull(row.holdout_rms_px)},
-                     {"holdout_median_px", FiniteOrNull(row.holdout_median_px)},
-                     {"gross_fraction", FiniteOrNull(row.gross_fraction)},
-                     {"chosen", row.chosen}});
-  }
-  return table;
-}
-
-ordered_json CameraUncertainties(const calib::CalibrateReport& report) {
-  ordered_json json = ordered_json::array();
-  for (const calib::CameraUncertainty& c : report.uncertainty.cameras) {
-    json.push_back({{"name", c.name},
-                    {"range_m", FiniteOrNull(c.range_m)},
-                    {"centre_px", FiniteOrNull(c.centre_px)},
-                    {"edge_px", FiniteOrNull(c.edge_px)},
-                    {"corner_px", FiniteOrNull(c.corner_px)}});
-  }
-  return json;
 }
 
 /// cameras[].coverage_cells: 8 rows of 10 counts of kept corners over the image.
@@ -174,28 +138,6 @@ ordered_json FilmHints(const calib::CalibrateReport& report) {
   return json;
 }
 
-ordered_json Motions(const calib::CalibrateReport& report) {
-  ordered_json json = ordered_json::array();
-  for (const calib::CameraMotion& motion : report.motions) {
-    using Kind = calib::CameraMotion::Kind;
-    json.push_back({{"kind", motion.kind == Kind::kLens    ? "lens"
-                             : motion.kind == Kind::kDrift ? "drift"
-                                                           : "moved"},
-                    {"cameras", motion.cameras},
-                    {"last_frame_before", motion.last_before},
-                    {"first_frame_after", motion.frame_idx},
-                    {"rotation_deg", FiniteOrNull(RadToDeg(motion.rotation_rad))},
-                    {"rotation_sigma_deg", FiniteOrNull(RadToDeg(motion.rotation_sigma_rad))},
-                    {"translation_mm", FiniteOrNull(1e3 * motion.translation_m)},
-                    {"focal_scale", FiniteOrNull(motion.focal_scale)},
-                    {"focal_scale_sigma", FiniteOrNull(motion.focal_scale_sigma)},
-                    {"centre_shift_px", {FiniteOrNull(motion.centre_shift_px.x()), FiniteOrNull(motion.centre_shift_px.y())}},
-                    {"shift_px", FiniteOrNull(motion.shift_px)},
-                    {"significance", FiniteOrNull(motion.significance)}});
-  }
-  return json;
-}
-
 void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   ordered_json& m = *metrics;
   const auto& boards = report.board_metrics;
@@ -221,7 +163,7 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   if (!report.time_reason.empty()) m["time_offset_reason"] = report.time_reason;
   if (!report.frame_shift.empty()) m["frame_shift"] = report.frame_shift;
   if (!report.frame_rates.empty()) m["frame_rates"] = calib::ToString(report.frame_rates, geometry::CameraNames(report.rig));
-  if (report.free_boards) m["free_boards"] = BoardMovesJson(report);
+  if (report.free_boards) m["free_boards"] = RowsJson(report.board_moves);
 }
 
 }  // namespace
@@ -229,33 +171,21 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
 void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
                           ordered_json* metrics) {
   ordered_json& m = *metrics;
-  m["rms_px"] = FiniteOrNull(report.rms_px);
-  m["sigma_px"] = FiniteOrNull(report.sigma_px);
-  m["holdout_rms_px"] = FiniteOrNull(report.holdout_rms_px);
-  m["holdout_median_px"] = FiniteOrNull(report.holdout_median_px);
-  m["holdout_gross_fraction"] = FiniteOrNull(report.holdout_gross_fraction);
-  m["rig_holdout_rms_px"] = FiniteOrNull(report.rig_holdout_rms_px);
-  m["rig_holdout_median_px"] = FiniteOrNull(report.rig_holdout_median_px);
-  m["rig_holdout_gross_fraction"] = FiniteOrNull(report.rig_holdout_gross_fraction);
-  m["rejected_fraction"] = FiniteOrNull(report.rejected_fraction);
+  AddFields(report, metrics);
   if (report.rig.cameras.size() == 2) m["baseline_mm"] = FiniteOrNull(BaselineMm(report.rig));
   m["solve_s"] = FiniteOrNull(report.solve_s);
   m["num_frames"] = report.num_frames;
   m["num_corners"] = report.num_corners;
-  m["gauge"] = report.gauge;
+  m["gauge"] = GaugeText(report.rig.gauge);
   m["verdict"] = VerdictJson(report.verdict);
-  m["uncertainty"] = {{"centre_px", FiniteOrNull(report.uncertainty.centre_px)},
-                      {"edge_px", FiniteOrNull(report.uncertainty.edge_px)},
-                      {"volume_mm", FiniteOrNull(report.uncertainty.volume_mm)},
-                      {"corner_px", FiniteOrNull(report.uncertainty.corner_px)},
-                      {"volume_max_mm", FiniteOrNull(report.uncertainty.volume_max_mm)},
-                      {"cameras", CameraUncertainties(report)}};
-  m["motions"] = Motions(report);
+  m["uncertainty"] = FieldsJson(report.uncertainty);
+  m["uncertainty"]["cameras"] = RowsJson(report.uncertainty.cameras);
+  m["motions"] = RowsJson(report.motions);
   if (!report.turned.empty()) m["turned_views"] = ordered_json::object();
   for (const calib::TurnedCamera& camera : report.turned) m["turned_views"][camera.camera] = camera.num_turned;
   m["film_next"] = FilmHints(report);
   FillBoards(report, metrics);
-  m["model_selection"] = Selection(report);
+  m["model_selection"] = RowsJson(report.selection);
   m["cameras"] = ordered_json::array();
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     m["cameras"].push_back(CameraMetrics(report.cameras[c], c < found.size() ? &found[c] : nullptr));
@@ -283,7 +213,7 @@ void AddFilmGain(const calib::CalibrateReport& report, const std::vector<calib::
 }
 
 ordered_json VerdictJson(const calib::Verdict& verdict) {
-  ordered_json json{{"status", verdict.status}, {"reasons", ordered_json::array()}};
+  ordered_json json{{"status", ToString(verdict.outcome())}, {"reasons", ordered_json::array()}};
   for (const auto& reason : verdict.reasons)
     json["reasons"].push_back({{"level", reason.fails ? "fail" : "warn"}, {"code", reason.code}, {"text", reason.text}});
   return json;
@@ -294,7 +224,7 @@ std::string VerdictLine(const calib::Verdict& verdict) {
   const auto failing = std::find_if(reasons.begin(), reasons.end(), [](const auto& reason) { return reason.fails; });
   const auto first = failing == reasons.end() ? reasons.begin() : failing;
   const auto more = std::count_if(reasons.begin(), reasons.end(), [](const auto& reason) { return reason.fails; }) - 1;
-  std::string line = "verdict: " + verdict.status;
+  std::string line = "verdict: " + std::string(ToString(verdict.outcome()));
   if (first != reasons.end()) line += ": " + first->text + " (" + first->code + ")";
   if (more > 0) line += Format(" and %d more", static_cast<int>(more));
   return line + "\n";
@@ -350,7 +280,7 @@ std::string CalibrateSummary(const calib::CalibrateReport& report) {
   }
   text += Format("rig: rms %.3f px, held-out %s px, %d corners in %d frames, %.1f %% rejected, world: %s\n", report.rms_px,
                  Figure(report.holdout_rms_px, 3).c_str(), report.num_corners, report.num_frames,
-                 100 * report.rejected_fraction, report.gauge.c_str());
+                 100 * report.rejected_fraction, GaugeText(report.rig.gauge).c_str());
   if (report.rig.cameras.size() == 2) {
     text += Format("baseline %.3f mm\n", BaselineMm(report.rig));
   }

@@ -85,20 +85,22 @@ void DescribeCamera(const geometry::Camera& camera, const dataset::PanopticSeque
                     CommandResult* result) {
   const auto found = sequence.footage.find(camera.name);
   const bool none = found == sequence.footage.end();
-  const std::string footage = none ? "none" : found->second.is_video ? "video" : "pictures";
+  const bool video = !none && found->second.is_video, pictures = !none && !video;
   ordered_json entry = {{"name", camera.name},
                         {"alias", alias},
                         {"width", camera.width_px},
                         {"height", camera.height_px},
                         {"model", std::string(geometry::ToString(camera.model))},
-                        {"footage", footage}};
-  if (footage == "pictures") entry["pictures"] = RangeMetrics(found->second.pictures);
+                        {"footage", none    ? "none"
+                                    : video ? "video"
+                                            : "pictures"}};
+  if (pictures) entry["pictures"] = RangeMetrics(found->second.pictures);
   result->metrics["camera_list"].push_back(entry);
   if (none && !sequence.footage.empty()) return;  // 479 lines of cameras without pictures help nobody
   result->text += "  " + camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(camera.width_px) + "x" +
                   std::to_string(camera.height_px) + " " + entry["model"].get<std::string>();
-  if (footage == "pictures") result->text += ", " + std::to_string(found->second.pictures.size()) + " images";
-  result->text += (footage == "video" ? ", video\n" : "\n");
+  if (pictures) result->text += ", " + std::to_string(found->second.pictures.size()) + " images";
+  result->text += (video ? ", video\n" : "\n");
 }
 
 int MostPeople(const dataset::PanopticFrames& scenes) {

@@ -7,6 +7,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "app/report_fields.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -209,7 +210,7 @@ class Measurement {
       return jpeg ? source_.JpegPath(name, frame) : source_.data.ImagePath(name, frame);
     };
     PackSpeedTrial trial;
-    trial.way = "folder", trial.codec = codec, trial.crop_px = task.crop_px;
+    trial.from_folder = true, trial.codec = codec, trial.crop_px = task.crop_px;
     double bytes = 0;
     for (size_t i = 0; i < pack.samples().size(); ++i) bytes += static_cast<double>(std::filesystem::file_size(path(i)));
     trial.bytes_per_crop = bytes / static_cast<double>(pack.samples().size());
@@ -221,7 +222,7 @@ class Measurement {
     {
       const dataset::Pack pack = dataset::OpenPack(path);
       PackSpeedTrial trial;
-      trial.way = "pack", trial.codec = codec, trial.crop_px = task.crop_px;
+      trial.codec = codec, trial.crop_px = task.crop_px;
       trial.bytes_per_crop = static_cast<double>(pack.info().bytes) / static_cast<double>(pack.samples().size());
       const auto read = [&](size_t i) { return pack.ReadImage(i); };
       AddTrials(trial, Compare(task.truth, task.stride, read), pack.samples().size(), [&](size_t i) { read(i); });
@@ -239,9 +240,9 @@ class Measurement {
 std::vector<PackSpeedUp> SpeedUps(const std::vector<PackSpeedTrial>& trials) {
   std::vector<PackSpeedUp> list;
   for (const PackSpeedTrial& folder : trials) {
-    if (folder.way != "folder" || !(folder.psnr_db >= kGoodPsnr) || folder.crop_px == 0) continue;
+    if (!folder.from_folder || !(folder.psnr_db >= kGoodPsnr) || folder.crop_px == 0) continue;
     for (const PackSpeedTrial& pack : trials) {
-      const bool same = pack.way == "pack" && pack.crop_px == folder.crop_px && pack.threads == folder.threads;
+      const bool same = !pack.from_folder && pack.crop_px == folder.crop_px && pack.threads == folder.threads;
       if (!same || !(pack.psnr_db >= kGoodPsnr)) continue;
       list.push_back({folder.crop_px, folder.threads, folder.codec, folder.psnr_db, pack.codec, pack.psnr_db,
                       pack.crops_per_s / folder.crops_per_s});
@@ -249,8 +250,6 @@ std::vector<PackSpeedUp> SpeedUps(const std::vector<PackSpeedTrial>& trials) {
   }
   return list;
 }
-
-ordered_json Number(double value) { return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr); }
 
 std::string CropText(int crop_px) { return crop_px ? std::to_string(crop_px) : std::string("full"); }
 
@@ -277,8 +276,9 @@ std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>
                      "way     codec      crop  threads   crops/s   bytes/crop  PSNR dB\n";
   for (size_t i = 0; i < report.trials.size(); ++i) {
     const PackSpeedTrial& t = report.trials[i];
-    text += Format("%-6s  %-8s  %5s  %7d  %8.0f  %11.0f  %7s %s\n", t.way.c_str(), t.codec.c_str(), CropText(t.crop_px).c_str(),
-                   t.threads, t.crops_per_s, t.bytes_per_crop, PsnrText(t.psnr_db).c_str(), on_front[i] ? "*" : "");
+    text +=
+        Format("%-6s  %-8s  %5s  %7d  %8.0f  %11.0f  %7s %s\n", t.Way().c_str(), t.codec.c_str(), CropText(t.crop_px).c_str(),
+               t.threads, t.crops_per_s, t.bytes_per_crop, PsnrText(t.psnr_db).c_str(), on_front[i] ? "*" : "");
   }
   text += "*: no other way of this crop size is faster, smaller and nearer to the lossless crop at once\n";
   for (const PackSpeedUp& s : report.speed_ups) {
@@ -295,36 +295,9 @@ std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>
 
 std::string PackSpeedJson(const PackSpeedReport& report, const std::vector<bool>& on_front) {
   ordered_json json{{"pictures", report.pictures}, {"width_px", report.width_px}, {"height_px", report.height_px}};
-  json["trials"] = json["speed_ups"] = json["builds"] = ordered_json::array();
-  for (size_t i = 0; i < report.trials.size(); ++i) {
-    const PackSpeedTrial& t = report.trials[i];
-    json["trials"].push_back({{"way", t.way},
-                              {"codec", t.codec},
-                              {"crop_px", t.crop_px},
-                              {"threads", t.threads},
-                              {"crops_per_s", Number(t.crops_per_s)},
-                              {"bytes_per_crop", Number(t.bytes_per_crop)},
-                              {"psnr_db", Number(t.psnr_db)},
-                              {"exact", t.rms_levels == 0},
-                              {"on_front", static_cast<bool>(on_front[i])}});
-  }
-  for (const PackSpeedUp& s : report.speed_ups) {
-    json["speed_ups"].push_back({{"crop_px", s.crop_px},
-                                 {"threads", s.threads},
-                                 {"folder", s.folder},
-                                 {"folder_psnr_db", Number(s.folder_psnr_db)},
-                                 {"codec", s.codec},
-                                 {"pack_psnr_db", Number(s.pack_psnr_db)},
-                                 {"factor", Number(s.factor)}});
-  }
-  for (const PackBuildSpeed& b : report.builds) {
-    json["builds"].push_back({{"codec", b.codec},
-                              {"crop_px", b.crop_px},
-                              {"threads", b.threads},
-                              {"build_per_s", Number(b.build_per_s)},
-                              {"decode_per_s", Number(b.decode_per_s)},
-                              {"decode_share", Number(b.decode_share)}});
-  }
+  json["trials"] = RowsJson(report.trials);
+  for (size_t i = 0; i < report.trials.size(); ++i) json["trials"][i]["on_front"] = static_cast<bool>(on_front[i]);
+  json["speed_ups"] = RowsJson(report.speed_ups), json["builds"] = RowsJson(report.builds);
   return json.dump();
 }
 

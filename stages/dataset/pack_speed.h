@@ -22,13 +22,26 @@ struct PackSpeedOptions {
 
 /// One method of reading, with one number of threads.
 struct PackSpeedTrial {
-  std::string way;  ///< "pack" or "folder"
+  bool from_folder = false;  ///< of images; else from a pack
   std::string codec;
+  std::string Way() const { return from_folder ? "folder" : "pack"; }
   int crop_px = 0, threads = 1;
   double crops_per_s = 0, bytes_per_crop = 0;
   double psnr_db = 0;  ///< against the crop of the lossless picture; infinity: the same bytes
   double rms_levels = 0;
 };
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, const PackSpeedTrial& r) {
+  visit("way", r.Way());
+  visit("codec", r.codec);
+  visit("crop_px", r.crop_px);
+  visit("threads", r.threads);
+  visit("crops_per_s", r.crops_per_s);
+  visit("bytes_per_crop", r.bytes_per_crop);
+  visit("psnr_db", r.psnr_db);
+  visit("exact", r.rms_levels == 0);
+}
 
 /// Speed of making a pack against decoding alone of the same pictures.
 struct PackBuildSpeed {
@@ -39,6 +52,16 @@ struct PackBuildSpeed {
   double decode_share = 0;  ///< fraction of the build's processor time spent decoding
 };
 
+template <class Visitor>
+void VisitFields(Visitor&& visit, const PackBuildSpeed& r) {
+  visit("codec", r.codec);
+  visit("crop_px", r.crop_px);
+  visit("threads", r.threads);
+  visit("build_per_s", r.build_per_s);
+  visit("decode_per_s", r.decode_per_s);
+  visit("decode_share", r.decode_share);
+}
+
 /// A pack that reaches 40 dB, against such a folder.
 struct PackSpeedUp {
   int crop_px = 0, threads = 1;
@@ -47,6 +70,17 @@ struct PackSpeedUp {
   std::string codec;  ///< of the pack
   double pack_psnr_db = 0, factor = 0;
 };
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, const PackSpeedUp& r) {
+  visit("crop_px", r.crop_px);
+  visit("threads", r.threads);
+  visit("folder", r.folder);
+  visit("folder_psnr_db", r.folder_psnr_db);
+  visit("codec", r.codec);
+  visit("pack_psnr_db", r.pack_psnr_db);
+  visit("factor", r.factor);
+}
 
 struct PackSpeedReport {
   std::vector<PackSpeedTrial> trials;

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kGoodPsnr = 40;
 
-std::string WayName(const PackSpeedTrial& t) { return t.way + " " + t.codec; }
+std::string WayName(const PackSpeedTrial& t) { return t.Way() + " " + t.codec; }
 
 std::string PsnrText(const PackSpeedTrial& t) {
   return std::isfinite(t.psnr_db) ? report::FormatFixed(t.psnr_db, 1) : std::string("exact");
@@ -36,7 +36,7 @@ std::string OverSizes(const PackSpeedReport& report, const std::string& title, c
     auto series = std::find_if(spec.series.begin(), spec.series.end(), same);
     if (series == spec.series.end()) {
       report::LineSeries added;
-      added.name = WayName(t), added.dashed = t.way == "folder";
+      added.name = WayName(t), added.dashed = t.from_folder;
       series = spec.series.insert(spec.series.end(), added);
     }
     series->x.push_back(t.crop_px), series->y.push_back(value(t));
@@ -74,7 +74,7 @@ std::string TrialTable(const PackSpeedReport& report, const std::vector<bool>& o
   table.AddColumn("PSNR", "dB");
   std::map<std::pair<int, int>, double> folder;
   for (const PackSpeedTrial& t : report.trials) {
-    if (t.way == "folder" && !folder.count({t.crop_px, t.threads})) folder[{t.crop_px, t.threads}] = t.crops_per_s;
+    if (t.from_folder && !folder.count({t.crop_px, t.threads})) folder[{t.crop_px, t.threads}] = t.crops_per_s;
   }
   for (size_t i = 0; i < report.trials.size(); ++i) {
     const PackSpeedTrial& t = report.trials[i];

@@ -210,19 +210,18 @@ double TrunkTiltDeg(const std::vector<TakePoint>& points, const geometry::Skelet
 }
 
 std::string WorldText(const geometry::Rig& rig) {
-  if (rig.gauge.empty()) return "right-handed; the calibration does not say what fixes it";
-  if (rig.gauge == "as imported") return "right-handed, axes of the imported calibration";
-  const std::string axes = "right-handed, axes of " + rig.gauge;
-  if (rig.gauge.rfind("camera ", 0) == 0) return axes + ": x right, y down, z forward";
-  for (const char* upright : {"board in frame ", "the board in frame ", "floor ", "Panoptic "}) {
-    if (rig.gauge.rfind(upright, 0) == 0) return "right-handed, z up; fixed by " + rig.gauge;
-  }
-  return axes;
+  using geometry::RigGauge;
+  const std::string gauge = GaugeText(rig.gauge);
+  if (gauge.empty()) return "right-handed; the calibration does not say what fixes it";
+  if (rig.gauge == RigGauge{RigGauge::Kind::kImported}) return "right-handed, axes of the imported calibration";
+  if (rig.gauge.IsUpright()) return "right-handed, z up; fixed by " + gauge;
+  const bool camera = rig.gauge.kind == RigGauge::Kind::kCamera;
+  return "right-handed, axes of " + gauge + (camera ? ": x right, y down, z forward" : "");
 }
 
 CommandResult DescribeUp(double tilt, const geometry::Rig& rig, const std::string& folder) {
   constexpr double kMostTiltDeg = 45, kOnTheirHeadsDeg = 150;
-  const std::string fixed_by = rig.gauge.empty() ? "not said" : rig.gauge;
+  const std::string gauge = GaugeText(rig.gauge), fixed_by = gauge.empty() ? "not said" : gauge;
   CommandResult result;
   result.metrics["world"] = {{"fixed_by", fixed_by}, {"trunk_tilt_deg", FiniteOrNull(tilt)}};
   if (!(tilt > kMostTiltDeg)) return result;

@@ -11,8 +11,6 @@
 
 namespace mvstudio::stages {
 
-using nlohmann::ordered_json;
-
 namespace {
 
 AvatarTrial Blank(const std::string& method, const std::vector<std::string>& cameras) {
@@ -95,34 +93,6 @@ void MarkFronts(std::vector<AvatarTrial>* trials) {
     const std::vector<bool> train_front = ParetoFront(train), render_front = ParetoFront(render);
     for (size_t i = 0; i < group.size(); ++i) group[i]->train_front = train_front[i], group[i]->render_front = render_front[i];
   }
-}
-
-ordered_json TrialsJson(const std::vector<AvatarTrial>& trials) {
-  ordered_json table = ordered_json::array();
-  for (const AvatarTrial& t : trials) {
-    table.push_back({{"method", t.method},
-                     {"cameras", t.cameras.size()},
-                     {"size_px", t.size_px},
-                     {"width", t.width},
-                     {"gaussians", t.gaussians},
-                     {"steps", t.steps},
-                     {"loss", t.loss},
-                     {"done", t.done},
-                     {"ssim", FiniteOrNull(t.ssim)},
-                     {"psnr_db", FiniteOrNull(t.psnr_db)},
-                     {"mask_iou", FiniteOrNull(t.mask_iou)},
-                     {"fd", FiniteOrNull(t.fd)},
-                     {"kid", FiniteOrNull(t.kid)},
-                     {"train_s", FiniteOrNull(t.train_s)},
-                     {"s_per_step", FiniteOrNull(t.s_per_step)},
-                     {"ms_per_frame", FiniteOrNull(t.ms_per_frame)},
-                     {"num_parameters", FiniteOrNull(t.parameters)},
-                     {"peak_rss_mb", FiniteOrNull(t.peak_rss_mb)},
-                     {"train_cameras", t.cameras},
-                     {"on_front", t.train_front},
-                     {"on_render_front", t.render_front}});
-  }
-  return table;
 }
 
 std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string& distance) {

@@ -32,6 +32,31 @@ struct AvatarTrial {
   std::string Name() const;                        ///< "width 8, 64 px, 300 steps, l1+ssim"
 };
 
+template <class Visitor>
+void VisitFields(Visitor&& visit, const AvatarTrial& r) {
+  visit("method", r.method);
+  visit("cameras", r.cameras.size());
+  visit("size_px", r.size_px);
+  visit("width", r.width);
+  visit("gaussians", r.gaussians);
+  visit("steps", r.steps);
+  visit("loss", r.loss);
+  visit("done", r.done);
+  visit("ssim", r.ssim);
+  visit("psnr_db", r.psnr_db);
+  visit("mask_iou", r.mask_iou);
+  visit("fd", r.fd);
+  visit("kid", r.kid);
+  visit("train_s", r.train_s);
+  visit("s_per_step", r.s_per_step);
+  visit("ms_per_frame", r.ms_per_frame);
+  visit("num_parameters", r.parameters);
+  visit("peak_rss_mb", r.peak_rss_mb);
+  visit("train_cameras", r.cameras);
+  visit("on_front", r.train_front);
+  visit("on_render_front", r.render_front);
+}
+
 struct AvatarTradeoffOptions {
   std::string dataset, out, features = "auto";
   std::string train_flags, gaussian_flags;  ///< further flags of trainings: of networks, of Gaussians
@@ -48,7 +73,6 @@ std::vector<AvatarTrial> MakeTrials(const AvatarGrid& grid, const std::vector<st
 /// Marks the Pareto fronts within each number of cameras: seconds of training, and ms per frame, against 1 - SSIM.
 void MarkFronts(std::vector<AvatarTrial>* trials);
 
-nlohmann::ordered_json TrialsJson(const std::vector<AvatarTrial>& trials);
 std::string TrialsText(const std::vector<AvatarTrial>& trials, const std::string& distance);
 std::string TrialsPage(const std::vector<AvatarTrial>& trials, const AvatarTradeoffOptions& options);
 

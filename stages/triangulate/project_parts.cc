@@ -67,7 +67,8 @@ void WriteProjectParts(const geometry::Rig& rig, const std::string& project, con
     const dataset::ProjectWorld world = WorldOfProject(settings, pose->rows, project);
     MoveTo(world, &pose->rows);
     geometry::Rig moved = geometry::InWorld(rig, world.new_from_old);
-    moved.gauge = pose->world = use->world = world.text;
+    pose->world = use->world = world.text;
+    moved.gauge = geometry::RigGauge::Other(world.text);
     use->calibration = (fs::path(out) / "calibration.json").string();
     geometry::WriteRig(moved, use->calibration);
   }

@@ -44,7 +44,7 @@ TEST(AlignToBoard, WithoutNoiseTheBoardIsTheWorld) {
   ASSERT_EQ(found.status, Status::kOk) << found.message;
   const Rigid3 board_from_cam0 = geometry::Inverse(scene.truth.cam_from_world[0] * scene.truth.world_from_board[4]);
   EXPECT_LT(PoseDifference(found.rig, geometry::InWorld(truth, WorldFromFloorBoard() * board_from_cam0)), 1e-7);
-  EXPECT_EQ(found.rig.gauge, "board in frame " + std::to_string(frame));
+  EXPECT_EQ(GaugeText(found.rig.gauge), "board in frame " + std::to_string(frame));
   EXPECT_LT(found.rms_px, 1e-6);
   for (const geometry::RigCamera& camera : found.rig.cameras) EXPECT_GT(camera.CenterInWorld().z(), 0) << "z is up";
 }
@@ -178,13 +178,6 @@ TEST(PlacePairs, AreReadFromATable) {
   EXPECT_EQ(pairs.names[0], "door");
   EXPECT_EQ(pairs.x_in_new.col(0), Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(pairs.x_in_old.col(0), Eigen::Vector3d(4, 5, 6));
-}
-
-TEST(GaugeAfter, NamesWhatTheUncertaintyIsRelativeTo) {
-  EXPECT_EQ(GaugeAfter("floor", "camera a"), "floor; uncertainty relative to camera a");
-  EXPECT_EQ(GaugeAfter("floor", "the marked points; uncertainty relative to camera a"),
-            "floor; uncertainty relative to camera a");
-  EXPECT_EQ(GaugeAfter("floor", ""), "floor");
 }
 
 }  // namespace

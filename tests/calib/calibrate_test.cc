@@ -26,7 +26,7 @@ TEST(Calibrate, NoiseFreeRigToRoundingError) {
   const CalibrateReport report = Calibrate(testing::ToInput(scene), Quick(), RunContext());
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LT(report.rms_px, 1e-7);
-  EXPECT_EQ(report.gauge, "camera cam0");
+  EXPECT_EQ(GaugeText(report.rig.gauge), "camera cam0");
   const geometry::Rig truth = testing::TruthRig(scene);
   for (size_t c = 0; c < 3; ++c) {
     const geometry::Rigid3 &found = report.rig.cameras[c].cam_from_world, &wanted = truth.cameras[c].cam_from_world;
@@ -42,7 +42,7 @@ TEST(Calibrate, WorldOfABoardHasZUpAndItsCorner0AtTheOrigin) {
   options.world.board_frame = 4;
   const CalibrateReport report = Calibrate(testing::ToInput(scene), options, RunContext());
   ASSERT_EQ(report.status, Status::kOk) << report.message;
-  EXPECT_EQ(report.gauge, "board in frame 4");
+  EXPECT_EQ(GaugeText(report.rig.gauge), "board in frame 4");
   geometry::Rigid3 world_from_board;
   world_from_board.rotation = Eigen::Quaterniond(0, 1, 0, 0);  // diag(1, -1, -1)
   const geometry::Rigid3 cam_from_board = scene.truth.cam_from_world[1] * scene.truth.world_from_board[1];
@@ -100,7 +100,7 @@ TEST(Calibrate, DisconnectedCamerasAreNamed) {
   EXPECT_EQ(report.components[0], (std::vector<int>{0, 1}));
   EXPECT_EQ(report.components[1], std::vector<int>{2});
   EXPECT_NE(report.message.find("{cam0, cam1}, {cam2}"), std::string::npos) << report.message;
-  EXPECT_EQ(report.verdict.status, "fail");
+  EXPECT_EQ(report.verdict.outcome(), Outcome::kFail);
 }
 
 TEST(Calibrate, FrontoParallelBoardsAreDegenerate) {
@@ -124,7 +124,7 @@ TEST(Calibrate, ASingleViewIsNotEnough) {
   options.noise_px = 0.1;
   const CalibrateReport report =
       Calibrate(testing::ToInput(MakeScene(options)), Quick(geometry::LensModel::kRational8), RunContext());
-  EXPECT_NE(report.verdict.status, "pass");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
   ASSERT_FALSE(report.verdict.reasons.empty());
 }
 

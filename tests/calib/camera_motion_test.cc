@@ -60,7 +60,7 @@ TEST(CameraMotion, ACameraThatTurnedIsNamedWithFrameAndAngle) {
   EXPECT_NEAR(static_cast<double>(motion.frame_idx), 3 * 27 + 1, 6);
   EXPECT_LE(motion.last_before, motion.frame_idx);
   EXPECT_NEAR(motion.rotation_rad, angle, 3 * motion.rotation_sigma_rad + 0.02 * angle);
-  EXPECT_NE(report.verdict.status, "pass");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
 }
 
 /// Before and after the motion the frames belong together: they are not in doubt.
@@ -95,7 +95,7 @@ TEST(CameraMotion, ALensThatWasRefocusedOrCroppedIsNoMotion) {
     EXPECT_EQ(motion.kind, CameraMotion::Kind::kLens);
     EXPECT_NEAR(motion.focal_scale, kick.focal_scale, 0.002);
     EXPECT_LT((motion.centre_shift_px - kick.centre_px).norm(), 2);
-    EXPECT_NE(report.verdict.status, "pass");
+    EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
   }
 }
 
@@ -124,7 +124,7 @@ TEST(CameraMotion, AMountThatGivesWayIsSteady) {
   EXPECT_EQ(motion.kind, CameraMotion::Kind::kDrift);
   EXPECT_EQ(motion.cameras, std::vector<std::string>{"cam1"});
   EXPECT_NEAR(motion.rotation_rad / total, 0.9, 0.12);
-  EXPECT_NE(report.verdict.status, "pass");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
 }
 
 TEST(CameraMotion, AKickIsNoLens) {
@@ -152,7 +152,7 @@ TEST(CameraMotion, ASmallTurnOfOneOfTwoIsFound) {
   const CalibrateReport report = Calibrated(SceneWith({{1, 20, {0, 0.004, 0}}}, 2, 0.2, 3));
   ASSERT_EQ(report.motions.size(), 1u);
   EXPECT_NEAR(static_cast<double>(report.motions[0].frame_idx), 3 * 20 + 1, 6);
-  EXPECT_NE(report.verdict.status, "pass");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
 }
 
 TEST(CameraMotion, ARigThatStandsStillHasNone) {
@@ -173,7 +173,7 @@ TEST(CameraMotion, SplitWhereItMovedTheRigIsRight) {
   EXPECT_TRUE(report.motions.empty());
   ASSERT_EQ(report.rig.cameras.size(), 5u);
   EXPECT_EQ(report.rig.cameras.back().camera.name, "cam1@82");
-  EXPECT_EQ(report.verdict.status, "pass") << report.verdict.reasons[0].text;
+  EXPECT_EQ(report.verdict.outcome(), Outcome::kPass) << report.verdict.reasons[0].text;
   const geometry::Rig truth = testing::TruthRig(scene);
   EXPECT_LT((report.rig.cameras[1].cam_from_world.translation - truth.cameras[1].cam_from_world.translation).norm(), 0.005);
 }

@@ -27,7 +27,7 @@ CalibrateReport Solve(const CalibrateInput& input, LensModel model, const WorldO
 /// Ends with a status, a message that contains one of `words`, and a failed verdict.
 void ExpectNamed(const CalibrateReport& report, const std::vector<std::string>& words, const std::string& what) {
   EXPECT_NE(report.status, Status::kOk) << what;
-  EXPECT_EQ(report.verdict.status, "fail") << what;
+  EXPECT_EQ(report.verdict.outcome(), Outcome::kFail) << what;
   const bool named = std::any_of(words.begin(), words.end(),
                                  [&](const std::string& word) { return report.message.find(word) != std::string::npos; });
   EXPECT_TRUE(named) << what << ": " << report.message;
@@ -42,8 +42,9 @@ TEST(ExtremeFootage, FrontoParallelBoardsNameTheFocalLength) {
       for (uint64_t seed : {1, 2, 3}) {
         options.model = model, options.noise_px = noise, options.seed = seed;
         const CalibrateReport report = Solve(testing::ToInput(MakeScene(options)), model);
-        ExpectNamed(report, {"focal", "tilt", "fx", "parallel"},
-                    std::string(geometry::ToString(model)) + ", noise " + std::to_string(noise) + ", seed " + std::to_string(seed));
+        ExpectNamed(
+            report, {"focal", "tilt", "fx", "parallel"},
+            std::string(geometry::ToString(model)) + ", noise " + std::to_string(noise) + ", seed " + std::to_string(seed));
       }
     }
   }
@@ -58,7 +59,7 @@ TEST(ExtremeFootage, ASingleViewNeverPasses) {
       options.model = model, options.noise_px = noise;
       const CalibrateReport report = Solve(testing::ToInput(MakeScene(options)), model);
       const std::string what = std::string(geometry::ToString(model)) + ", noise " + std::to_string(noise);
-      EXPECT_NE(report.verdict.status, "pass") << what;
+      EXPECT_NE(report.verdict.outcome(), Outcome::kPass) << what;
       EXPECT_FALSE(report.verdict.reasons.empty()) << what;
       // A plane's homography gives two equations for the four numbers of a pinhole.
       if (model == LensModel::kPinhole) {
@@ -83,13 +84,14 @@ TEST(ExtremeFootage, CollinearCornersAreRefused) {
       Detection row = d;
       row.corner_ids.clear();
       row.points_px.resize(2, static_cast<Eigen::Index>(keep.size()));
-      for (size_t i = 0; i < keep.size(); ++i) row.corner_ids.push_back(d.corner_ids[keep[i]]), row.points_px.col(i) = d.points_px.col(keep[i]);
+      for (size_t i = 0; i < keep.size(); ++i)
+        row.corner_ids.push_back(d.corner_ids[keep[i]]), row.points_px.col(i) = d.points_px.col(keep[i]);
       d = row;
     }
     const CalibrateReport report = Solve(input, LensModel::kPinhole);
     EXPECT_NE(report.status, Status::kOk) << "noise " << noise;
     EXPECT_FALSE(report.message.empty());
-    EXPECT_EQ(report.verdict.status, "fail");
+    EXPECT_EQ(report.verdict.outcome(), Outcome::kFail);
   }
 }
 

@@ -24,7 +24,9 @@ CalibrateOptions Given(LensModel model) {
   return options;
 }
 
-CalibrateReport Solve(const Scene& scene, LensModel model) { return Calibrate(testing::ToInput(scene), Given(model), RunContext()); }
+CalibrateReport Solve(const Scene& scene, LensModel model) {
+  return Calibrate(testing::ToInput(scene), Given(model), RunContext());
+}
 
 /// Pixels of all corners by the solved rig and its boards, frame after frame, camera after camera.
 std::vector<Eigen::Vector2d> Pixels(const CalibrateReport& report, const Board& board, double scale = 1) {
@@ -33,7 +35,8 @@ std::vector<Eigen::Vector2d> Pixels(const CalibrateReport& report, const Board& 
   for (const geometry::Rigid3& world_from_board : report.world_from_board) {
     for (const geometry::RigCamera& camera : report.rig.cameras) {
       for (Eigen::Index i = 0; i < corners.cols(); ++i)
-        pixels.push_back(geometry::Project(camera.camera, camera.cam_from_world * (world_from_board * Eigen::Vector3d(corners.col(i)))).px);
+        pixels.push_back(
+            geometry::Project(camera.camera, camera.cam_from_world * (world_from_board * Eigen::Vector3d(corners.col(i)))).px);
     }
   }
   return pixels;
@@ -48,10 +51,10 @@ double LargestDistance(const std::vector<Eigen::Vector2d>& a, const std::vector<
 
 /// Never a clean result: a status, or a verdict with reasons.
 void ExpectDoubted(const CalibrateReport& report, const std::string& what) {
-  EXPECT_TRUE(report.status != Status::kOk || report.verdict.status != "pass") << what;
+  EXPECT_TRUE(report.status != Status::kOk || report.verdict.outcome() != Outcome::kPass) << what;
   if (report.status != Status::kOk) {
     EXPECT_FALSE(report.message.empty()) << what;
-    EXPECT_EQ(report.verdict.status, "fail") << what;
+    EXPECT_EQ(report.verdict.outcome(), Outcome::kFail) << what;
   } else {
     EXPECT_FALSE(report.verdict.reasons.empty()) << what;
   }
@@ -75,7 +78,8 @@ TEST_P(ZeroNoise, RecoversTheTruth) {
   for (size_t c = 0; c < 2; ++c) {
     const geometry::RigCamera& found = report.rig.cameras[c];
     const Eigen::VectorXd error = found.camera.params - truth.cameras[c].camera.params;
-    EXPECT_LT((error.array() / truth.cameras[c].camera.params.array().abs().max(1)).abs().maxCoeff(), 1e-6) << error.transpose();
+    EXPECT_LT((error.array() / truth.cameras[c].camera.params.array().abs().max(1)).abs().maxCoeff(), 1e-6)
+        << error.transpose();
     EXPECT_LT(geometry::RotationAngle(found.cam_from_world.rotation, truth.cameras[c].cam_from_world.rotation), 1e-6);
     EXPECT_LT((found.cam_from_world.translation - truth.cameras[c].cam_from_world.translation).norm(), 1e-6);
     ASSERT_TRUE(found.params_covariance.has_value());
@@ -184,7 +188,9 @@ TEST(Extremes, MillimetresMetresAndKilometresGiveTheSamePixels) {
     EXPECT_NEAR(report.rms_px, metres.rms_px, 1e-9) << "scale " << scale;
     EXPECT_EQ(report.num_corners, metres.num_corners);
     ASSERT_EQ(report.verdict.reasons.size(), metres.verdict.reasons.size() + 1);  // nobody prints such a board
-    EXPECT_EQ(std::count_if(report.verdict.reasons.begin(), report.verdict.reasons.end(), [](const auto& r) { return r.code == "CAL-UNIT"; }), 1);
+    EXPECT_EQ(std::count_if(report.verdict.reasons.begin(), report.verdict.reasons.end(),
+                            [](const auto& r) { return r.code == "CAL-UNIT"; }),
+              1);
     for (int c = 1; c < 3; ++c) {
       const Eigen::Vector3d a = metres.rig.cameras[c].cam_from_world.translation * scale,
                             b = report.rig.cameras[c].cam_from_world.translation;

@@ -166,9 +166,9 @@ CalibrateReport GoodReport() {
   return report;
 }
 
-std::string Outcome(const CalibrateReport& report) {
+std::string OutcomeText(const CalibrateReport& report) {
   const Verdict verdict = Judge(report);
-  std::string text = verdict.status;
+  std::string text(ToString(verdict.outcome()));
   for (const auto& reason : verdict.reasons) {
     text += " " + reason.code;
     EXPECT_FALSE(reason.hint.empty()) << reason.code;
@@ -178,11 +178,11 @@ std::string Outcome(const CalibrateReport& report) {
 }
 
 TEST(Judge, EveryLimitOnBothSides) {
-  EXPECT_EQ(Outcome(GoodReport()), "pass");
+  EXPECT_EQ(OutcomeText(GoodReport()), "pass");
   const auto changed = [](auto change) {
     CalibrateReport report = GoodReport();
     change(report);
-    return Outcome(report);
+    return OutcomeText(report);
   };
   const double nan = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(changed([](auto& r) { r.cameras[1].holdout_gross_fraction = 0.0049; }), "pass");
@@ -210,7 +210,7 @@ TEST(Judge, NothingThatEndedBadlyPasses) {
                               Status::kNonFiniteInput, Status::kLowParallax, Status::kUndefined}) {
     CalibrateReport report = GoodReport();
     report.status = status;
-    EXPECT_EQ(Outcome(report), "fail CAL-UNSOLVED") << ToString(status);
+    EXPECT_EQ(OutcomeText(report), "fail CAL-UNSOLVED") << ToString(status);
     report.message = "focal length and distance cannot be separated";
     EXPECT_EQ(Judge(report).reasons.at(0).text, report.message);
   }
@@ -220,10 +220,10 @@ TEST(Judge, NothingThatEndedBadlyPasses) {
      : which == 1 ? report.cameras[1].rms_px
      : which == 2 ? report.cameras[0].focal_sigma_px
                   : report.sigma_px) = nan;
-    EXPECT_EQ(Judge(report).status, "fail") << which;
+    EXPECT_EQ(Judge(report).outcome(), Outcome::kFail) << which;
   }
   CalibrateReport empty;
-  EXPECT_EQ(Judge(empty).status, "fail");
+  EXPECT_EQ(Judge(empty).outcome(), Outcome::kFail);
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ namespace mvstudio::calib::testing {
 inline geometry::Rig RandomRig(uint64_t seed) {
   Rng rng(seed);
   geometry::Rig rig;
-  rig.gauge = "test";
+  rig.gauge = geometry::RigGauge::Other("test");
   for (geometry::Camera camera : geometry::testing::OrdinaryLenses()) {
     camera.name = "cam" + std::to_string(rig.cameras.size());
     camera.width_px = 1280 + static_cast<int>(rng.Index(8));

@@ -255,7 +255,7 @@ TEST(ReadKalibr, PosesAndLensesThatTheFileDoesNotHold) {
   EXPECT_LT((by_imu.cameras[2].CenterInWorld() - Eigen::Vector3d(0.4, 0, 0)).norm(), 1e-12);
   // Several chains: placed by one IMU, or lenses alone, or not one rig.
   const auto of_imu = read(camera("0", imu0) + camera("1", imu1), camera("0", imu0)).rig;
-  EXPECT_EQ(of_imu.gauge, "Kalibr's IMU");
+  EXPECT_EQ(GaugeText(of_imu.gauge), "Kalibr's IMU");
   EXPECT_EQ(of_imu.cameras[1].camera.name, "a_cam1");
   EXPECT_EQ(of_imu.cameras[2].camera.name, "b");
   EXPECT_LT((of_imu.cameras[1].CenterInWorld() - Eigen::Vector3d(-0.2, 0, 0)).norm(), 1e-12);

@@ -54,7 +54,7 @@ TEST(FreeBoards, BoardsThatMoveAgainstEachOtherAreSolvedAndNamed) {
   rigid.free_boards = AutoOnOff::kOff;
   const CalibrateReport forced = Calibrate(input, rigid, {});
   EXPECT_FALSE(forced.free_boards);
-  EXPECT_NE(forced.verdict.status, "pass");
+  EXPECT_NE(forced.verdict.outcome(), Outcome::kPass);
 }
 
 /// What a marker's place is to be, apart from the first.

@@ -54,7 +54,7 @@ TEST(HeldLens, ARightRigFromOneViewWarnsOfWhatIsNotKnown) {
     const CalibrateReport report = Solve(recording.input);
     ASSERT_EQ(report.status, Status::kOk) << report.message;
     EXPECT_LT(geometry::CompareRigs(report.rig, recording.truth).max_translation_m, 5e-3);
-    EXPECT_EQ(report.verdict.status, "warn") << seed;
+    EXPECT_EQ(report.verdict.outcome(), Outcome::kWarn) << seed;
     EXPECT_TRUE(Says(report, "CAL-NOHOLDOUT", "no other view confirms it"));
     EXPECT_FALSE(Says(report, "CAL-HELD")) << seed;
     EXPECT_FALSE(Says(report, "CAL-FEWVIEWS") || Says(report, "CAL-LOWCOV"));
@@ -73,7 +73,7 @@ TEST(HeldLens, AKickedLensFails) {
     lens.params[4] += 1;  // k1: as of another lens
     const CalibrateReport report = Solve(recording.input);
     ASSERT_EQ(report.status, Status::kOk) << report.message;
-    EXPECT_EQ(report.verdict.status, "fail") << seed;
+    EXPECT_EQ(report.verdict.outcome(), Outcome::kFail) << seed;
     EXPECT_TRUE(Says(report, "CAL-HELD", "cam1")) << seed << ": " << report.cameras[1].rms_px << " px";
     EXPECT_FALSE(Says(report, "CAL-HELD", "cam0")) << seed;
   }
@@ -90,7 +90,7 @@ TEST(HeldLens, AWrongBoardFails) {
     board.kind = Board::Kind::kPoints, board.points = corners;
     const CalibrateReport report = Solve(recording.input);
     ASSERT_EQ(report.status, Status::kOk) << report.message;
-    EXPECT_EQ(report.verdict.status, "fail") << seed;
+    EXPECT_EQ(report.verdict.outcome(), Outcome::kFail) << seed;
     EXPECT_TRUE(Says(report, "CAL-HELD")) << seed << ": " << report.cameras[0].rms_px << " px";
   }
 }

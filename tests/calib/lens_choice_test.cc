@@ -124,7 +124,7 @@ TEST(ChooseLens, ALensThatMissesTheSidesGivesWay) {
   input.boards = file.boards, input.cameras = file.cameras, input.detections = file.detections;
   const CalibrateReport report = Calibrate(input, {}, {});
   ASSERT_EQ(report.status, Status::kOk) << report.message;
-  EXPECT_NE(report.verdict.status, "fail");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kFail);
   // 0.3 px by independent corners; halves of the recording differ by four times that.
   EXPECT_GE(report.uncertainty.edge_px, 0.8);
   EXPECT_LE(report.uncertainty.edge_px, 1.5) << report.cameras[0].model_reason;

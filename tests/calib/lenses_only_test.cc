@@ -55,13 +55,13 @@ TEST(LensesOnly, KalibrWithoutPoses) {
       "  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, 0.1]\n  - [0.0, 1.0, 0.0, 0.0]\n  - [0.0, 0.0, 1.0, 0.0]\n  - [0.0, 0.0, 0.0, 1.0]\n";
   const std::string two = "cam0:\n" + lens + "cam1:\n" + lens;
   EXPECT_EQ(Read(CalibrationFormat::kKalibr, two).rig.gauge, geometry::kLensesOnly);
-  EXPECT_EQ(Read(CalibrationFormat::kKalibr, two + pose).rig.gauge, "camera cam0");
+  EXPECT_EQ(GaugeText(Read(CalibrationFormat::kKalibr, two + pose).rig.gauge), "camera cam0");
   EXPECT_NE(Complaint(CalibrationFormat::kKalibr, two + pose + "cam2:\n" + lens), "accepted") << "a pose of three is missing";
 }
 
 TEST(LensesOnly, AllAtTheOriginIsNoRig) {
   geometry::Rig rig;
-  rig.gauge = "as imported";
+  rig.gauge.kind = geometry::RigGauge::Kind::kImported;
   rig.cameras.resize(2);
   EXPECT_TRUE(geometry::HasLensesOnly(rig));
   rig.cameras[1].cam_from_world.translation.x() = 0.1;

@@ -178,7 +178,7 @@ TEST(Numbering, ABoardThatStandsStillTurnsNothing) {
   options.fix = {{HeldPart::What::kLenses, {}}};
   const CalibrateReport report = Calibrate(input, options, RunContext());
   EXPECT_TRUE(report.turned.empty());
-  EXPECT_NE(report.verdict.status, "pass");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
 }
 
 /// Two frames are too few to say what is turned: the camera contradicts the others everywhere, and may keep no corner.
@@ -189,7 +189,7 @@ TEST(Numbering, OfTwoFramesNothingIsTurnedAndNothingPasses) {
     scene.num_frames = frames;
     const CalibrateReport report = Solved(Recording(scene, [](int c, int64_t) { return c == 2; }));
     EXPECT_TRUE(report.turned.empty());
-    EXPECT_NE(report.verdict.status, "pass");
+    EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
   }
 }
 

@@ -39,7 +39,8 @@ TEST(OpencvStereo, BeatsTheKnownFigures) {
   const auto found = DetectFootage(board, footage, FootageOptions(), RunContext());
   EXPECT_EQ(found[0].detections.size(), 13u);
   EXPECT_EQ(found[1].detections.size(), 13u);
-  const CalibrateReport report = Calibrate(ToCalibrateInput(std::vector<Board>{board}, found), CalibrateOptions(), RunContext());
+  const CalibrateReport report =
+      Calibrate(ToCalibrateInput(std::vector<Board>{board}, found), CalibrateOptions(), RunContext());
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LE(report.rms_px, 0.186);
   EXPECT_LE(report.rejected_fraction, 0.024);
@@ -50,7 +51,7 @@ TEST(OpencvStereo, BeatsTheKnownFigures) {
   EXPECT_GT(baseline_m, 0.0828);
   EXPECT_LT(baseline_m, 0.0833);
   for (const CameraReport& camera : report.cameras) EXPECT_EQ(camera.time_offset_frames, 0) << report.time_reason;
-  EXPECT_EQ(report.verdict.status, "pass");
+  EXPECT_EQ(report.verdict.outcome(), Outcome::kPass);
 }
 
 TEST(OpencvStereo, WrongBoardIsNeverSeen) {

@@ -219,7 +219,7 @@ Model MakeModel(double noise_px) {
 TEST(AdjustScene, MarkedPointsGivePlaceAndScale) {
   const Model model = MakeModel(0.3);
   KnownPoints known;
-  known.gauge = "the marked points";
+  known.gauge.kind = geometry::RigGauge::Kind::kPoints;
   known.x_in_world.resize(3, 6);
   Rng rng(4);
   for (int i = 0; i < 6; ++i) {
@@ -275,7 +275,7 @@ TEST(AdjustScene, ReasonsForRefusal) {
             std::string::npos);
   scale.distance = SceneScale::Distance{"cam0", "blind", 1, 0};
   EXPECT_EQ(AdjustScene(model.scene, model.images, scale, {}, {}).status, Status::kTooFewViews);
-  scale.points = KnownPoints{{"a"}, Eigen::Matrix3Xd::Zero(3, 1), {{"cam0", 0, {10, 10}}}, 1, "x"};
+  scale.points = KnownPoints{{"a"}, Eigen::Matrix3Xd::Zero(3, 1), {{"cam0", 0, {10, 10}}}, 1, {}};
   EXPECT_EQ(AdjustScene(model.scene, model.images, scale, {}, {}).status, Status::kTooFewViews);
 }
 

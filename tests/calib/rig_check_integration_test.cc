@@ -54,7 +54,7 @@ TEST(RigCheck, NothingMoved) {
     const Scene scene = MakeCheckScene(num_cameras);
     const RigCheck check = Check(testing::TruthRig(scene), scene);
     EXPECT_EQ(check.status, Status::kOk);
-    EXPECT_EQ(check.verdict.status, "pass") << (check.verdict.reasons.empty() ? "" : check.verdict.reasons[0].text);
+    EXPECT_EQ(check.verdict.outcome(), Outcome::kPass) << (check.verdict.reasons.empty() ? "" : check.verdict.reasons[0].text);
     EXPECT_TRUE(check.moved.empty());
     EXPECT_TRUE(check.undecided.empty());
     ASSERT_EQ(check.cameras.size(), static_cast<size_t>(num_cameras));
@@ -76,7 +76,7 @@ TEST(RigCheck, NamesAndMeasuresTheOneThatMoved) {
       SCOPED_TRACE(std::to_string(num_cameras) + " cameras, moved " + std::to_string(camera));
       ASSERT_THAT(check.moved, ElementsAre("cam" + std::to_string(camera)));
       EXPECT_TRUE(check.undecided.empty());
-      EXPECT_EQ(check.verdict.status, "fail");
+      EXPECT_EQ(check.verdict.outcome(), Outcome::kFail);
       ASSERT_EQ(check.verdict.reasons.size(), 1u);
       EXPECT_EQ(check.verdict.reasons[0].code, "CAL-BUMPED");
       const CameraCheck& moved = check.cameras[static_cast<size_t>(camera)];
@@ -122,7 +122,7 @@ TEST(RigCheck, OfTwoCamerasABoardOfAnotherSizeIsNoMotion) {
   const RigCheck check = CheckRig(testing::TruthRig(scene), input, {}, {});
   EXPECT_NEAR(check.scale, 1.4, 2e-3);
   EXPECT_TRUE(check.moved.empty() && check.undecided.empty());
-  EXPECT_EQ(check.verdict.status, "fail");
+  EXPECT_EQ(check.verdict.outcome(), Outcome::kFail);
   EXPECT_EQ(check.verdict.reasons.at(0).code, "CAL-SCALE");
 }
 
@@ -135,7 +135,7 @@ TEST(RigCheck, CamerasWithEachOthersCornersAreNamed) {
     const RigCheck check = CheckRig(testing::TruthRig(scene), input, {}, {});
     EXPECT_THAT(check.exchanged, ::testing::UnorderedElementsAre(first, second));
     EXPECT_TRUE(check.moved.empty() && check.undecided.empty());
-    EXPECT_EQ(check.verdict.status, "fail");
+    EXPECT_EQ(check.verdict.outcome(), Outcome::kFail);
     EXPECT_EQ(check.verdict.reasons.at(0).code, "CAL-EXCHANGED");
     EXPECT_LT(check.rms_px, 0.5);
   }
@@ -156,7 +156,7 @@ TEST(RigCheck, BoardLengths) {
   // Told apart from a bump: a warning, no camera blamed; and a bump is found beside it.
   EXPECT_NEAR(check.scale, 1.01, 1e-9);
   EXPECT_TRUE(check.moved.empty() && check.undecided.empty());
-  EXPECT_EQ(check.verdict.status, "warn");
+  EXPECT_EQ(check.verdict.outcome(), Outcome::kWarn);
   EXPECT_EQ(check.verdict.reasons.at(0).code, "CAL-SCALE");
 }
 
@@ -177,7 +177,7 @@ TEST(RigCheck, LateFramesAreNamed) {
   }
   const RigCheck check = Check(testing::TruthRig(scene), scene);
   EXPECT_TRUE(check.moved.empty() && check.undecided.empty());
-  EXPECT_EQ(check.verdict.status, "warn");
+  EXPECT_EQ(check.verdict.outcome(), Outcome::kWarn);
   EXPECT_GT(check.cameras[1].num_outlying_views, 2);
   EXPECT_EQ(check.verdict.reasons.at(0).code, "CAL-FRAMES");
 }
@@ -196,7 +196,7 @@ TEST(RigCheck, TwoCamerasCannotTellWhich) {
   const RigCheck check = Check(BeforeBump(scene, 1, Bump(0.2, 3, 1)), scene);
   EXPECT_TRUE(check.moved.empty());
   EXPECT_THAT(check.undecided, ElementsAre("cam0", "cam1"));
-  EXPECT_EQ(check.verdict.status, "fail");
+  EXPECT_EQ(check.verdict.outcome(), Outcome::kFail);
   EXPECT_THAT(check.verdict.reasons.at(0).text, HasSubstr("cannot be told which"));
 }
 
@@ -218,7 +218,7 @@ TEST(RigCheck, TwoOfThreeMovedIsUndecided) {
   const RigCheck check = Check(rig, scene);
   EXPECT_TRUE(check.moved.empty());
   EXPECT_THAT(check.undecided, ElementsAre("cam0", "cam1", "cam2"));
-  EXPECT_EQ(check.verdict.status, "fail");
+  EXPECT_EQ(check.verdict.outcome(), Outcome::kFail);
 }
 
 TEST(RigCheck, KnockedFarAway) {
@@ -238,7 +238,7 @@ TEST(RigCheck, GrossCornersDoNotMatter) {
       if (rng.Uniform() < 0.1) detection.points_px.col(i) += Eigen::Vector2d(rng.Uniform(-40, 40), rng.Uniform(-40, 40));
     }
   }
-  EXPECT_EQ(Check(testing::TruthRig(scene), scene).verdict.status, "pass");
+  EXPECT_EQ(Check(testing::TruthRig(scene), scene).verdict.outcome(), Outcome::kPass);
   const RigCheck check = Check(BeforeBump(scene, 2, Bump(0.2, 3, 3)), scene);
   EXPECT_THAT(check.moved, ElementsAre("cam2"));
   EXPECT_GT(check.cameras[2].num_rejected, 50);
@@ -262,14 +262,14 @@ TEST(RigCheck, NoSharedBoardIsNoAnswer) {
   for (Detection& detection : scene.detections) detection.frame_idx += 1000 * detection.camera_idx;
   const RigCheck check = Check(testing::TruthRig(scene), scene);
   EXPECT_EQ(check.status, Status::kTooFewViews);
-  EXPECT_EQ(check.verdict.status, "fail");
+  EXPECT_EQ(check.verdict.outcome(), Outcome::kFail);
 }
 
 TEST(RigCheck, AZoomIsNotPassed) {
   const Scene scene = MakeCheckScene(4);
   geometry::Rig rig = testing::TruthRig(scene);
   rig.cameras[1].camera.params.head<2>() *= 1.03;
-  EXPECT_NE(Check(rig, scene).verdict.status, "pass");
+  EXPECT_NE(Check(rig, scene).verdict.outcome(), Outcome::kPass);
 }
 
 TEST(RigCheck, TheWorldIsAnybodys) {
@@ -304,14 +304,14 @@ TEST(RigCheck, OfOneCameraTheLensIsChecked) {
   geometry::Rig rig = testing::TruthRig(scene);
   const RigCheck same = Check(rig, scene);
   EXPECT_EQ(same.status, Status::kOk);
-  EXPECT_EQ(same.verdict.status, "pass");
+  EXPECT_EQ(same.verdict.outcome(), Outcome::kPass);
   ASSERT_TRUE(same.cameras[0].lens.has_value());
   EXPECT_LT(same.cameras[0].lens->significance, 2);
   EXPECT_NEAR(same.cameras[0].lens->rms_px, 0.2 * std::sqrt(2), 0.02);
   const double focal_px = rig.cameras[0].camera.fx();
   rig.cameras[0].camera.params.head<2>() *= 0.98;  // it was zoomed since
   const RigCheck zoomed = Check(rig, scene);
-  EXPECT_EQ(zoomed.verdict.status, "fail");
+  EXPECT_EQ(zoomed.verdict.outcome(), Outcome::kFail);
   ASSERT_EQ(zoomed.verdict.reasons.size(), 1u);
   EXPECT_EQ(zoomed.verdict.reasons[0].code, "CAL-LENS");
   EXPECT_NEAR(zoomed.cameras[0].lens->refitted_focal_px, focal_px, 0.003 * focal_px);

@@ -28,7 +28,7 @@ void ExpectAgreement(const CalibrateInput& input, const CalibrateOptions& option
   const RigCheck check = CheckRig(report.rig, input, {}, {});
   EXPECT_EQ(check.status, Status::kOk) << what << ": " << check.message;
   EXPECT_TRUE(check.moved.empty() && check.undecided.empty()) << what;
-  EXPECT_NE(check.verdict.status, "fail") << what << ": " << check.verdict.reasons[0].text;
+  EXPECT_NE(check.verdict.outcome(), Outcome::kFail) << what << ": " << check.verdict.reasons[0].text;
 }
 
 CalibrateOptions Given() {

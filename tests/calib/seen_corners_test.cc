@@ -89,7 +89,7 @@ std::string Words(const RigCheck& check) {
 void ExpectNothingMoved(const RigCheck& check, const std::string& what) {
   EXPECT_EQ(check.status, Status::kOk) << what << ": " << check.message;
   EXPECT_TRUE(check.moved.empty() && check.undecided.empty()) << what << ": " << Words(check);
-  EXPECT_NE(check.verdict.status, "fail") << what << ": " << Words(check);
+  EXPECT_NE(check.verdict.outcome(), Outcome::kFail) << what << ": " << Words(check);
 }
 
 void Turn(Detection* d) {

@@ -60,7 +60,7 @@ TEST(SimplerLens, BoardsThatAreParallelToTheImageGiveTheFocalLengthUpAndSaySo) {
   bool told = false;
   for (const CameraReport& camera : report.cameras) told |= !camera.given_up.empty() || camera.assumes;
   EXPECT_TRUE(told) << "three parallel boards do not determine a pinhole";
-  EXPECT_NE(report.verdict.status, "pass");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
 }
 
 TEST(SimplerLens, WhatAPinholeSolvesIsSolvedByTheDefault) {

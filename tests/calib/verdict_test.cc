@@ -28,7 +28,7 @@ TEST(Verdict, CornersBeyondTheToldSizeAreSaid) {
   input.cameras[1].width_px = 320, input.cameras[1].height_px = 240;
   const CalibrateReport report = Calibrate(input, testing::PlainOptions(), {});
   EXPECT_NE(Said(report, "CAL-SIZE").find("cam1"), std::string::npos);
-  EXPECT_NE(report.verdict.status, "pass");
+  EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
 }
 
 TEST(Verdict, ABoardThatNobodyPrintsIsSaid) {
@@ -108,9 +108,9 @@ TEST(Verdict, OneCameraIsNotToldOfOthers) {
 TEST(Verdict, WhatNoCauseExplainsIsSaid) {
   CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
   report.unexplained = "none of the known causes explains it", report.unexplained_px = 0.5;
-  EXPECT_EQ(Judge(report).status, "warn");
+  EXPECT_EQ(Judge(report).outcome(), Outcome::kWarn);
   report.unexplained_px = 5;
-  EXPECT_EQ(Judge(report).status, "fail");
+  EXPECT_EQ(Judge(report).outcome(), Outcome::kFail);
 }
 
 /// One camera's corners without an error, of which a fifth is rejected by `off_px`.

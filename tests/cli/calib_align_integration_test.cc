@@ -26,7 +26,7 @@ class MovedRigs : public ::testing::Test {
     options.num_cameras = 3, options.num_frames = 6, options.noise_px = 0.05;
     scene_ = calib::testing::MakeScene(options);
     rig_ = calib::testing::TruthRig(scene_);
-    rig_.gauge = "camera cam0";
+    rig_.gauge = geometry::RigGauge::OfCamera("cam0");
     geometry::WriteRig(rig_, folder_ / "rig.json");
     calib::CornerFile corners;
     const calib::CalibrateInput input = calib::testing::ToInput(scene_);
@@ -48,7 +48,7 @@ TEST_F(MovedRigs, TheBoardOnTheFloorGivesTheWorld) {
                              folder_ / "corners.csv", "--out", folder_ / "new.json", "--json"});
   ASSERT_EQ(run.exit, 0) << Error(run);
   EXPECT_LT(run.Json()["metrics"]["rms_px"].get<double>(), 0.15);
-  EXPECT_EQ(Written().gauge, "board in frame " + std::to_string(frame));
+  EXPECT_EQ(GaugeText(Written().gauge), "board in frame " + std::to_string(frame));
   EXPECT_LT(geometry::CompareRigs(Written(), rig_).max_translation_m, 1e-9) << "the rig moved as a whole";
 }
 
@@ -59,7 +59,7 @@ TEST_F(MovedRigs, PointsOfBothWorldsMoveAndScaleIt) {
                              folder_ / "new.json", "--json"});
   ASSERT_EQ(run.exit, 0) << Error(run);
   EXPECT_NEAR(run.Json()["metrics"]["scale"].get<double>(), 2, 1e-12);
-  EXPECT_EQ(Written().gauge, "the marked points; uncertainty relative to camera cam0");
+  EXPECT_EQ(GaugeText(Written().gauge), "the marked points; uncertainty relative to camera cam0");
   const Eigen::Vector3d wanted = 2 * (rig_.cameras[1].CenterInWorld() - Eigen::Vector3d::UnitX());
   EXPECT_LT((Written().cameras[1].CenterInWorld() - wanted).norm(), 1e-9);
 }
@@ -86,7 +86,7 @@ TEST_F(MovedRigs, KnownLengthsGiveTheSize) {
   ASSERT_EQ(run.exit, 0) << Error(run);
   EXPECT_NEAR(run.Json()["metrics"]["scale"].get<double>(), 2, 1e-9);
   EXPECT_LT(geometry::CompareRigs(Written(), rig_).max_translation_m, 1e-9);
-  EXPECT_EQ(Written().gauge, "camera cam0, size by stated lengths");
+  EXPECT_EQ(GaugeText(Written().gauge), "camera cam0, size by stated lengths");
   std::ofstream marks(folder_ / "marks.csv");
   marks << "camera,point,x_px,y_px\n";
   const Eigen::Vector3d middle = scene_.truth.world_from_board[0].translation;

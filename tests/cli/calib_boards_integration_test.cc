@@ -65,7 +65,7 @@ TEST_F(TwoSidedStudio, TheWorldStaysWhenTheCalibrationIsMadeAgain) {
   const CliRun first = Calibrate("again", {"--world", "board:0"});
   EXPECT_THAT(first.out, Not(HasSubstr("CAL-WORLD")));
   const geometry::Rig floor = Rig("again");
-  EXPECT_EQ(floor.gauge, "board in frame 0");
+  EXPECT_EQ(GaugeText(floor.gauge), "board in frame 0");
   for (int run = 0; run < 2; ++run) {
     const CliRun again = Calibrate("again", {"--overwrite"});
     EXPECT_THAT(again.out, Not(HasSubstr("CAL-WORLD"))) << run;
@@ -74,7 +74,7 @@ TEST_F(TwoSidedStudio, TheWorldStaysWhenTheCalibrationIsMadeAgain) {
     EXPECT_LT((Rig("again").cameras[3].CenterInWorld() - floor.cameras[3].CenterInWorld()).norm(), 1e-9);
   }
   const CliRun asked = Calibrate("again", {"--overwrite", "--world", "camera:cam_02"});
-  EXPECT_EQ(Rig("again").gauge, "camera cam_02");
+  EXPECT_EQ(GaugeText(Rig("again").gauge), "camera cam_02");
   EXPECT_FALSE(asked.Json()["metrics"].contains("earlier_world"));
 }
 
@@ -87,10 +87,10 @@ TEST_F(TwoSidedStudio, AWorldThatIsLostIsSaid) {
                                *studio_ / "cache", "--model", "brown4", "--no-motions", "--overwrite", "--json"});
   EXPECT_THAT(other.out, HasSubstr("the world of the earlier calibration is lost"));
   EXPECT_THAT(other.out, HasSubstr("the board was filmed again"));
-  EXPECT_EQ(Rig("lost").gauge, "camera cam_01");
+  EXPECT_EQ(GaugeText(Rig("lost").gauge), "camera cam_01");
   // Moved afterwards: calibrate cannot do that.
   geometry::Rig aligned = Rig("lost");
-  aligned.gauge = "the floor under feet; uncertainty relative to camera cam_01";
+  aligned.gauge = geometry::GaugeFromText("the floor under feet; uncertainty relative to camera cam_01");
   const std::string path = *studio_ / "moved";
   Calibrate("moved");
   geometry::WriteRig(aligned, path + "/calibration.json");

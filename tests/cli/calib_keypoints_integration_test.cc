@@ -56,7 +56,7 @@ TEST(CalibKeypoints, RefinesARealRigFromPeople) {
   const geometry::Rig rig = geometry::ReadRig(folder / "run/calibration.json");
   ASSERT_EQ(rig.cameras.size(), 4u);
   EXPECT_TRUE(rig.cameras[2].cam_from_world_covariance);
-  EXPECT_FALSE(rig.gauge.empty());
+  EXPECT_FALSE(GaugeText(rig.gauge).empty());
 }
 
 /// Only the lenses are known: the person places the cameras better than the lab's calibration does (6.6 px).

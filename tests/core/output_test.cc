@@ -1,7 +1,6 @@
 #include "core/disk/output.h"
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -15,6 +14,7 @@
 #include "core/error.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
+#include "tests/support/run_in_copy.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio {
@@ -23,6 +23,7 @@ namespace {
 namespace fs = std::filesystem;
 using testing::Entries;
 using testing::Put;
+using testing::RunInCopy;
 using testing::StateOf;
 using testing::TempDir;
 using Names = std::set<std::string>;
@@ -54,21 +55,14 @@ bool FailsAt(int n, const std::function<void()>& work) {
 
 /// Runs `work` in a process of its own that is killed at its n-th step; true when it came to its end.
 bool KilledAt(int n, const std::function<void()>& work) {
-  const pid_t child = fork();
-  if (child == 0) {
+  const int exit = RunInCopy([&] {
     steps_left = n, kills = true;
     SetIoFault(Fault);
-    try {
-      work();
-    } catch (...) {
-      _exit(3);
-    }
-    _exit(0);
-  }
-  int status = 0;
-  waitpid(child, &status, 0);
-  EXPECT_TRUE((WIFEXITED(status) && WEXITSTATUS(status) == 0) || (WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL));
-  return WIFEXITED(status);
+    work();
+    return 0;
+  });
+  EXPECT_TRUE(exit == 0 || exit == 128 + SIGKILL) << exit;
+  return exit == 0;
 }
 
 /// In a process of its own, so that it sweeps folders anew.
@@ -196,18 +190,11 @@ TEST(AtomicFolder, KilledAtAnyStepTheOldOrTheNewOneIsThereAndLeftoversGo) {
 TEST(AtomicFolder, OneWriterAtATimeAndTheOtherIsToldWho) {
   const TempDir root;
   const AtomicFolder mine(root / "out", false);
-  const pid_t child = fork();
-  if (child == 0) {
-    try {
-      const AtomicFolder theirs(root / "out", false);
-      _exit(1);
-    } catch (const LockedError& error) {
-      _exit(std::string(error.what()).find("process " + std::to_string(getppid())) != std::string::npos ? 0 : 2);
-    }
-  }
-  int status = 0;
-  waitpid(child, &status, 0);
-  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << WEXITSTATUS(status);
+  EXPECT_EQ(RunInCopy([&] {
+              const std::string told = testing::MessageOf<LockedError>([&] { const AtomicFolder theirs(root / "out", false); });
+              return told.find("process " + std::to_string(getppid())) != std::string::npos ? 0 : 2;
+            }),
+            0);
 }
 
 TEST(CommitTogether, AllOrNoneAtEveryFault) {
@@ -351,15 +338,15 @@ TEST(Sweep, LeavesWhatOnlyLooksLikeALeftover) {
 
 TEST(AbandonTemporaries, LeavesNothingAndStopsAllCommits) {
   const TempDir root;
-  const pid_t child = fork();
-  if (child == 0) {
-    AtomicFolder folder(root / "out", false);
-    AtomicFile file(root / "a.csv");
-    WriteFile(file.temporary(), "half");
-    AbandonTemporaries();
-    _exit(0);
-  }
-  waitpid(child, nullptr, 0);
+  EXPECT_EQ(RunInCopy([&] {
+              AtomicFolder folder(root / "out", false);
+              AtomicFile file(root / "a.csv");
+              WriteFile(file.temporary(), "half");
+              AbandonTemporaries();
+              _exit(0);  // before the two are cleaned away
+              return 1;
+            }),
+            0);
   EXPECT_TRUE(Entries(root.path()).empty());
 }
 

@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -10,6 +9,8 @@
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "tests/support/run_in_copy.h"
 
 namespace mvstudio {
 namespace {
@@ -60,8 +61,7 @@ TEST(ParallelFor, RethrowsTheFirstExceptionAfterAllStopped) {
 
 /// The limit holds for a whole process, so a copy of this one works under it. Address space for a thread or two is left.
 int SumWithLittleAddressSpace(int threads) {
-  const pid_t copy = fork();
-  if (copy == 0) {
+  return mvstudio::testing::RunInCopy([threads] {
     uint64_t pages = 0;
     std::ifstream("/proc/self/statm") >> pages;
     const rlim_t limit = pages * static_cast<uint64_t>(sysconf(_SC_PAGESIZE)) + (24 << 20);
@@ -69,11 +69,8 @@ int SumWithLittleAddressSpace(int threads) {
     setrlimit(RLIMIT_AS, &both);
     std::atomic<int64_t> sum{0};
     ParallelFor(1000, threads, [&](int64_t i) { sum += i; });
-    _exit(sum == 499500 ? 0 : 1);
-  }
-  int status = 0;
-  waitpid(copy, &status, 0);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+    return sum == 499500 ? 0 : 1;
+  });
 }
 
 TEST(ParallelFor, GoesOnWithFewerThreadsWhereThereAreNoMore) {

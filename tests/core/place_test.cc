@@ -1,7 +1,6 @@
 #include "core/disk/place.h"
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -12,6 +11,7 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "tests/support/folder_state.h"
+#include "tests/support/run_in_copy.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio {
@@ -19,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using testing::Put;
+using testing::RunInCopy;
 using testing::StateOf;
 using testing::TempDir;
 
@@ -158,20 +159,12 @@ TEST_F(Place, AnInputIsFoundUnderEachOfItsNames) {
 TEST_F(Place, OneWriterUnderEachOfItsNames) {
   const OutputLock held("latest/../out");
   for (const char* name : {"../other/out", "latest/../out", "/proc/self/cwd/latest/../out"}) {
-    const pid_t child = fork();
-    if (child == 0) {
-      try {
-        const OutputLock mine(name);
-      } catch (const LockedError&) {
-        _exit(75);
-      } catch (...) {
-        _exit(3);
-      }
-      _exit(0);
-    }
-    int status = 0;
-    waitpid(child, &status, 0);
-    EXPECT_EQ(WEXITSTATUS(status), 75) << name;
+    EXPECT_EQ(RunInCopy([&] {
+                EXPECT_THROW(OutputLock{name}, LockedError);
+                return HasFailure() ? 1 : 0;
+              }),
+              0)
+        << name;
   }
 }
 

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <chrono>
@@ -13,6 +12,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "tests/support/run_in_copy.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio {
@@ -99,8 +99,7 @@ TEST(RunProcess, TheProgramGetsTheUsualSignals) {
 
 /// Ends the test's own process, so it runs in a copy of it. Exit status 0: as it should be.
 int EndChildrenInACopy(const TempDir& folder) {
-  const pid_t copy = fork();
-  if (copy == 0) {
+  return mvstudio::testing::RunInCopy([&folder] {
     Processes shared(ProcessGroup::kShared);
     shared.Start({"sh", "-c", "echo $$ > one.part; mv one.part one; exec sleep 60"},
                  {"/dev/null", "", false, folder.path(), true});
@@ -122,17 +121,14 @@ int EndChildrenInACopy(const TempDir& folder) {
     const auto any = [&] { return Runs(first) || Runs(second) || Runs(other); };
     // What was killed may take a moment to be gone on a busy machine; the scripts would run for a minute.
     for (int i = 0; i < 500 && any(); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    if (any()) _exit(11);
+    if (any()) return 11;
     try {
       RunProcess({"true"}, {folder / "log"});
-      _exit(12);
+      return 12;
     } catch (const CancelledError&) {
-      _exit(0);
+      return 0;
     }
-  }
-  int status = 0;
-  waitpid(copy, &status, 0);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  });
 }
 
 TEST(EndChildren, EndsThemAllWithTheirGroupsAndLetsNoneBegin) {

@@ -87,7 +87,7 @@ struct Fixture : ::testing::Test {
   }
   std::vector<std::string> States() const {
     std::vector<std::string> states;
-    for (const ModelState& state : ListModels(models)) states.push_back(state.state);
+    for (const ModelState& state : ListModels(models)) states.push_back(state.defect.empty() ? "ok" : state.defect);
     return states;
   }
   std::string Everything() const {

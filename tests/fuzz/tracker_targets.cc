@@ -75,7 +75,7 @@ MVS_FUZZ_TARGET(caliscope_points, bytes) {
   }
 }
 
-MVS_FUZZ_TARGET(pickled_names, bytes) { dataset::internal::ReadPickledNames(bytes); }
+MVS_FUZZ_TARGET(pickled_names, bytes) { dataset::internal::ReadPickledNames(std::string(bytes)); }
 
 // As shard_bytes: the library itself is not instrumented; what this project makes of its answers is.
 MVS_FUZZ_TARGET(tracker_hdf5, bytes) {

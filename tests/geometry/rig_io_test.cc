@@ -22,7 +22,7 @@ namespace {
 Rig SampleRig() {
   Rng rng(1);
   Rig rig;
-  rig.gauge = "camera \"pinhole\", \n in UTF-8: ü";
+  rig.gauge = RigGauge::OfCamera("\"pinhole\", \n in UTF-8: ü");
   for (const Camera& camera : testing::OrdinaryLenses()) {
     const SplineGrid smallest = {camera.spline.order, camera.spline.order + 2, camera.spline.order + 1, 100};
     RigCamera entry;

@@ -12,6 +12,7 @@
 #include "dataset/pack/pack_json.h"
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/message_of.h"
+#include "tests/support/run_in_copy.h"
 
 /// Flipped bits, cut files, killed processes, full disks: nothing is ever silently wrong, and a rerun ends with the same bytes.
 namespace mvstudio::dataset {
@@ -123,21 +124,12 @@ RunContext OneThread() {
 
 // Builds in a child that is killed at its n-th step; true when it lived to the end.
 bool BuildAndDie(const std::string& data, const std::string& pack, int step) {
-  const pid_t child = fork();
-  if (child == 0) {
-    int code = 1;
-    try {
-      const Failing failing(step, 0);
-      code = BuildPack(data, pack, SmallPack(), {}, OneThread()).complete ? 0 : 2;
-    } catch (...) {
-    }
-    _exit(code);
-  }
-  int status = 0;
-  waitpid(child, &status, 0);
-  EXPECT_TRUE((WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) || (WIFEXITED(status) && WEXITSTATUS(status) == 0))
-      << status;
-  return WIFEXITED(status);
+  const int exit = mvstudio::testing::RunInCopy([&] {
+    const Failing failing(step, 0);
+    return BuildPack(data, pack, SmallPack(), {}, OneThread()).complete ? 0 : 2;
+  });
+  EXPECT_TRUE(exit == 0 || exit == 128 + SIGKILL) << exit;
+  return exit == 0;
 }
 
 // Either finished with exactly this content, or refused.

@@ -261,7 +261,8 @@ TEST(BuildPack, ASplitMarksItsPicturesAndLeavesOutTheRest) {
   BuildPack(folder / "data", folder / "pack", options);
   const Pack pack = OpenPack(folder / "pack", Trusting());
   ASSERT_EQ(pack.samples().size(), 5u);
-  for (const PackSample& s : pack.samples()) EXPECT_EQ(s.part, s.camera_idx == 2 ? "test" : "train") << s.frame;
+  for (const PackSample& s : pack.samples())
+    EXPECT_EQ(s.part, s.camera_idx == 2 ? PartOfSplit::kTest : PartOfSplit::kTrain) << s.frame;
 }
 
 TEST(BuildPack, ChoosesCamerasFramesAndPeople) {

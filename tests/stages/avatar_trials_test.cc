@@ -7,6 +7,7 @@
 #include <set>
 #include <tuple>
 
+#include "app/report_fields.h"
 #include "core/error.h"
 #include "tests/support/message_of.h"
 
@@ -101,7 +102,7 @@ TEST(AvatarTrials, WhatHasNotRunIsNeverShownAsNaN) {
   EXPECT_THAT(text, HasSubstr("FD (gabor)"));
   EXPECT_THAT(text, HasSubstr("0.8750"));
   EXPECT_THAT(text, HasSubstr("1234          - *"));
-  const nlohmann::json table = nlohmann::json::parse(TrialsJson(trials).dump());
+  const nlohmann::json table = nlohmann::json::parse(RowsJson(trials).dump());
   ASSERT_EQ(table.size(), trials.size());
   EXPECT_EQ(table[0]["ssim"], 0.875);
   EXPECT_EQ(table[0]["on_front"], true);

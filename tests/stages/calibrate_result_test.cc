@@ -15,11 +15,11 @@ using ::testing::HasSubstr;
 TEST(CalibrateResult, AVerdictAsJson) {
   EXPECT_EQ(VerdictJson({}).dump(), R"({"status":"pass","reasons":[]})");
   calib::Verdict verdict;
-  verdict.status = "warn", verdict.reasons = {{"CAL-A", "first", "hint"}, {"CAL-B", "second", ""}};
+  verdict.reasons = {{"CAL-A", "first", "hint"}, {"CAL-B", "second", ""}};
   EXPECT_EQ(VerdictJson(verdict).dump(), R"({"status":"warn","reasons":[{"level":"warn","code":"CAL-A","text":"first"},)"
                                          R"({"level":"warn","code":"CAL-B","text":"second"}]})");
   EXPECT_EQ(VerdictLine(verdict), "verdict: warn: first (CAL-A)\n");
-  verdict.status = "fail", verdict.reasons.push_back({"CAL-C", "third", "", true});
+  verdict.reasons.push_back({"CAL-C", "third", "", true});
   verdict.reasons.push_back({"CAL-D", "fourth", "", true});
   EXPECT_EQ(VerdictLine(verdict), "verdict: fail: third (CAL-C) and 1 more\n");
 }

@@ -57,7 +57,7 @@ PoseInput InputOf(const std::string& skeleton, const std::string& gauge = "the b
   PoseInput input;
   input.skeleton = geometry::SkeletonByName(skeleton);
   input.limbs = LimbsOf(input.skeleton);
-  input.rig.gauge = gauge;
+  input.rig.gauge = geometry::GaugeFromText(gauge);
   return input;
 }
 

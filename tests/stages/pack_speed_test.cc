@@ -21,7 +21,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 PackSpeedTrial Trial(const std::string& way, const std::string& codec, int crop_px, double crops_per_s, double psnr_db) {
   PackSpeedTrial trial;
-  trial.way = way, trial.codec = codec, trial.crop_px = crop_px, trial.crops_per_s = crops_per_s;
+  trial.from_folder = way == "folder", trial.codec = codec, trial.crop_px = crop_px, trial.crops_per_s = crops_per_s;
   trial.bytes_per_crop = 2048, trial.psnr_db = psnr_db, trial.rms_levels = std::isinf(psnr_db) ? 0 : 1.5;
   return trial;
 }

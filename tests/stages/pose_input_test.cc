@@ -26,7 +26,7 @@ using triangulate::DetectedFrame;
 /// Pinhole cameras in a row that look at the origin.
 geometry::Rig RowOf(const std::vector<std::string>& names) {
   geometry::Rig rig;
-  rig.gauge = "test";
+  rig.gauge = geometry::RigGauge::Other("test");
   for (const std::string& name : names) {
     rig.cameras.push_back(triangulate::LookAt(name, {static_cast<double>(rig.cameras.size()), 3, 0.5}, {0, 0, 0}));
   }

@@ -44,7 +44,7 @@ Rig MakeRig() {
 calib::KnownPoints MakeMarks(const Rig& rig, const TexturedRoom& room) {
   Rng rng(5);
   calib::KnownPoints known;
-  known.gauge = "the marked points";
+  known.gauge.kind = geometry::RigGauge::Kind::kPoints;
   known.sigma_px = 0.5;
   known.x_in_world.resize(3, 10);
   for (int i = 0; i < 10; ++i) {

@@ -303,7 +303,7 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
     throw FormatError(folder, "images", "there is no image in this model, hence no camera with a place");
   CheckFrames(&model);
   ImportedRig imported;
-  imported.rig.gauge = "COLMAP's world";
+  imported.rig.gauge = geometry::RigGauge::Other("COLMAP's world");
   std::vector<internal::PictureCamera> pictures;
   for (const internal::ColmapImage& image : model.images) {
     const auto found = model.cameras.find(image.camera_id);

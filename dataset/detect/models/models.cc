@@ -78,7 +78,7 @@ std::string WriteManifest(const ModelPackage& package, const std::map<std::strin
 
 bool AllSound(const std::string& folder) {
   const std::vector<ModelState> states = ListModels(folder);
-  return std::all_of(states.begin(), states.end(), [](const ModelState& s) { return s.state == "ok"; });
+  return std::all_of(states.begin(), states.end(), [](const ModelState& s) { return s.defect.empty(); });
 }
 
 }  // namespace
@@ -128,15 +128,15 @@ std::vector<ModelState> ListModels(const std::string& folder_or_empty) {
   const std::string folder = FolderOr(folder_or_empty);
   std::vector<ModelState> states;
   for (const std::string& name : ModelNames()) {
-    ModelState state{name, PackageFolder(folder) + "/" + name + ".json", "ok", 0};
+    ModelState state{name, PackageFolder(folder) + "/" + name + ".json", "", 0};
     try {
       const TfjsFiles files = ReadModel(name, folder);
       state.bytes = files.json.size();
       for (const auto& [shard, content] : files.shards) state.bytes += content.size();
     } catch (const MissingToolError&) {
-      state.state = "missing";
+      state.defect = "missing";
     } catch (const Error& error) {
-      state.state = error.what();
+      state.defect = error.what();
     }
     states.push_back(std::move(state));
   }

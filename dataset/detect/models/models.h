@@ -25,8 +25,8 @@ std::string ModelsFolder();
 
 struct ModelState {
   std::string name;
-  std::string path;   ///< of the graph's JSON file
-  std::string state;  ///< "ok", "missing", or the defect: "posenet.bin: SHA-256 differs from the manifest"
+  std::string path;    ///< of the graph's JSON file
+  std::string defect;  ///< "missing", "posenet.bin: SHA-256 differs from the manifest"; empty: sound
   size_t bytes = 0;
 };
 

@@ -148,7 +148,7 @@ calib::ImportedRig ReadLayout(CalibrationFormat format, const std::string& path,
                      (format == CalibrationFormat::kZju ? "millimetres" : "metres"));
   }
   calib::ImportedRig imported{RigOfLayout(format, path, options), {}};
-  imported.rig.gauge = "the world of " + std::string(ToString(format));
+  imported.rig.gauge = geometry::RigGauge::Other("the world of " + std::string(ToString(format)));
   if (!HasOwnUnit(format) && internal::FormatOfExport(internal::FolderOf(path, 0)).empty())
     imported.notes.push_back(calib::internal::UnitNote(options.metres_per_unit));
   if (format == CalibrationFormat::kHumman)
