@@ -4,7 +4,7 @@
 #include <string>
 #include <type_traits>
 
-#include "app/result.h"
+#include "stages/result.h"
 
 /// Reports as JSON. Beside a report's struct stands its one list of fields, as beside options (core/fields.h):
 ///
@@ -14,7 +14,7 @@
 ///     }
 ///
 /// The names are the keys, in this order; a field may be in another unit than the member, and may be left out by an `if`.
-namespace mvstudio::app {
+namespace mvstudio::stages {
 
 /// Null for what is not finite, the word of a choice, an array for a vector.
 template <class T>
@@ -50,4 +50,4 @@ nlohmann::ordered_json RowsJson(const Reports& reports) {
   return rows;
 }
 
-}  // namespace mvstudio::app
+}  // namespace mvstudio::stages

@@ -7,7 +7,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "app/report_fields.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -18,6 +17,7 @@
 #include "dataset/pack/pack.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/views/crop.h"
+#include "stages/report_fields.h"
 
 namespace mvstudio::stages {
 namespace {

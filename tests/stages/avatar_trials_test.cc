@@ -7,8 +7,8 @@
 #include <set>
 #include <tuple>
 
-#include "app/report_fields.h"
 #include "core/error.h"
+#include "stages/report_fields.h"
 #include "tests/support/message_of.h"
 
 namespace mvstudio::stages {

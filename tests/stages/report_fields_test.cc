@@ -1,4 +1,4 @@
-#include "app/report_fields.h"
+#include "stages/report_fields.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include "calib/calibrate.h"
 #include "calib/check/lens_check.h"
 
-namespace mvstudio::app {
+namespace mvstudio::stages {
 namespace {
 
 TEST(ReportFields, KeysInTheOrderOfTheListAndNullForWhatIsNotFinite) {
@@ -39,4 +39,4 @@ TEST(ReportFields, RowsAndFieldsBesideOthers) {
 }
 
 }  // namespace
-}  // namespace mvstudio::app
+}  // namespace mvstudio::stages
