@@ -39,14 +39,12 @@ void CompareWritten(const MarkerFolderArguments& arguments, const dataset::Pose3
 }  // namespace
 
 void CheckComparison(const ComparisonArguments& arguments) {
-  if (!arguments.trc.empty()) {
-    dataset::ReadMarkers(arguments.trc, arguments.marker_unit);
-    if (!dataset::IsMarkerFile(arguments.trc)) throw UsageError("--trc " + arguments.trc + ": call it .trc or .c3d");
-  }
-  if (dataset::IsMarkerFile(arguments.truth)) dataset::ReadMarkers(arguments.truth, arguments.marker_unit);
-  if (!arguments.truth.empty() && !std::filesystem::exists(arguments.truth)) {
-    throw IoError(arguments.truth, "--truth does not exist");
-  }
+  if (!arguments.trc.empty()) dataset::ReadMarkers(arguments.trc, arguments.marker_unit);
+  if (arguments.truth.empty()) return;
+  if (!std::filesystem::exists(arguments.truth)) throw IoError(arguments.truth, "--truth does not exist");
+  const std::string found = dataset::PointsFileAt(arguments.truth);
+  if (dataset::IsPointsFile(found) && std::filesystem::path(found).filename() != "points.csv")
+    dataset::ReadMarkers(found, arguments.marker_unit);
 }
 
 void AddComparisons(const ComparisonArguments& arguments, const std::string& out, CommandResult* result) {
@@ -61,7 +59,7 @@ void AddComparisons(const ComparisonArguments& arguments, const std::string& out
     for (const std::string& note : comparison.notes)
       result->warnings.push_back({"TRI-MARKER-FILE", note, "check the file, or export it again"});
     if (comparison.unit_doubt.empty()) return;
-    result->warnings.push_back({"TRI-UNIT", comparison.unit_doubt, "name the unit: --marker-unit m, cm, mm or in"});
+    result->warnings.push_back({"TRI-UNIT", comparison.unit_doubt, "name the unit: --marker-unit m, cm, mm, in or e.g. 25mm"});
   };
   compare("trc", arguments.trc, false);
   compare("truth", arguments.truth, arguments.align_truth);

@@ -384,9 +384,9 @@ void RegisterTriangulate(CLI::App& app, Registry& registry) {
   AddOption(sub, "--trc", arguments->comparison.trc,
             "compare with the markers of this .trc or .c3d file (its frame 1 is our frame 0; y up unless a .c3d says z)");
   AddOption(sub, "--truth", arguments->comparison.truth,
-            "compare with a folder of body3DScene files, a points.csv, or markers (.trc, .c3d)");
+            "compare with a folder of body3DScene files, points of mvstudio, or 3D joints as `markers convert` takes them");
   AddOption(sub, "--marker-unit", arguments->comparison.marker_unit,
-            "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
+            "m, cm, mm, in or the length of one unit, e.g. 25mm: instead of what the file of markers states");
   AddFlag(sub, "--align-truth", arguments->comparison.align_truth,
           "take out the best rigid motion before comparing with --truth");
   registry.Add(sub, "triangulate", [arguments, sub](CommandContext& context) {

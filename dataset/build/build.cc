@@ -150,7 +150,8 @@ std::string Sidecar(const BuildInputs& inputs, const BuildOptions& options, cons
   Json json = {{"schema", kDatasetSchema}, {"sequence", options.sequence}, {"frame_rate_hz", frame_rate_hz}};
   if (!skeleton.empty()) json["skeleton"] = skeleton;
   json["calibration"] = FileEntry(inputs.calibration);
-  json["pose3d"] = FileEntry(IsMarkerFile(inputs.pose3d) ? inputs.pose3d : (fs::path(inputs.pose3d) / "points.csv").string());
+  const std::string points = PointsFileAt(inputs.pose3d);
+  json["pose3d"] = FileEntry(points.empty() ? inputs.pose3d : points);
   json["pictures"] = options.png ? Json{{"format", "png"}} : Json{{"format", "jpeg"}, {"quality", options.jpeg_quality}};
   json["frames"] = Json::array();
   for (const auto& [frame, people] : poses) json["frames"].push_back(frame);
@@ -250,14 +251,16 @@ void RequireJoints(const std::string& path, const Pose3d& pose) {
   if (std::none_of(pose.rows.begin(), pose.rows.end(), ok)) throw FormatError(path, "", "holds no point");
 }
 
-Pose3d ReadMarkersOf(const BuildInputs& inputs, BuildReport* report) {
-  MarkerFile file = ReadMarkers(inputs.pose3d, inputs.marker_unit);
+Pose3d ReadPointsOf(const BuildInputs& inputs, BuildReport* report) {
+  MarkerFile file;
+  Pose3d pose = ReadPoints3d(inputs.pose3d, inputs.marker_unit, "", &file);
+  if (file.unit.empty()) return pose;  // points of mvstudio
   report->marker_unit = file.unit, report->marker_up = file.y_up ? "y" : "z";
   const std::string doubt = UnitDoubt(file, inputs.pose3d);
   if (!doubt.empty()) report->warnings.push_back({"DAT-UNIT", doubt, "name the unit: option 'marker-unit' m, cm, mm or in"});
   for (const std::string& note : NotesOf(file, inputs.pose3d))
     report->warnings.push_back({"DAT-MARKER-FILE", note, "check the file, or export it again"});
-  return std::move(file.pose);
+  return pose;
 }
 
 void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose, BuildReport* report) {
@@ -274,9 +277,7 @@ void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose, BuildReport* report)
 }
 
 Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
-  Pose3d pose = IsMarkerFile(inputs.pose3d)            ? ReadMarkersOf(inputs, report)
-                : !SceneFilesAt(inputs.pose3d).empty() ? ReadSceneJoints(inputs.pose3d)
-                                                       : ReadPoints3d(inputs.pose3d, inputs.marker_unit);
+  Pose3d pose = SceneFilesAt(inputs.pose3d).empty() ? ReadPointsOf(inputs, report) : ReadSceneJoints(inputs.pose3d);
   if (!inputs.skeleton.empty()) UseSkeleton(geometry::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
   KeepTimeSteps(inputs, &pose, report);
   RequireJoints(inputs.pose3d, pose);
