@@ -137,7 +137,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   MakeFolder(options.out);
   CommandResult result;
   RunAll(options, context, &trials, &result);
-  app::UseStudioNames(options.dataset);
+  context.camera_names = app::StudioNames(options.dataset);
   trials.erase(std::remove_if(trials.begin(), trials.end(), [](const app::AvatarTrial& t) { return !t.done; }), trials.end());
   app::MarkFronts(&trials);
   result.metrics["holdout_cameras"] = options.holdout_cameras;
