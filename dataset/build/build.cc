@@ -17,6 +17,7 @@
 #include "core/parallel.h"
 #include "core/statistics.h"
 #include "dataset/build/build_camera.h"
+#include "dataset/build/footage_check.h"
 #include "dataset/build/scene_joints.h"
 #include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
@@ -181,15 +182,6 @@ std::vector<CameraResult> RunJobs(std::vector<CameraJob>* jobs, const BuildOptio
   ParallelFor(static_cast<int64_t>(jobs->size()), run.num_threads,
               [&](int64_t i) { results[i] = BuildCamera((*jobs)[i], options); });
   return results;
-}
-
-void WarnOfWeakMasks(const BuiltCamera& c, std::vector<Notice>* warnings) {
-  constexpr double kLeast = 0.8;
-  if (c.joints == 0 || c.joints_supported >= kLeast * c.joints) return;
-  warnings->push_back({"DAT-MASK",
-                       "camera " + c.alias + ": only " + std::to_string(100 * c.joints_supported / c.joints) +
-                           " % of the joints lie where the image shows a person by its colours",
-                       "look at the masks; check the calibration and the time offset of this camera, or give a clean plate"});
 }
 
 void AddGaps(const CameraResult& r, BuildReport* report) {
@@ -366,8 +358,8 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
     report.warnings.insert(report.warnings.end(), r.warnings.begin(), r.warnings.end());
     AddGaps(r, &report);
     if (!given.empty()) AddGivenMasks(r.built, inputs.masks, &report);
-    if (options.masks) WarnOfWeakMasks(r.built, &report.warnings);
   }
+  internal::WarnOfFootage(results, poses, folder.work_path(), options, run, &report.warnings);
   if (!given.empty()) report.masks = given.begin()->second.meaning;
   if (!given.empty() && report.given_masks == 0)
     throw FormatError(inputs.masks, "",
