@@ -138,7 +138,7 @@ std::string FreeMoCapJoint(std::string_view model, std::string_view keypoint) {
 double FreeMoCapRate(const std::vector<std::pair<int, double>>& times, std::vector<std::string>* notes) {
   std::vector<std::pair<int, double>> in_seconds = times;
   for (const auto& [word, seconds] : {std::pair("seconds", 1.), {"milliseconds", 1e-3}, {"microseconds", 1e-6}, {"ns", 1e-9}}) {
-    for (size_t i = 0; i < times.size(); ++i) in_seconds[i].second = seconds * (times[i].second - times.front().second);
+    for (size_t i = 0; i < times.size(); ++i) in_seconds[i].second = seconds * times[i].second;
     std::vector<std::string> found;
     const double rate_hz = RateOf(in_seconds, &found);
     if (!(rate_hz >= 1 && rate_hz < 1000)) continue;
