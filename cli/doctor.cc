@@ -201,8 +201,8 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
     result.metrics["findings"].push_back({{"severity", f.fails ? "error" : "warning"}, {"code", f.code}, {"text", f.text}});
   }
   stages::AddFindings(report, &result);
-  result.text += stages::FootageText(report) + std::to_string(report.num_errors()) + " errors, " +
-                 std::to_string(static_cast<int>(report.findings.size()) - report.num_errors()) + " warnings\n";
+  result.text += stages::FootageText(report) + stages::Counted(static_cast<int64_t>(result.errors.size()), "error") + ", " +
+                 stages::Counted(static_cast<int64_t>(result.warnings.size()), "warning") + "\n";
   return result;
 }
 

@@ -94,11 +94,11 @@ LastWords LastWordsOf(const std::string& command, bool json, const std::vector<s
 int Main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
   GlobalOptions global;
-  const LineOutcome outcome = RunLine(words, global, [&](const Registry::Entry& entry) {
+  const LineOutcome outcome = RunLine(words, global, [&](const Registry::Entry& entry, CommandContext& context) {
     InstallLog(global.log_level);
     InstallSignalHandlers(LastWordsOf(entry.name, global.json, {argv, argv + argc}));
     const std::unique_ptr<ProgressSink> progress = MakeProgress(global.progress);
-    CommandContext context{{progress.get(), global.threads, global.seed}, {argv, argv + argc}};
+    context.run = {progress.get(), global.threads, global.seed}, context.argv = {argv, argv + argc};
     return entry.run(context);
   });
   ClaimOutput();

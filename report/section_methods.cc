@@ -23,7 +23,9 @@ struct Method {
 };
 
 std::string MethodOf(const Stage& eval) {
-  return eval.metrics().Path("training")["options"]["model.method"].Text(eval.metrics()["method"].Text());
+  const std::string method = eval.metrics().Path("training")["options"]["model.method"].Text(eval.metrics()["method"].Text());
+  const bool trained = method != "tna" || eval.metrics()["checkpoint_step"].Number() != 0;
+  return trained ? method : "textured body";
 }
 
 /// Their methods, and their folders where two have the same one.

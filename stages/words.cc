@@ -73,4 +73,8 @@ std::string RangesText(const std::vector<int>& numbers) {
   return text;
 }
 
+std::string Counted(int64_t count, const std::string& thing) {
+  return std::to_string(count) + " " + thing + (count == 1 ? "" : "s");
+}
+
 }  // namespace mvstudio::stages

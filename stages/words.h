@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -22,6 +23,8 @@ std::vector<int> ParseRanges(const std::string& flag, const std::string& text);
 /// A length in the unit of its size: "12.3 um" below 0.1 mm, "4.56 mm", "1.23 m"; "unknown" for NaN. Not for tables, whose rows
 /// share a unit.
 std::string LengthText(double metres);
+/// "1 error", "2 errors".
+std::string Counted(int64_t count, const std::string& thing);
 /// The shortest text that ParseRanges converts to these sorted numbers: "1,4,7-9".
 std::string RangesText(const std::vector<int>& numbers);
 

@@ -34,7 +34,9 @@ void VisitFields(Visitor&& visit, RigCheckOptions& o) {
         "a camera has moved when its motion exceeds this many standard deviations and option 'bump-px'");
   visit("bump-px", o.bump_px, "px; shift of its corners in the image (rms) below which a camera's motion is accepted");
   visit("scale-percent", o.scale_percent,
-        "error of all lengths beyond which the verdict is warn and cameras are checked apart from it");
+        "error of all lengths beyond which the verdict is warn and cameras are checked apart from it; beyond ten times as much "
+        "it is "
+        "fail");
   visit("warn-px", o.warn_px, "rms of a camera above which the verdict is warn");
   visit("fail-px", o.fail_px, "rms of a camera above which the verdict is fail");
 }

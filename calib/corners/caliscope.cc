@@ -185,6 +185,15 @@ CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& optio
                 {table.Number(row, columns.x), table.Number(row, columns.y)}, 1, table.Where(row));
   }
   CornerFile file;
+  if (options.board && columns.has_points()) {
+    const ObjectPoints stated = CollectPoints(table, columns, MetresPer(options.unit));
+    for (size_t b = 0; b < stated.boards.size(); ++b) {
+      const Eigen::Matrix3Xd places = CornersInBoard(stated.boards[b]);
+      std::map<int, Eigen::Vector3d> by_id;
+      for (const auto& [id, corner] : stated.corner_of_id[b]) by_id[static_cast<int>(id)] = places.col(corner);
+      CompareBoard(by_id, *options.board, path, &file.notes);
+    }
+  }
   file.boards = points.boards;
   file.detections = builder.Finish();
   AddCameras(table, {ids.begin(), ids.end()}, &file);

@@ -1,6 +1,7 @@
 #include "core/csv.h"
 
 #include <cstring>
+#include <map>
 #include <sstream>
 
 #include "calib/corners/corner_readers.h"
@@ -51,6 +52,7 @@ class Header {
       std::string word;
       in >> word;
       place_ = "line " + std::to_string(comment.line);
+      if (word == "mvstudio" && comment.text != kTitle) Fail(kTitle);
       if (word == "camera") ReadCamera(&in, builder, file);
       if (word == "board") ReadBoard(&in, file);
       if (word == "point") ReadPoint(&in, file);
@@ -123,6 +125,12 @@ CornerFile ReadCornerCsv(const std::string& path, const CornerFileOptions& optio
   CornerFile file;
   DetectionBuilder builder(path);
   const Header header(table, &builder, &file);
+  if (options.board && !file.boards.empty()) {
+    std::map<int, Eigen::Vector3d> stated;
+    const Eigen::Matrix3Xd places = CornersInBoard(file.boards[0]);
+    for (Eigen::Index i = 0; i < places.cols(); ++i) stated[static_cast<int>(i)] = places.col(i);
+    CompareBoard(stated, *options.board, path, &file.notes);
+  }
   if (options.board) file.boards = {*options.board};
   if (file.boards.empty()) {
     throw UsageError(path + ": this corner file does not say what the board is ('# board 0 …'); give option 'board'");

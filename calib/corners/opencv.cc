@@ -70,6 +70,11 @@ class PointNumbers {
     if (is_new) points_.push_back(point);
     return entry->second;
   }
+  std::map<int, Eigen::Vector3d> Places() const {
+    std::map<int, Eigen::Vector3d> places;
+    for (const Eigen::Vector3d& point : points_) places.emplace(static_cast<int>(places.size()), point);
+    return places;
+  }
   Eigen::Matrix3Xd Points() const {
     Eigen::Matrix3Xd points(3, static_cast<Eigen::Index>(points_.size()));
     for (size_t i = 0; i < points_.size(); ++i) points.col(static_cast<Eigen::Index>(i)) = points_[i];
@@ -124,6 +129,7 @@ CornerFile ReadOpenCvCorners(const std::string& path, const CornerFileOptions& o
     file.cameras.push_back({list.camera, width, height});
   }
   file.boards = {options.board ? *options.board : BoardFromPoints(number.Points())};
+  if (options.board) CompareBoard(number.Places(), *options.board, path, &file.notes);
   file.detections = builder.Finish();
   return file;
 }

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <map>
 #include <memory>
 #include <mutex>
-#include <set>
 #include <utility>
 
 #include "calib/detect/collect_boards.h"
@@ -62,7 +62,8 @@ int Stride(const std::vector<Footage>& footage, const FootageOptions& options) {
   return options.every * static_cast<int>(std::max<int64_t>(1, thinning));
 }
 
-void CheckFrame(const Footage& footage, const FootageFrame& frame, std::set<int64_t>* seen, CameraInput* camera) {
+/// `seen`: labels of the camera's frames by number.
+void CheckFrame(const Footage& footage, const FootageFrame& frame, std::map<int64_t, std::string>* seen, CameraInput* camera) {
   if (camera->width_px == 0) camera->width_px = frame.image.width, camera->height_px = frame.image.height;
   const auto size = [](int width, int height) { return std::to_string(width) + "x" + std::to_string(height); };
   if (frame.image.width != camera->width_px || frame.image.height != camera->height_px) {
@@ -71,12 +72,13 @@ void CheckFrame(const Footage& footage, const FootageFrame& frame, std::set<int6
                           " but the first was " + size(camera->width_px, camera->height_px) +
                           "; a camera's images must all have one size");
   }
-  if (!seen->insert(frame.frame_idx).second) {
-    throw FormatError(
-        footage.path, frame.label,
-        "camera " + footage.camera + " has number " + std::to_string(frame.frame_idx) +
-            " twice; images of several cameras are paired by the number in their names: a pattern in quotes, whose "
-            "`*` stands for the frame, takes those of one camera ('both/*_0.jpg')");
+  const auto [first, is_new] = seen->emplace(frame.frame_idx, frame.label);
+  if (!is_new) {
+    throw FormatError(footage.path, frame.label,
+                      "camera " + footage.camera + " has number " + std::to_string(frame.frame_idx) + " twice, first in " +
+                          first->second +
+                          "; images of several cameras are paired by the number in their names: a pattern in quotes, whose "
+                          "`*` stands for the frame, takes those of one camera ('both/*_0.jpg')");
   }
 }
 
@@ -163,7 +165,7 @@ class FrameQueue {
   bool tolerant_;
   std::string failure_;
   std::mutex mutex_, results_mutex_;
-  std::set<int64_t> seen_;
+  std::map<int64_t, std::string> seen_;
   CameraInput camera_;
   std::atomic<bool> done_{false};
   size_t num_taken_ = 0;

@@ -70,7 +70,7 @@ void JudgeGross(const CameraReport& camera, Judgement* out) {
              camera.name.c_str(), 100 * camera.holdout_gross_fraction, 100 * kWarnGross);
   const bool fail = camera.holdout_gross_fraction > kFailGross;
   const char* const hint =
-      fail ? "the lens model does not fit, or boards were found wrongly: try option 'model' auto, look at the worst boards"
+      fail ? "boards were found wrongly, or the lens model does not fit: look at the worst boards, and name no option 'model'"
            : "look at the worst boards: blur, glare, a hand over the board";
   fail ? out->Fail("CAL-GROSS", text, hint) : out->Warn("CAL-GROSS", text, hint);
 }

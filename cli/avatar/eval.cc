@@ -70,7 +70,7 @@ void AddWarnings(const avatar::Evaluation& e, CommandResult* result) {
 }
 
 CommandResult RunAvatarEval(const AvatarEvalArguments& arguments, CommandContext& context) {
-  stages::UseStudioNames(avatar::OpenRun(arguments.run_folder, arguments.options.dataset).dataset);
+  context.camera_names = stages::StudioNames(avatar::OpenRun(arguments.run_folder, arguments.options.dataset).dataset);
   const avatar::Evaluation evaluation = avatar::Evaluate(arguments.run_folder, arguments.options, context.run, Now);
   CommandResult result;
   result.folder = arguments.run_folder;

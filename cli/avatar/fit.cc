@@ -23,7 +23,7 @@ struct FitArguments {
 };
 
 CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
-  stages::UseStudioNames(arguments.dataset);
+  context.camera_names = stages::StudioNames(arguments.dataset);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(arguments.dataset);
   const int person = avatar::ChoosePerson(data, arguments.options.person);
   const avatar::DatasetSplit split = stages::SplitOf(data, person, arguments.split);

@@ -40,7 +40,7 @@ struct TrainArguments {
 struct ApplyArguments {
   stages::CalibReadOptions read;
   stages::PoseChanges changes;
-  std::string pose2d, lifter, calib, camera, out, skeleton = "body25", truth;
+  std::string pose2d, lifter, calib, camera, out, skeleton = "body25", truth, marker_unit;
   double rate_hz = 0;
   double height_m = 0, min_score = 0.2, smooth = 0;
   int stride = 1;
@@ -193,9 +193,9 @@ std::map<int, avatar::LiftView> ReadViews(const ApplyArguments& arguments, const
   return views;
 }
 
-Truth ReadTruth(const std::string& path) {
+Truth ReadTruth(const std::string& path, const std::string& marker_unit) {
   Truth truth;
-  for (const auto& [frame, people] : stages::ReadCoco19Poses(path)) {
+  for (const auto& [frame, people] : stages::ReadCoco19Poses(path, marker_unit)) {
     if (!people.empty()) truth[frame] = people.begin()->second;
   }
   if (truth.empty()) throw FormatError(path, "", "--truth holds nobody");
@@ -265,7 +265,8 @@ CommandResult RunApply(const ApplyArguments& arguments, CommandContext&) {
   result.outputs.push_back({arguments.out + "/points.csv", "points"});
   result.text = Format("%d of %d frames lifted\n", result.metrics["lifted"].get<int>(), static_cast<int>(frames.size()));
   if (!arguments.truth.empty()) {
-    const LiftScore score = avatar::ScoreLift({PairsOf(frames, ReadTruth(arguments.truth), camera.cam_from_world)}, true);
+    const LiftScore score =
+        avatar::ScoreLift({PairsOf(frames, ReadTruth(arguments.truth, arguments.marker_unit), camera.cam_from_world)}, true);
     result.metrics["truth"] = ToJson(score);
     result.text += ToText("against truth", score);
     result.inputs.push_back(arguments.truth);
@@ -312,7 +313,9 @@ void RegisterApply(CLI::App& lift, Registry& registry) {
   AddFlag(sub, "--level,!--no-level", a->level, "the calibration's z axis points up; off: the image's upper edge is up")
       ->capture_default_str();
   AddOption(sub, "--truth", a->truth,
-            "3D joints to compare with: a dataset, a folder with points.csv or body3DScene_*.json, a .trc or .c3d file");
+            "3D joints to compare with: a dataset, a folder with points.csv or body3DScene_*.json, or a file of markers");
+  AddOption(sub, "--marker-unit", a->marker_unit,
+            "m, cm, mm, in or the length of one unit, e.g. 25mm: instead of what the file of markers states");
   registry.Add(sub, "avatar lift apply", [a](CommandContext& context) { return RunApply(*a, context); });
 }
 

@@ -204,7 +204,7 @@ CommandResult RunAvatarRender(const RenderArguments& arguments, CommandContext& 
   avatar::RenderOptions options = arguments.options;
   if (!arguments.frames.empty()) options.frames = ParseRanges("--frames", arguments.frames);
   const avatar::RunConfig config = avatar::OpenRun(arguments.run_folder, options.dataset);
-  if (options.calib.empty()) stages::UseStudioNames(config.dataset);
+  if (options.calib.empty()) context.camera_names = stages::StudioNames(config.dataset);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);
   RenderPlan plan = avatar::MakeRenderPlan(config, data, options);
   Loaded model = Load(arguments.run_folder, config);

@@ -19,7 +19,7 @@ struct TextureArguments {
 
 CommandResult RunTexture(const TextureArguments& arguments, CommandContext& context) {
   const stages::TextureSource source = stages::OpenTextureSource(arguments.source, arguments.options.dataset);
-  stages::UseStudioNames(source.data.root);
+  context.camera_names = stages::StudioNames(source.data.root);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.source, source.data.root};
   const OutputFolder place(arguments.out, result.inputs, BodyFolder::Names());

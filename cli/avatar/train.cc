@@ -173,7 +173,7 @@ CommandResult RunGaussians(const TrainArguments& arguments, CommandContext& cont
 
 CommandResult RunTrain(const TrainArguments& arguments, CommandContext& context) {
   const Clock::time_point begin = Clock::now();
-  stages::UseStudioNames(arguments.dataset);
+  context.camera_names = stages::StudioNames(arguments.dataset);
   if (arguments.start.model.method == avatar::Method::kGaussians) return RunGaussians(arguments, context);
   stages::RefuseGaussianOptions(arguments.start.given);
   Validate(arguments.train);
@@ -257,7 +257,7 @@ CommandResult RunResume(const ResumeArguments& arguments, CommandContext& contex
                      " holds Gaussians, which cannot be resumed: train them again with --overwrite and more --steps");
   stages::AvatarRun files(arguments.run);
   RunConfig config = avatar::ReadRunConfig(files.Path(avatar::kRunConfigFile));
-  stages::UseStudioNames(config.dataset);
+  context.camera_names = stages::StudioNames(config.dataset);
   const avatar::TensorFile checkpoint = avatar::ReadTensorFile(files.checkpoint_path());
   avatar::TrainOptions options = avatar::TrainOptionsFrom(checkpoint, files.checkpoint_path());
   if (arguments.steps >= 0) options.steps = arguments.steps;

@@ -49,8 +49,8 @@ CommandResult ResultOf(const avatar::TrainReport& report, avatar::Trainer& train
   CommandResult result;
   auto& m = result.metrics;
   m["method"] = ToString(trainer.model().options.method);
-  m["num_parameters"] = avatar::NumParameters(trainer.model().options);
   m["steps"] = trainer.model().step;
+  if (trainer.model().step > 0) m["num_parameters"] = avatar::NumParameters(trainer.model().options);  // else textures alone
   if (report.best_step >= 0) m["best_step"] = report.best_step;
   m["ended_early"] = report.ended_early;
   m["device"] = trainer.device();

@@ -34,7 +34,7 @@ using calib::RigAlignment;
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string calibration, floor_joints, out;
+  std::string calibration, floor_joints, marker_unit, out;
   int64_t floor_board = -1;
   std::vector<std::string> points, lengths;
   bool scale = false;
@@ -78,14 +78,24 @@ RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandConte
   return AlignToBoard(rig, AtFrameTimes(seen, StatedLateness(rig, seen)), arguments.floor_board);
 }
 
-RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, CommandResult* result) {
-  const dataset::Pose3d pose = dataset::ReadPoints3d(folder);
+dataset::Pose3d PointsIn(const std::string& path, const std::string& unit, CommandResult* result) {
+  dataset::MarkerFile file;
+  dataset::Pose3d pose = dataset::ReadPoints3d(path, unit, "", &file);
+  for (const std::string& note : NotesOf(file, path))
+    result->warnings.push_back({"MRK-FILE", note, "the points must be in the world of the calibration"});
+  return pose;
+}
+
+RigAlignment ByFeet(const geometry::Rig& rig, const Arguments& arguments, CommandResult* result) {
+  const std::string& folder = arguments.floor_joints;
+  const dataset::Pose3d pose = PointsIn(folder, arguments.marker_unit, result);
   result->inputs.push_back(folder);
   if (pose.world != stages::WorldText(rig)) {
-    result->warnings.push_back(
-        {"CAL-ALIGN",
-         folder + " states another world (" + pose.world + ") than the calibration (" + stages::WorldText(rig) + ")",
-         "make sure that it was triangulated with this calibration"});
+    result->warnings.push_back({"CAL-ALIGN",
+                                folder +
+                                    (pose.world.empty() ? " states no world" : " states another world (" + pose.world + ")") +
+                                    "; the calibration's is: " + stages::WorldText(rig),
+                                "make sure that it was triangulated with this calibration"});
   }
   const stages::FeetFloor floor = stages::FloorUnderFeet(pose);
   RigAlignment out;
@@ -113,11 +123,13 @@ RigAlignment ByFeet(const geometry::Rig& rig, const std::string& folder, Command
 }
 
 /// The points that lengths are measured between: of a take, or marked in images of one moment.
-std::vector<calib::NamedPoints> MomentsOf(const geometry::Rig& rig, const std::vector<std::string>& paths) {
+std::vector<calib::NamedPoints> MomentsOf(const geometry::Rig& rig, const Arguments& arguments, CommandResult* result) {
+  const std::vector<std::string>& paths = arguments.points;
   const bool marked = std::filesystem::is_regular_file(paths[0]) && calib::HasClicks(paths[0]);
   if (marked || paths.size() > 1) return {PointsOfMarks(rig, calib::ReadMarks(paths))};
   std::map<std::pair<int, int>, calib::NamedPoints> moments;  // frame, person
-  for (const dataset::JointRow& row : dataset::ReadPoints3d(paths[0]).rows) {
+  const dataset::Pose3d pose = PointsIn(paths[0], arguments.marker_unit, result);
+  for (const dataset::JointRow& row : pose.rows) {
     calib::NamedPoints& points = moments[{row.frame, row.person}];
     if (row.status == Status::kOk) points[row.joint] = row.x_in_world;
   }
@@ -129,7 +141,7 @@ std::vector<calib::NamedPoints> MomentsOf(const geometry::Rig& rig, const std::v
 RigAlignment ByLengths(const geometry::Rig& rig, const Arguments& arguments, CommandResult* result) {
   result->inputs.insert(result->inputs.end(), arguments.points.begin(), arguments.points.end());
   const std::vector<calib::StatedLength> stated = calib::ParseStatedLengths(arguments.lengths);
-  const std::vector<calib::NamedPoints> moments = MomentsOf(rig, arguments.points);
+  const std::vector<calib::NamedPoints> moments = MomentsOf(rig, arguments, result);
   std::set<std::string> names;
   for (const calib::NamedPoints& points : moments)
     for (const auto& [name, x] : points) names.insert(name);
@@ -204,7 +216,7 @@ CommandResult Align(const Arguments& arguments, CommandContext& context) {
   stages::AddNotes(given.notes, &result);
   result.inputs.push_back(arguments.calibration);
   const RigAlignment found = arguments.floor_board >= 0        ? ByBoard(given.rig, arguments, context, &result)
-                             : !arguments.floor_joints.empty() ? ByFeet(given.rig, arguments.floor_joints, &result)
+                             : !arguments.floor_joints.empty() ? ByFeet(given.rig, arguments, &result)
                              : !arguments.lengths.empty()      ? ByLengths(given.rig, arguments, &result)
                                                                : ByPoints(given.rig, arguments, &result);
   Describe(found, &result);
@@ -237,7 +249,7 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
             "frame in which the board lies on the floor: z up, x along its columns, origin at its first corner")
       ->check(CLI::NonNegativeNumber);
   AddOption(sub, "--floor-joints", arguments->floor_joints,
-            "folder of triangulate: the floor is the plane on which people's feet stand");
+            "3D joints, a folder of triangulate: the floor is the plane on which people's feet stand");
   AddOption(sub, "--points", arguments->points,
             "CSV point,x,y,z,x_old,y_old,z_old (metres): points in both worlds; or as --scene-points of calibrate: point,x,y,z "
             "and camera,point,x_px,y_px, in one file or two")
@@ -245,6 +257,8 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
   AddOption(sub, "--length", arguments->lengths,
             std::string(kLengthHelp) + "; --points is then the take, a folder or table of triangulate")
       ->take_all();
+  AddOption(sub, "--marker-unit", arguments->marker_unit,
+            "m, cm, mm, in or the length of one unit, e.g. 25mm: of joints in a file of another program");
   AddFlag(sub, "--scale", arguments->scale, "--points: also change the rig's scale");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file to write")->required();
   AddSessionArguments(sub, arguments->session, "board and footage", "a board");

@@ -194,13 +194,13 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   StartGroup(sub, "Calibration and 3D joints");
   AddOption(sub, "--calib", arguments->calib, "calibration.json, ours or Panoptic's; default: the session's");
   AddTakeArguments(sub, arguments->take);
-  AddOption(
-      sub, "--pose3d", arguments->pose3d,
-      "folder with points.csv, as triangulate writes it, a dataset or folder of body3DScene_*.json, or a .trc or .c3d file of "
-      "markers; the session's pose3d/TAKE "
-      "unless given");
+  AddOption(sub, "--pose3d", arguments->pose3d,
+            "folder with points.csv, as triangulate writes it, a dataset or folder of body3DScene_*.json, or a file of "
+            "markers; the session's pose3d/TAKE "
+            "unless given");
   AddOption(sub, "--frames", arguments->frames, "80-99 or 1,4,7-9: time steps of the joints; all unless given");
-  AddOption(sub, "--marker-unit", arguments->marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
+  AddOption(sub, "--marker-unit", arguments->marker_unit,
+            "m, cm, mm, in or the length of one unit, e.g. 25mm: instead of what the file of markers states");
   AddSkeletonOption(sub, arguments->skeleton, "of the 3D joints, where --pose3d does not state it");
   StartGroup(sub, "Dataset");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "new folder; the session's dataset/TAKE unless given");

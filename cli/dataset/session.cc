@@ -119,6 +119,19 @@ void RequireRoomForLink(const InitArguments& arguments) {
     throw UsageError("--scan " + arguments.scan + ": " + raw.string() + " is there already: footage, or a link to it");
 }
 
+/// A folder without takes: perhaps it is one.
+[[noreturn]] void RefuseScan(const std::string& scan) {
+  std::vector<dataset::SessionCamera> cameras;
+  dataset::ScanFolder(scan, &cameras);
+  if (cameras.empty())
+    throw FormatError(scan, "", "holds no footage; expected TAKE/CAMERA.mp4, TAKE/CAMERA/*.png or CAMERA/TAKE.mp4 in it");
+  const std::string above = fs::path(PathOnDisk(scan)).parent_path().string();
+  throw FormatError(scan, "",
+                    "is one take's folder, with footage of " +
+                        Join(cameras, ", ", [](const dataset::SessionCamera& camera) { return camera.name; }) +
+                        "; give the folder above, --scan " + ShellWord(above) + ", in which each take has such a folder");
+}
+
 void TakeScan(const InitArguments& arguments, Session* session, CommandResult* result) {
   if (!arguments.scan.empty()) RequireFolder(arguments.scan, " (--scan)");
   if (!arguments.scan.empty()) RequireRoomForLink(arguments);
@@ -132,10 +145,7 @@ void TakeScan(const InitArguments& arguments, Session* session, CommandResult* r
   for (const std::string& note : scanned.notes)
     result->warnings.push_back(
         {"SES-LAYOUT", note, "--layout says how the folders are meant; --overwrite writes the session again"});
-  if (!arguments.scan.empty() && scanned.takes.empty()) {
-    throw FormatError(arguments.scan, "",
-                      "holds no footage; expected TAKE/CAMERA.mp4, TAKE/CAMERA/*.png or CAMERA/TAKE.mp4 in it");
-  }
+  if (!arguments.scan.empty() && scanned.takes.empty()) RefuseScan(arguments.scan);
   session->takes = scanned.takes;
   result->metrics["layout"] = std::string(ToString(scanned.layout));
   for (const dataset::SessionCamera& camera : scanned.cameras) {

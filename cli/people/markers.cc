@@ -86,11 +86,14 @@ CommandResult RunConvert(Arguments arguments) {
 }
 
 constexpr char kPointsHelp[] =
-    "folder of `triangulate`, its points.csv or pose3d.json, or a file: .trc, .c3d, .bvh, .csv, .sto, .npz";
+    "folder of `triangulate`, its points.csv or pose3d.json, or a file: .trc, .c3d, .bvh, .csv, .sto, .npz, .npy, .h5; or a "
+    "folder "
+    "of FreeMoCap or DeepLabCut with 3D joints";
 
 void AddInput(CLI::App* sub, Arguments& arguments) {
   AddOption(sub, "points", arguments.points.path, kPointsHelp);
-  AddOption(sub, "--unit,--marker-unit", arguments.points.unit, "m, cm, mm or in: of such a file, instead of what it states");
+  AddOption(sub, "--unit,--marker-unit", arguments.points.unit,
+            "m, cm, mm, in or the length of one unit, e.g. 25mm: of such a file, instead of what it states");
   AddOption(sub, "--up", arguments.points.up, "x, y or z: the axis that is up in such a file, instead of what it states");
   AddOption(sub, "--frames", arguments.points.frames, "80-99 or 1,4,7-9; all unless given");
   AddSkeletonOption(sub, arguments.points.skeleton, "bones of the joints, where the input does not state them");

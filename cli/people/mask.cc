@@ -289,8 +289,10 @@ void RegisterMask(CLI::App& app, Registry& registry) {
   AddPoseMendingOptions(sub, arguments->read.invert, arguments->read.mirror);
   AddOption(
       sub, "--pose3d", arguments->pose3d,
-      "3D joints that guide the masks: a folder with points.csv or body3DScene_*.json, a dataset, a .trc or .c3d file; the "
+      "3D joints that guide the masks: a folder with points.csv or body3DScene_*.json, a dataset, or a file of markers; the "
       "session's pose3d/TAKE where it is there");
+  AddOption(sub, "--marker-unit", arguments->marker_unit,
+            "m, cm, mm, in or the length of one unit, e.g. 25mm: instead of what the file of markers states");
   AddChoices(sub, "--pose2d", arguments->pose2d, "CAMERA=FOLDER of OpenPose JSON files, instead of --pose3d");
   AddOption(sub, "--skeleton", arguments->skeleton, "of the 2D joints, a name or a file FILE.toml")->capture_default_str();
   AddOptions(sub, arguments->changes);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -37,6 +38,8 @@ using stages::SplitNamePath;
 struct CommandContext {
   RunContext run;                 ///< progress, threads, seed
   std::vector<std::string> argv;  ///< as typed
+  /// Of the dataset that the command reads, app::StudioNames: its result, or what it fails with, calls the cameras so.
+  std::map<std::string, std::string> camera_names = {};
 };
 
 using RunCommand = std::function<CommandResult(CommandContext&)>;

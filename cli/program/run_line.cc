@@ -115,11 +115,11 @@ void SeeFlags(const std::vector<std::string>& words, const std::vector<std::stri
   if (Has(words, "--redact")) StartRedacting(argv);
 }
 
-void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::string>& argv) {
+void FinishOutcome(LineOutcome& outcome, const CommandContext& context, double wall_s, const std::vector<std::string>& argv) {
   const WriterScope writer(outcome.command);
   if (outcome.result.partial && outcome.result.exit == kExitOk) outcome.result.exit = kExitPartial;
   NameFlags(&outcome.result);
-  stages::NameCameras(&outcome.result);
+  stages::NameCameras(context.camera_names, &outcome.result);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
   KeepResult(outcome.command, &outcome.result, outcome.json, argv);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
@@ -127,7 +127,7 @@ void FinishOutcome(LineOutcome& outcome, double wall_s, const std::vector<std::s
 
 /// Fills `outcome` but for its JSON object.
 void RunParsed(const std::vector<std::string>& words, const std::vector<std::string>& argv, GlobalOptions& global,
-               const std::function<CommandResult(const Registry::Entry&)>& run, LineOutcome* outcome) {
+               const RunEntry& run, CommandContext& context, LineOutcome* outcome) {
   CLI::App app{"mvstudio: multi-view capture, from footage to scored avatars", "mvstudio"};
   app.fallthrough();
   app.require_subcommand(1);
@@ -151,7 +151,7 @@ void RunParsed(const std::vector<std::string>& words, const std::vector<std::str
     const WriterScope writer(entry->name);
     const ReplaceScope replacing(MayReplaceResults(*entry));
     CheckPlaces(*entry);
-    outcome->result = run(*entry);
+    outcome->result = run(*entry, context);
   } catch (const CLI::CallForHelp&) {
     outcome->help = WrapHelp(app.help(), HelpWidth());
   } catch (const CLI::CallForAllHelp&) {
@@ -173,20 +173,20 @@ void RunParsed(const std::vector<std::string>& words, const std::vector<std::str
 
 }  // namespace
 
-LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
-                    const std::function<CommandResult(const Registry::Entry&)>& run) {
+LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global, const RunEntry& run) {
   std::vector<std::string> argv = {"mvstudio"};
   argv.insert(argv.end(), words.begin(), words.end());
   LineOutcome outcome;
   const OutputLockScope until_recorded;
+  CommandContext context;
   const auto start = Clock::now();
   try {
-    RunParsed(words, argv, global, run, &outcome);
+    RunParsed(words, argv, global, run, context, &outcome);
   } catch (...) {  // in the commands' own parsers: out of memory
     SeeFlags(words, argv, global);
     outcome.result = ResultOfCurrentException();
   }
-  FinishOutcome(outcome, std::chrono::duration<double>(Clock::now() - start).count(), argv);
+  FinishOutcome(outcome, context, std::chrono::duration<double>(Clock::now() - start).count(), argv);
   return outcome;
 }
 

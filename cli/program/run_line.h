@@ -25,9 +25,11 @@ struct LineOutcome {
   std::string help;  ///< text of --help when that was asked for; nothing was run then
 };
 
-/// Parses `words` (without the program's name) and fills `global`; the chosen command is then called by `run`, which is given
-/// its entry and returns its result. Never throws: whatever goes wrong is in the result. The result is kept in its folder.
-LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global,
-                    const std::function<CommandResult(const Registry::Entry&)>& run);
+/// Runs a command's entry, with a context that it completes.
+using RunEntry = std::function<CommandResult(const Registry::Entry&, CommandContext&)>;
+
+/// Parses `words` (without the program's name) and fills `global`; the chosen command is then called by `run`. Never throws:
+/// whatever goes wrong is in the result. The result is kept in its folder.
+LineOutcome RunLine(const std::vector<std::string>& words, GlobalOptions& global, const RunEntry& run);
 
 }  // namespace mvstudio::cli

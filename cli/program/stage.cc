@@ -21,8 +21,8 @@ LineOutcome RunHere(const std::vector<std::string>& words, const CommandContext&
   GlobalOptions global;
   global.threads = context.run.num_threads;
   global.seed = context.run.seed;
-  return RunLine(words, global, [&](const Registry::Entry& entry) {
-    CommandContext stage{{context.run.progress, global.threads, global.seed}, After("mvstudio", words)};
+  return RunLine(words, global, [&](const Registry::Entry& entry, CommandContext& stage) {
+    stage.run = {context.run.progress, global.threads, global.seed}, stage.argv = After("mvstudio", words);
     return entry.run(stage);
   });
 }

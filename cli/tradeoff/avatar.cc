@@ -138,9 +138,8 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   MakeFolder(options.out);
   CommandResult result;
   RunAll(options, context, &trials, &result);
-  stages::UseStudioNames(options.dataset);
-  trials.erase(std::remove_if(trials.begin(), trials.end(), [](const stages::AvatarTrial& t) { return !t.done; }),
-               trials.end());
+  context.camera_names = stages::StudioNames(options.dataset);
+  trials.erase(std::remove_if(trials.begin(), trials.end(), [](const stages::AvatarTrial& t) { return !t.done; }), trials.end());
   stages::MarkFronts(&trials);
   result.metrics["holdout_cameras"] = options.holdout_cameras;
   result.metrics["holdout_frames"] = options.holdout_frames;

@@ -17,6 +17,7 @@
 #include "core/parallel.h"
 #include "core/statistics.h"
 #include "dataset/build/build_camera.h"
+#include "dataset/build/footage_check.h"
 #include "dataset/build/scene_joints.h"
 #include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
@@ -150,7 +151,8 @@ std::string Sidecar(const BuildInputs& inputs, const BuildOptions& options, cons
   Json json = {{"schema", kDatasetSchema}, {"sequence", options.sequence}, {"frame_rate_hz", frame_rate_hz}};
   if (!skeleton.empty()) json["skeleton"] = skeleton;
   json["calibration"] = FileEntry(inputs.calibration);
-  json["pose3d"] = FileEntry(IsMarkerFile(inputs.pose3d) ? inputs.pose3d : (fs::path(inputs.pose3d) / "points.csv").string());
+  const std::string points = PointsFileAt(inputs.pose3d);
+  json["pose3d"] = FileEntry(points.empty() ? inputs.pose3d : points);
   json["pictures"] = options.png ? Json{{"format", "png"}} : Json{{"format", "jpeg"}, {"quality", options.jpeg_quality}};
   json["frames"] = Json::array();
   for (const auto& [frame, people] : poses) json["frames"].push_back(frame);
@@ -180,15 +182,6 @@ std::vector<CameraResult> RunJobs(std::vector<CameraJob>* jobs, const BuildOptio
   ParallelFor(static_cast<int64_t>(jobs->size()), run.num_threads,
               [&](int64_t i) { results[i] = BuildCamera((*jobs)[i], options); });
   return results;
-}
-
-void WarnOfWeakMasks(const BuiltCamera& c, std::vector<Notice>* warnings) {
-  constexpr double kLeast = 0.8;
-  if (c.joints == 0 || c.joints_supported >= kLeast * c.joints) return;
-  warnings->push_back({"DAT-MASK",
-                       "camera " + c.alias + ": only " + std::to_string(100 * c.joints_supported / c.joints) +
-                           " % of the joints lie where the image shows a person by its colours",
-                       "look at the masks; check the calibration and the time offset of this camera, or give a clean plate"});
 }
 
 void AddGaps(const CameraResult& r, BuildReport* report) {
@@ -250,14 +243,16 @@ void RequireJoints(const std::string& path, const Pose3d& pose) {
   if (std::none_of(pose.rows.begin(), pose.rows.end(), ok)) throw FormatError(path, "", "holds no point");
 }
 
-Pose3d ReadMarkersOf(const BuildInputs& inputs, BuildReport* report) {
-  MarkerFile file = ReadMarkers(inputs.pose3d, inputs.marker_unit);
+Pose3d ReadPointsOf(const BuildInputs& inputs, BuildReport* report) {
+  MarkerFile file;
+  Pose3d pose = ReadPoints3d(inputs.pose3d, inputs.marker_unit, "", &file);
+  if (file.unit.empty()) return pose;  // points of mvstudio
   report->marker_unit = file.unit, report->marker_up = file.y_up ? "y" : "z";
   const std::string doubt = UnitDoubt(file, inputs.pose3d);
   if (!doubt.empty()) report->warnings.push_back({"DAT-UNIT", doubt, "name the unit: option 'marker-unit' m, cm, mm or in"});
   for (const std::string& note : NotesOf(file, inputs.pose3d))
     report->warnings.push_back({"DAT-MARKER-FILE", note, "check the file, or export it again"});
-  return std::move(file.pose);
+  return pose;
 }
 
 void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose, BuildReport* report) {
@@ -274,9 +269,7 @@ void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose, BuildReport* report)
 }
 
 Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
-  Pose3d pose = IsMarkerFile(inputs.pose3d)            ? ReadMarkersOf(inputs, report)
-                : !SceneFilesAt(inputs.pose3d).empty() ? ReadSceneJoints(inputs.pose3d)
-                                                       : ReadPoints3d(inputs.pose3d, inputs.marker_unit);
+  Pose3d pose = SceneFilesAt(inputs.pose3d).empty() ? ReadPointsOf(inputs, report) : ReadSceneJoints(inputs.pose3d);
   if (!inputs.skeleton.empty()) UseSkeleton(geometry::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
   KeepTimeSteps(inputs, &pose, report);
   RequireJoints(inputs.pose3d, pose);
@@ -365,8 +358,8 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
     report.warnings.insert(report.warnings.end(), r.warnings.begin(), r.warnings.end());
     AddGaps(r, &report);
     if (!given.empty()) AddGivenMasks(r.built, inputs.masks, &report);
-    if (options.masks) WarnOfWeakMasks(r.built, &report.warnings);
   }
+  internal::WarnOfFootage(results, poses, folder.work_path(), options, run, &report.warnings);
   if (!given.empty()) report.masks = given.begin()->second.meaning;
   if (!given.empty() && report.given_masks == 0)
     throw FormatError(inputs.masks, "",

@@ -72,7 +72,9 @@ std::vector<ColumnTriple> FindTriples(const std::vector<std::string>& header, co
 std::string UnitOrAsk(const std::string& asked, const std::string& stated, const std::string& path) {
   if (!asked.empty()) return asked;
   if (MetresPerUnit(stated)) return stated;
-  throw FormatError(path, "header", "states no unit of its lengths; name it by option 'marker-unit' m, cm, mm or in");
+  throw FormatError(path, "header",
+                    "states no unit of its lengths; name it by option 'marker-unit' m, cm, mm, in or e.g. 25mm, or convert it: "
+                    "mvstudio markers convert");
 }
 
 void AddMarkerRow(int frame, int person, const std::string& joint, const Eigen::Vector3d& metres_in_world, Pose3d* pose) {

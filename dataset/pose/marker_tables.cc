@@ -4,6 +4,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 
 #include "core/csv.h"
 #include "core/disk/files.h"
@@ -12,6 +13,7 @@
 #include "core/some_of.h"
 #include "core/text/number_cell.h"
 #include "dataset/pose/marker_formats.h"
+#include "dataset/pose/marker_programs.h"
 
 namespace mvstudio::dataset::internal {
 namespace {
@@ -44,9 +46,13 @@ double NumberIn(const CsvReader& csv, std::string_view cell) {
   return number.value;
 }
 
+/// FreeMoCap's time stamps have no unit; those of others are seconds.
+constexpr char kFreeMoCapClock[] = "timestamp_by_camera";
+
 /// A row per point.
 struct LongColumns {
   int frame, person, joint, x[3], sigma, source, status, time;
+  int model, trajectory, stamp;  ///< FreeMoCap's
   std::string unit;
 
   explicit LongColumns(const std::vector<std::string>& header) {
@@ -54,6 +60,8 @@ struct LongColumns {
     joint = FindColumn(header, {"joint", "marker", "keypoint", "bodypart", "point"});
     time = FindColumn(header, {"time_s", "time"}), sigma = FindColumn(header, {"sigma_m"});
     source = FindColumn(header, {"source"}), status = FindColumn(header, {"status"});
+    model = FindColumn(header, {"model"}), trajectory = FindColumn(header, {"trajectory"});
+    stamp = FindColumn(header, {kFreeMoCapClock}) < 0 ? -1 : FindColumn(header, {"timestamp"});
     for (const char* suffix : {"", "_m", "_cm", "_mm", "_in"}) {
       for (int k = 0; k < 3; ++k) x[k] = FindColumn(header, {(std::string(1, static_cast<char>('x' + k)) + suffix).c_str()});
       if (x[0] >= 0 && x[1] >= 0 && x[2] >= 0) {
@@ -65,18 +73,27 @@ struct LongColumns {
   bool IsLong() const { return joint >= 0 && frame >= 0 && x[0] >= 0 && x[1] >= 0 && x[2] >= 0; }
 };
 
+/// Of the kinds of points that FreeMoCap keeps in one table, those that were triangulated.
+constexpr char kTriangulated[] = "3d_xyz";
+
 void ReadLongRows(CsvReader* csv, const LongColumns& columns, size_t width, double metres, MarkerFile* file) {
-  std::vector<std::pair<int, double>> times;
+  std::vector<std::pair<int, double>> times, stamps;
+  std::set<std::string> others;
   while (csv->NextLine()) {
     const std::vector<std::string_view> cells = csv->Cells();
     csv->RequireCells(width);
     const int frame = FrameIn(*csv, cells[columns.frame]);
+    if (columns.trajectory >= 0 && cells[columns.trajectory] != kTriangulated) {
+      others.emplace(cells[columns.trajectory]);
+      continue;
+    }
     const int person = columns.person >= 0 ? FrameIn(*csv, cells[columns.person]) : 0;
     Eigen::Vector3d x;
     for (int k = 0; k < 3; ++k) x[k] = metres * NumberIn(*csv, cells[columns.x[k]]);
     const bool ok = columns.status < 0 || cells[columns.status] == ToString(Status::kOk);
-    AddMarkerRow(frame, person, std::string(cells[columns.joint]), ok ? x : Eigen::Vector3d::Constant(std::nan("")),
-                 &file->pose);
+    const std::string_view joint = cells[columns.joint];
+    AddMarkerRow(frame, person, columns.model < 0 ? std::string(joint) : FreeMoCapJoint(cells[columns.model], joint),
+                 ok ? x : Eigen::Vector3d::Constant(std::nan("")), &file->pose);
     JointRow& row = file->pose.rows.back();
     if (columns.sigma >= 0 && row.status == Status::kOk) {
       const double sigma = NumberIn(*csv, cells[columns.sigma]);
@@ -85,8 +102,14 @@ void ReadLongRows(CsvReader* csv, const LongColumns& columns, size_t width, doub
     // Filled positions have no views, as in MarkersOf.
     if (columns.source >= 0 && row.status == Status::kOk) row.num_views = cells[columns.source] == "filled" ? 0 : 1;
     if (columns.time >= 0) times.emplace_back(frame, NumberIn(*csv, cells[columns.time]));
+    if (columns.stamp >= 0 && (stamps.empty() || stamps.back().first != frame))
+      stamps.emplace_back(frame, ReadNumberCell(cells[columns.stamp]).value);
   }
-  file->pose.frame_rate_hz = RateOf(times, &file->notes);
+  file->pose.frame_rate_hz = stamps.empty() ? RateOf(times, &file->notes) : FreeMoCapRate(stamps, &file->notes);
+  const std::string rest = SomeOf({others.begin(), others.end()});
+  if (file->pose.rows.empty() && !others.empty())
+    csv->Fail(std::string("holds no trajectory `") + kTriangulated + "`; there are " + rest);
+  if (!others.empty()) file->notes.push_back("its trajectories that are not read: " + rest);
 }
 
 /// Columns that no reader of rows per point asks for; those of our own tables say nothing about the points.
@@ -95,11 +118,11 @@ void NoteUnread(const std::vector<std::string>& header, const LongColumns& colum
   for (size_t c = 0; c < header.size(); ++c) {
     const int column = static_cast<int>(c);
     bool used = std::count(columns.x, columns.x + 3, column) > 0;
-    for (const int known :
-         {columns.frame, columns.person, columns.joint, columns.sigma, columns.source, columns.status, columns.time})
+    for (const int known : {columns.frame, columns.person, columns.joint, columns.sigma, columns.source, columns.status,
+                            columns.time, columns.model, columns.trajectory, columns.stamp})
       used = used || known == column;
     const std::string name = LowerCase(header[c]);
-    if (!used && name != "num_views" && name != "rms_px") unread.push_back(header[c]);
+    if (!used && name != "num_views" && name != "rms_px" && name != kFreeMoCapClock) unread.push_back(header[c]);
   }
   if (!unread.empty()) file->notes.push_back("its columns that are not read: " + SomeOf(unread));
 }
@@ -107,6 +130,7 @@ void NoteUnread(const std::vector<std::string>& header, const LongColumns& colum
 void ReadWideRows(CsvReader* csv, const std::vector<std::string>& header, const std::vector<ColumnTriple>& triples,
                   double metres, MarkerFile* file) {
   const int frame_column = FindColumn(header, {"frame", "fnum", "frame#", "frame_number", "frame_idx", "index", ""});
+  const bool freemocap = FindColumn(header, {kFreeMoCapClock}) >= 0;
   const int time_column = FindColumn(header, {"time_s", "time", "timestamp", "time (s)"});
   std::vector<std::pair<int, double>> times;
   for (int row = 0; csv->NextLine(); ++row) {
@@ -116,17 +140,19 @@ void ReadWideRows(CsvReader* csv, const std::vector<std::string>& header, const 
     for (const ColumnTriple& triple : triples) {
       Eigen::Vector3d x;
       for (int k = 0; k < 3; ++k) x[k] = metres * NumberIn(*csv, cells[triple.columns[k]]);
-      AddMarkerRow(frame, 0, triple.name, x, &file->pose);
+      AddMarkerRow(frame, 0, freemocap ? FreeMoCapJoint(triple.name) : triple.name, x, &file->pose);
     }
-    if (time_column >= 0) times.emplace_back(frame, NumberIn(*csv, cells[time_column]));
+    if (time_column < 0) continue;
+    const std::string_view time = cells[time_column];
+    times.emplace_back(frame, freemocap ? ReadNumberCell(time).value : NumberIn(*csv, time));  // FreeMoCap's may be a date
   }
-  file->pose.frame_rate_hz = RateOf(times, &file->notes);
+  file->pose.frame_rate_hz = freemocap ? FreeMoCapRate(times, &file->notes) : RateOf(times, &file->notes);
   std::vector<std::string> unused;
   for (size_t c = 0; c < header.size(); ++c) {
     bool used = static_cast<int>(c) == frame_column || static_cast<int>(c) == time_column;
     for (const ColumnTriple& triple : triples)
       used = used || std::count(triple.columns, triple.columns + 3, static_cast<int>(c)) > 0;
-    if (!used) unused.push_back(header[c]);
+    if (!used && header[c] != kFreeMoCapClock) unused.push_back(header[c]);
   }
   if (!unused.empty()) file->notes.push_back("its columns without x, y and z of a point are not read: " + SomeOf(unused));
   if (frame_column < 0) file->notes.push_back("it has no column `frame`; its rows are counted from 0");
@@ -241,6 +267,7 @@ void CheckSto(const StoHead& head, const std::vector<double>& times, MarkerFile*
 
 MarkerFile ReadCsvMarkers(const std::string& path, const std::string& unit) {
   const std::string text = ReadFile(path);
+  if (IsDeepLabCutTable(text)) return ReadDeepLabCutMarkers(path, unit);
   CsvReader csv(path, text);
   if (!csv.NextLine()) throw FormatError(path, "", "is empty");
   const std::vector<std::string> header = Texts(csv.Cells());
@@ -256,6 +283,7 @@ MarkerFile ReadCsvMarkers(const std::string& path, const std::string& unit) {
   file.unit = UnitOrAsk(unit, columns.IsLong() ? columns.unit : triples[0].unit, path);
   const double metres = MetresPerUnit(file.unit).value_or(1);
   if (columns.IsLong()) NoteUnread(header, columns, &file);
+  if (FindColumn(header, {kFreeMoCapClock}) >= 0 || columns.model >= 0) file.notes.push_back(kFreeMoCapAxes);
   if (columns.IsLong())
     ReadLongRows(&csv, columns, header.size(), metres, &file);
   else

@@ -11,7 +11,9 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/statistics.h"
+#include "core/text/number_cell.h"
 #include "dataset/pose/marker_formats.h"
+#include "dataset/pose/marker_programs.h"
 #include "dataset/pose/pose3d_c3d.h"
 #include "dataset/pose/pose3d_trc.h"
 
@@ -40,7 +42,7 @@ double SpreadOf(const Pose3d& pose) {
   return UpperMedian(std::move(diagonals), 0.0);
 }
 
-const std::vector<std::string> kPointFiles = {".trc", ".c3d", ".bvh", ".csv", ".sto", ".npz"};
+const std::vector<std::string> kPointFiles = {".trc", ".c3d", ".bvh", ".csv", ".sto", ".npz", ".npy", ".h5"};
 
 MarkerFile ReadByExtension(const std::string& path, const std::string& unit) {
   const std::string extension = ExtensionOf(path);
@@ -50,26 +52,31 @@ MarkerFile ReadByExtension(const std::string& path, const std::string& unit) {
   if (extension == ".csv") return internal::ReadCsvMarkers(path, unit);
   if (extension == ".sto") return internal::ReadStoMarkers(path, unit);
   if (extension == ".npz") return internal::ReadNpzMarkers(path, unit);
-  throw FormatError(path, "", "is no file of 3D points: a folder of triangulate, .trc, .c3d, .bvh, .csv, .sto or .npz");
+  if (extension == ".npy") return internal::ReadNpyMarkers(path, unit);
+  if (extension == ".h5") return internal::ReadDeepLabCutMarkers(path, unit);
+  throw FormatError(path, "",
+                    "is no file of 3D points: a folder of triangulate, FreeMoCap or DeepLabCut, .trc, .c3d, .bvh, .csv, .sto, "
+                    ".npz, .npy or .h5");
 }
 
 }  // namespace
 
 std::optional<double> MetresPerUnit(std::string_view word) {
-  const std::string lower = Lower(word);
+  std::string lower = Lower(word);
+  double times = 1;
+  const size_t digits = lower.find_first_not_of("0123456789.");
+  if (digits != 0 && digits != std::string::npos) {
+    const NumberCell number = ReadNumberCell(lower.substr(0, digits));
+    if (!(number.value > 0)) return std::nullopt;
+    times = number.value, lower.erase(0, digits);
+  }
   for (const auto& [metres, words] : {std::pair<double, std::string_view>(1, "|m|meter|meters|metre|metres|"),
                                       {0.01, "|cm|centimeter|centimeters|centimetre|centimetres|"},
                                       {0.001, "|mm|millimeter|millimeters|millimetre|millimetres|"},
                                       {0.0254, "|in|inch|inches|"}}) {
-    if (!lower.empty() && words.find("|" + lower + "|") != std::string_view::npos) return metres;
+    if (!lower.empty() && words.find("|" + lower + "|") != std::string_view::npos) return times * metres;
   }
   return std::nullopt;
-}
-
-bool IsMarkerFile(const std::string& path) {
-  std::error_code error;
-  const std::string extension = ExtensionOf(path);
-  return (extension == ".trc" || extension == ".c3d") && std::filesystem::is_regular_file(path, error);
 }
 
 bool IsPointsFile(const std::string& path) {
@@ -92,7 +99,8 @@ Eigen::Vector3d AxesFromWorld(const Eigen::Vector3d& x, const std::string& up) {
 }
 
 MarkerFile ReadMarkers(const std::string& path, const std::string& unit, const std::string& up) {
-  if (!unit.empty() && !MetresPerUnit(unit)) throw UsageError("unit '" + unit + "' of " + path + ": expected m, cm, mm or in");
+  if (!unit.empty() && !MetresPerUnit(unit))
+    throw UsageError("unit '" + unit + "' of " + path + ": expected m, cm, mm, in, or the length of one unit, e.g. 25mm");
   if (!up.empty()) WorldFromAxes(Eigen::Vector3d::Zero(), up);
   MarkerFile file = ReadByExtension(path, unit);
   if (up.empty()) return file;
@@ -123,26 +131,31 @@ std::vector<std::string> NotesOf(const MarkerFile& file, const std::string& path
   return notes;
 }
 
+std::string PointsFileAt(const std::string& path) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (!fs::is_directory(path, error)) return path;
+  for (const fs::path& folder : {fs::path(path), fs::path(path) / "pose3d"}) {
+    if (fs::exists(folder / "points.csv", error)) return (folder / "points.csv").string();
+  }
+  return fs::exists(fs::path(path) / "pose3d.json", error) ? "" : internal::FindProgramPoints(path);
+}
+
 Pose3d ReadPoints3d(const std::string& path, const std::string& unit, const std::string& up, MarkerFile* file) {
   namespace fs = std::filesystem;
   std::error_code error;
   if (!fs::exists(path, error))
     throw IoError(path, "does not exist; give a folder of triangulate, its points.csv, or a file of markers");
-  const std::string name = Lower(fs::path(path).filename().string());
-  if (name == "pose3d.json" || name == "points.csv") {
-    const fs::path folder = fs::path(path).parent_path();
-    if (fs::is_regular_file(folder / "pose3d.json", error)) return ReadPose3d(folder.empty() ? "." : folder.string());
-    Pose3d pose{"points", ReadPointsCsv(path)};
-    return pose;
+  const std::string found = PointsFileAt(path);
+  const std::string name = Lower(fs::path(found).filename().string());
+  if (found.empty() || name == "pose3d.json" || name == "points.csv") {
+    const fs::path folder = found.empty() ? fs::path(path) : fs::path(found).parent_path();
+    if (found.empty() || fs::is_regular_file(folder / "pose3d.json", error))
+      return ReadPose3d(folder.empty() ? "." : folder.string());
+    return Pose3d{"points", ReadPointsCsv(found)};
   }
-  if (fs::is_directory(path, error)) {
-    const bool run =
-        !fs::exists(fs::path(path) / "points.csv", error) && fs::exists(fs::path(path) / "pose3d/points.csv", error);
-    const fs::path folder = run ? fs::path(path) / "pose3d" : fs::path(path);
-    const bool bare = fs::exists(folder / "points.csv", error) && !fs::exists(folder / "pose3d.json", error);
-    return bare ? Pose3d{"points", ReadPointsCsv((folder / "points.csv").string())} : ReadPose3d(folder.string());
-  }
-  MarkerFile read = ReadMarkers(path, unit, up);
+  MarkerFile read = ReadMarkers(found, unit, up);
+  if (found != path) read.notes.insert(read.notes.begin(), "its 3D joints are those of " + found);
   Pose3d pose = read.pose;
   if (file) *file = std::move(read);
   return pose;

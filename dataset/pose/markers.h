@@ -17,16 +17,13 @@ struct MarkerFile {
   std::vector<std::string> notes = {};  ///< what the file states about itself and does not hold, in sentences
 };
 
-/// "m", "mm", "millimeters", "inches", …; metres, or nothing for another word.
+/// "m", "mm", "millimeters", "inches", …, or the length of one unit, "25mm"; metres, or nothing for another word.
 std::optional<double> MetresPerUnit(std::string_view word);
 
-/// True for a file called *.trc or *.c3d.
-bool IsMarkerFile(const std::string& path);
-
-/// Reads a .trc, .c3d, .bvh, .csv, .sto or .npz file (dataset/pose/marker_formats.h). `unit` replaces what the file says;
-/// empty: the file's own. `up` (x, y or z) replaces the axis that the format or the file says is up: x_in_world = (y, z, x),
-/// (z, x, y) or (x, y, z) of the file. Throws UsageError for an unknown unit, axis or extension; IoError; FormatError with the
-/// place, also for a file that states no unit.
+/// Reads a .trc, .c3d, .bvh, .csv, .sto, .npz, .npy or .h5 file (dataset/pose/marker_formats.h, marker_programs.h). `unit`
+/// replaces what the file says; empty: the file's own. `up` (x, y or z) replaces the axis that the format or the file says is
+/// up: x_in_world = (y, z, x), (z, x, y) or (x, y, z) of the file. Throws UsageError for an unknown unit, axis or extension;
+/// IoError; FormatError with the place, also for a file that states no unit.
 MarkerFile ReadMarkers(const std::string& path, const std::string& unit = {}, const std::string& up = {});
 /// True for the extensions that ReadMarkers knows.
 bool IsPointsFile(const std::string& path);
@@ -42,9 +39,13 @@ std::string UnitDoubt(const MarkerFile& file, const std::string& path);
 /// The notes of a file with its path before them.
 std::vector<std::string> NotesOf(const MarkerFile& file, const std::string& path);
 
-/// 3D points of any kind: a folder with points.csv (or one whose folder pose3d has it), that table, its pose3d.json, or a file
-/// of markers. `file`, if wanted, gets what ReadMarkers says of it; its unit stays empty for points of mvstudio. Errors as in
-/// ReadPose3d and ReadMarkers.
+/// The file that ReadPoints3d takes positions from: `path` itself, the points.csv of a folder, or of a folder of FreeMoCap or
+/// DeepLabCut its 3D joints; empty: the folder has none of these. Throws FormatError where it has several.
+std::string PointsFileAt(const std::string& path);
+
+/// 3D points of any kind: a folder with points.csv (or one whose folder pose3d has it), that table, its pose3d.json, a file
+/// of markers, or a folder of FreeMoCap or DeepLabCut with such a file. `file`, if wanted, gets what ReadMarkers says of it;
+/// its unit stays empty for points of mvstudio. Errors as in ReadPose3d and ReadMarkers.
 Pose3d ReadPoints3d(const std::string& path, const std::string& unit = {}, const std::string& up = {},
                     MarkerFile* file = nullptr);
 

@@ -44,7 +44,7 @@ std::string FirstThatEnds(const std::string& folder, const std::string& end) {
   return "";
 }
 
-/// A recording of FreeMoCap: its videos and its calibration can be used, its arrays cannot.
+/// A recording of FreeMoCap: its videos, its calibration and its 3D joints can be used, its arrays of 2D points cannot.
 void RefuseFreeMoCap(const std::string& folder) {
   constexpr char kCalibration[] = "_camera_calibration.toml",
                  kPoints[] = "2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy";
@@ -52,11 +52,11 @@ void RefuseFreeMoCap(const std::string& folder) {
   std::string points = FirstThatEnds(folder + "/output_data/raw_data", kPoints);
   if (points.empty()) points = FirstThatEnds(folder + "/output_data", kPoints);
   if (calibration.empty() && points.empty()) return;
-  throw FormatError(
-      folder, "",
-      "is a recording of FreeMoCap; " + (points.empty() ? "its array of 2D points" : points) +
-          " is not read: find the joints in synchronized_videos again (mvstudio pose2d) and triangulate them with " +
-          "option 'calib' " + (calibration.empty() ? std::string("*") + kCalibration : calibration));
+  throw FormatError(folder, "",
+                    "is a recording of FreeMoCap; " + (points.empty() ? "its array of 2D points" : points) +
+                        " is not read (its 3D joints are: mvstudio markers convert " + folder +
+                        "); find the joints in synchronized_videos again (mvstudio pose2d) and triangulate them with " +
+                        "option 'calib' " + (calibration.empty() ? std::string("*") + kCalibration : calibration));
 }
 
 /// A project of DeepLabCut, of one camera or of two.
@@ -72,7 +72,8 @@ void RefuseDeepLabCut(const std::string& folder) {
                         (stereo ? "its calibration (camera_matrix/*.pickle) is not read: calibrate the cameras from "
                                   "calibration_images (mvstudio calibrate), and give"
                                 : "give a calibration of the cameras, and") +
-                        " each camera's result, option 'pose2d' CAMERA=VIDEODLC_….h5 or .csv");
+                        " each camera's result, option 'pose2d' CAMERA=VIDEODLC_….h5 or .csv" +
+                        (stereo ? "; its 3D joints (*_DLC_3D.h5, .csv) are read by mvstudio markers convert" : ""));
 }
 
 }  // namespace

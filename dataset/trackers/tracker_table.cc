@@ -43,7 +43,9 @@ TrackerTable::TrackerTable(const std::string& path, const std::string& camera, c
 void TrackerTable::AddColumn(const TrackerColumn& column, int index,
                              std::map<std::pair<std::string, std::string>, size_t>* known) {
   if (column.coord == "z") {
-    Fail("header", "holds x, y, z: 3D points of several cameras together; give the cameras' own 2D files");
+    Fail("header",
+         "holds x, y, z: 3D points of several cameras together, which `mvstudio markers convert` reads; here give the cameras' own 2D "
+         "files");
   }
   if (column.coord != "x" && column.coord != "y" && column.coord != "likelihood") return;
   const std::string why = WhyNotALabel(column.joint);

@@ -5,14 +5,13 @@
 #include <string>
 #include <vector>
 
+#include "dataset/pose/deeplabcut_table.h"
 #include "dataset/trackers/tracker_file.h"
 
 namespace mvstudio::dataset::internal {
 
-/// What a column of numbers holds: coord is "x", "y" or "likelihood"; others are ignored.
-struct TrackerColumn {
-  std::string individual, joint, coord;
-};
+/// coord is "x", "y" or "likelihood"; others are ignored.
+using TrackerColumn = DeepLabCutColumn;
 
 /// Turns rows of numbers into the people of a camera's frames.
 class TrackerTable {

@@ -11,6 +11,7 @@
 #include "core/format.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
+#include "dataset/panoptic/exchanged.h"
 #include "dataset/verify/findings.h"
 #include "dataset/verify/verify_steps.h"
 
@@ -107,13 +108,13 @@ struct Comparison {
   }
 };
 
-/// At most kFrames of all that some camera has, spread evenly.
-std::vector<int> Chosen(const CameraFrames& frames) {
+/// At most so many of all that some camera has, spread evenly.
+std::vector<int> Chosen(const CameraFrames& frames, int most = kFrames) {
   std::set<int> all;
   for (const auto& [camera, of] : frames) all.insert(of.begin(), of.end());
   const std::vector<int> list(all.begin(), all.end());
   std::vector<int> chosen;
-  const int n = std::min<int>(kFrames, static_cast<int>(list.size()));
+  const int n = std::min<int>(most, static_cast<int>(list.size()));
   for (int i = 0; i < n; ++i) chosen.push_back(list[n == 1 ? 0 : i * (list.size() - 1) / (n - 1)]);
   return chosen;
 }
@@ -239,6 +240,27 @@ class ImageMaskCheck {
 std::vector<Finding> CompareImagesWithMasks(const PanopticDataset& data, const MaskMeaning& masks, const CameraFrames& frames,
                                             const RunContext& run) {
   return ImageMaskCheck(data, masks, frames).Run(run);
+}
+
+std::vector<Finding> CompareImagesWithJoints(const PanopticDataset& data, const CameraFrames& frames, const RunContext& run) {
+  geometry::Rig rig;
+  for (const geometry::RigCamera& camera : data.rig.cameras) {
+    if (frames.count(camera.camera.name) > 0) rig.cameras.push_back(camera);
+  }
+  const std::vector<int> looked_at = Chosen(frames, 24);
+  std::map<int, std::map<int, Coco19Pose>> poses;
+  for (const int frame : looked_at) {
+    const auto people = data.poses.find(frame);
+    if (people != data.poses.end()) poses.insert(*people);
+  }
+  const auto image = [&](const std::string& camera, int frame) { return data.ImagePath(camera, frame); };
+  std::vector<Finding> findings;
+  for (const ExchangedCameras& found : FindExchanged(rig, poses, image, run)) {
+    findings.push_back(
+        {Finding::Severity::kError, "DAT-EXCHANGED", data.root + "/hdImgs/" + found.a,
+         found.Text(found.a, found.b) + ": exchange the folders, or build again with the footage named rightly"});
+  }
+  return findings;
 }
 
 std::vector<Finding> CompareJointsWithMasks(const PanopticDataset& data, const MaskMeaning& masks, const CameraFrames& frames,

@@ -21,6 +21,9 @@ using CameraFrames = std::map<std::string, std::vector<int>>;
 std::vector<Finding> CompareImagesWithMasks(const PanopticDataset& data, const MaskMeaning& masks, const CameraFrames& frames,
                                             const RunContext& run);
 
+/// An error DAT-EXCHANGED for each two cameras with each other's images (dataset/panoptic/exchanged.h), of those in `frames`.
+std::vector<Finding> CompareImagesWithJoints(const PanopticDataset& data, const CameraFrames& frames, const RunContext& run);
+
 /// DAT-COVER for each camera whose joints lie off its masks, as VerifyDataset finds it, in up to 8 frames.
 std::vector<Finding> CompareJointsWithMasks(const PanopticDataset& data, const MaskMeaning& masks, const CameraFrames& frames,
                                             const RunContext& run);

@@ -130,19 +130,26 @@ std::vector<geometry::RigCamera> CamerasWithFootage(const PanopticSequence& sequ
   return cameras;
 }
 
-/// Of HD images alone: there are no masks of others.
-void CompareWithMasks(const PanopticSequence& sequence, const std::vector<geometry::RigCamera>& cameras,
-                      const MaskMeaning& masks, const RunContext& run, Findings* findings) {
-  CameraFrames frames;
+/// Of HD images alone: there are no masks of others. Cameras that were exchanged are named once.
+void CompareImages(const PanopticSequence& sequence, const std::vector<geometry::RigCamera>& cameras,
+                   const std::map<int, Body3dScene>& scenes, const std::optional<MaskMeaning>& masks, const RunContext& run,
+                   Findings* findings) {
+  CameraFrames all, masked;
+  PanopticDataset files;
+  files.root = sequence.root;
   for (const geometry::RigCamera& camera : cameras) {
     const std::string& name = camera.camera.name;
     const PanopticFootage& footage = sequence.footage.at(name);
-    if (footage.is_video || KindOf(name) != PanopticKind::kHd || !fs::is_directory(sequence.root + "/masks/" + name)) continue;
-    for (const auto& [frame, file] : footage.pictures) frames[name].push_back(frame);
+    if (footage.is_video || KindOf(name) != PanopticKind::kHd) continue;
+    files.rig.cameras.push_back(camera);
+    for (const auto& [frame, file] : footage.pictures) all[name].push_back(frame);
+    if (fs::is_directory(sequence.root + "/masks/" + name)) masked[name] = all[name];
   }
-  PanopticDataset files;
-  files.root = sequence.root;
-  for (const Finding& found : CompareImagesWithMasks(files, masks, frames, run)) findings->Add(found);
+  std::vector<Finding> found;
+  if (masks) found = CompareImagesWithMasks(files, *masks, masked, run);
+  for (const auto& [frame, scene] : scenes) files.poses[frame] = scene.people;
+  if (found.empty()) found = CompareImagesWithJoints(files, all, run);
+  for (const Finding& finding : found) findings->Add(finding);
 }
 
 std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const std::vector<geometry::RigCamera>& cameras,
@@ -167,7 +174,7 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
   });
   for (const Findings& f : by_camera) findings->Append(f);
   internal::CompareCameras(cameras, checks, sequence, findings);
-  if (masks) CompareWithMasks(sequence, cameras, *masks, run, findings);
+  CompareImages(sequence, cameras, hd, masks, run, findings);
   return checks;
 }
 

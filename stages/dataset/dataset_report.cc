@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "stages/words.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/text/shell_word.h"
@@ -31,8 +32,7 @@ CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptio
   result.metrics["missing_pictures"] = report.no_picture;
   result.metrics["missing_masks"] = report.no_mask;
   result.text += std::to_string(report.cameras) + " cameras with images, " + std::to_string(report.frames) +
-                 " frames: " + std::to_string(report.num_errors()) + " errors, " + std::to_string(report.num_warnings()) +
-                 " warnings\n";
+                 " frames: " + Counted(report.num_errors(), "error") + ", " + Counted(report.num_warnings(), "warning") + "\n";
   if (!report.unusable.empty()) {
     result.errors.push_back({"DAT-UNUSABLE", folder + ": " + report.unusable, ""});
     result.text += "nothing can be made of it: " + report.unusable + "\n";
@@ -53,7 +53,8 @@ CommandResult VerifyPackFile(const std::string& path, const RunContext& run) {
   result.metrics["images"] = report.images;
   result.metrics["masks"] = report.masks;
   result.text += std::to_string(report.info.shards) + " shards, " + std::to_string(report.images) +
-                 " images: " + std::to_string(errors) + " errors\n";
+                 " images: " + Counted(errors, "error") + ", " +
+                 Counted(static_cast<int64_t>(report.findings.size()) - errors, "warning") + "\n";
   result.exit = errors == 0 ? kExitOk : report.images == 0 ? kExitBadInput : kExitPartial;
   return result;
 }

@@ -1,7 +1,6 @@
 #include "stages/dataset/studio_names.h"
 
 #include <cctype>
-#include <mutex>
 #include <utility>
 
 #include "core/error.h"
@@ -12,9 +11,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 using Names = std::map<std::string, std::string>;
-
-std::mutex names_mutex;
-Names current_names;  // Panoptic's -> the studio's
 
 bool IsWordPart(char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '/' || c == '-'; }
 
@@ -64,18 +60,7 @@ std::map<std::string, std::string> StudioNames(const std::string& dataset_folder
   return names;
 }
 
-void UseStudioNames(const std::string& dataset_folder) {
-  Names names = StudioNames(dataset_folder);
-  const std::lock_guard<std::mutex> lock(names_mutex);
-  current_names = std::move(names);
-}
-
-void NameCameras(CommandResult* result) {
-  Names names;
-  {
-    const std::lock_guard<std::mutex> lock(names_mutex);
-    names = std::exchange(current_names, {});
-  }
+void NameCameras(const Names& names, CommandResult* result) {
   if (names.empty()) return;
   result->metrics = WithNames(result->metrics, names);
   result->text = WithNames(result->text, names);

@@ -11,13 +11,8 @@ namespace mvstudio::stages {
 /// Panoptic's names of the dataset's cameras, and the studio's. Empty where the dataset does not know them, or cannot be read.
 std::map<std::string, std::string> StudioNames(const std::string& dataset_folder);
 
-/// From now on the result of the running command calls the cameras of this dataset by their studio's names. Nothing changes
-/// where the dataset does not know them, or cannot be read.
-void UseStudioNames(const std::string& dataset_folder);
-
-/// Names the cameras in all that a result says, and forgets their names: the next command has others. Parts of paths and file
-/// names stay.
-void NameCameras(CommandResult* result);
+/// Calls the cameras by these names in all that a result says. Parts of paths and file names stay.
+void NameCameras(const std::map<std::string, std::string>& names, CommandResult* result);
 
 /// `text` with each of `names`, where it stands as a word of its own, replaced by what it maps to.
 std::string WithNames(const std::string& text, const std::map<std::string, std::string>& names);

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/some_of.h"
 #include "core/units.h"
 #include "dataset/exports/read/layout_read.h"
 #include "dataset/panoptic/panoptic.h"
@@ -79,6 +80,21 @@ void MendPoses(const CalibReadOptions& options, calib::CalibrationFormat format,
   if (options.mirror) imported->rig = geometry::WithAxesMirrored(imported->rig);
 }
 
+/// Cameras whose file states another size than the option, which is for files without one.
+void NoteStatedSizes(const ImageSize& asked, const std::string& path, calib::ImportedRig* imported) {
+  if (asked.width_px == 0) return;
+  std::vector<std::string> others;
+  for (const geometry::RigCamera& camera : imported->rig.cameras) {
+    const ImageSize size{camera.camera.width_px, camera.camera.height_px};
+    if (ToString(size) != ToString(asked)) others.push_back(camera.camera.name + " " + ToString(size));
+  }
+  if (others.empty()) return;
+  imported->notes.push_back(
+      {"CAL-STATED-SIZE",
+       "option 'size' " + ToString(asked) + " is not used where " + path + " states the size itself: " + SomeOf(others),
+       "for images of another size, `mvstudio calib resize` makes a calibration"});
+}
+
 }  // namespace
 
 calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, const CalibReadOptions& options) {
@@ -111,6 +127,7 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
                                   ": the format " + std::string(calib::ToString(format)) + " has a unit of its own",
                               "option 'out-unit' of calib convert writes other units, in formats that name none"});
   }
+  NoteStatedSizes(options.size, named.front(), &imported);
   if (geometry::HasLensesOnly(imported.rig)) imported.rig.gauge = geometry::kLensesOnly;
   Append(geometry::DoubtsAbout(imported.rig), &imported.notes);
   return imported;

@@ -16,8 +16,8 @@ namespace {
 using Poses = std::map<int, std::map<int, dataset::Coco19Pose>>;
 
 constexpr char kForms[] =
-    "is no 3D joints: a folder with points.csv, a .trc, .c3d, .bvh, .csv, .sto or .npz file, a dataset, or a folder of "
-    "body3DScene_*.json";
+    "is no 3D joints: a folder with points.csv, a .trc, .c3d, .bvh, .csv, .sto, .npz, .npy or .h5 file, a dataset, or "
+    "a folder of body3DScene_*.json, FreeMoCap or DeepLabCut";
 
 bool AnyJoint(const Poses& poses) {
   for (const auto& [frame, people] : poses) {
@@ -47,7 +47,7 @@ Poses ReadSceneFiles(const std::string& folder) {
 
 Poses ReadCoco19Poses(const std::string& path, const std::string& marker_unit) {
   const bool head = fs::path(path).filename() == "pose3d.json" && fs::is_regular_file(path);
-  if (dataset::IsPointsFile(path) || head || fs::exists(fs::path(path) / "points.csv")) return FromPoints(path, marker_unit);
+  if (head || dataset::IsPointsFile(dataset::PointsFileAt(path))) return FromPoints(path, marker_unit);
   Poses poses = ReadSceneFiles(path);
   if (poses.empty()) throw IoError(path, kForms);
   return poses;

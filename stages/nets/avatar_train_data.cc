@@ -157,6 +157,7 @@ std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, co
   dataset::CameraFrames frames;
   for (const std::string& camera : split.train_cameras) frames[camera] = split.train_frames;
   std::vector<dataset::Finding> found = dataset::CompareImagesWithMasks(data, data.Masks(), frames, run);
+  if (found.empty()) found = dataset::CompareImagesWithJoints(data, frames, run);
   for (dataset::Finding& finding : dataset::CompareJointsWithMasks(data, data.Masks(), frames, run))
     found.push_back(std::move(finding));
   std::vector<Notice> notices;

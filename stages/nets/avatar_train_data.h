@@ -27,7 +27,7 @@ struct SplitArguments {
 avatar::DatasetSplit SplitOf(const dataset::PanopticDataset& data, int person, const SplitArguments& arguments);
 
 /// Before images are used: throws FormatError where no joint lies in any camera's image (of other units, mostly). Returns what
-/// says that training images, masks and joints do not belong together (DAT-IMAGE-MASK, DAT-COVER), and logs it at once.
+/// says that training images, masks and joints do not belong together (DAT-IMAGE-MASK, DAT-EXCHANGED, DAT-COVER), and logs it at once.
 std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split,
                                         const RunContext& run);
 

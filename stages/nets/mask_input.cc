@@ -173,7 +173,7 @@ MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, Comma
   MaskJob job;
   job.mask = arguments.mask, job.hull = arguments.hull, job.run = arguments.run;
   if (!arguments.pose3d.empty()) {
-    job.poses = ReadCoco19Poses(arguments.pose3d);
+    job.poses = ReadCoco19Poses(arguments.pose3d, arguments.marker_unit);
     result->inputs.push_back(arguments.pose3d);
   }
   job.cameras.resize(take.footage.size());

@@ -14,7 +14,7 @@ namespace mvstudio::stages {
 
 struct MaskArguments {
   TakeArguments take;
-  std::string calib, pose3d, skeleton = "body25", backend = "auto", out;
+  std::string calib, pose3d, marker_unit, skeleton = "body25", backend = "auto", out;
   CalibReadOptions read;          ///< how the calibration is meant
   PoseChanges changes;            ///< what the 2D joints mean; its frames are the time steps that get masks
   std::vector<NamedPath> pose2d;  ///< folders

@@ -9,26 +9,22 @@
 
 namespace mvstudio::stages {
 TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, const TruthOptions& options) {
-  const bool align = options.align;
-  if (dataset::IsMarkerFile(truth)) {
-    const dataset::MarkerFile markers = dataset::ReadMarkers(truth, options.marker_unit);
-    const dataset::JointTable reference = dataset::ToTable(markers.pose.rows);
-    return {ComparePose3d(dataset::ToTable(pose.rows), reference, align), markers.unit, markers.y_up ? "y" : "z",
-            dataset::UnitDoubt(markers, truth), dataset::NotesOf(markers, truth)};
-  }
-  namespace fs = std::filesystem;
-  const fs::path path(truth);
   const auto scenes = ReadSceneFiles(truth);
-  if (!scenes.empty()) return {ComparePose3d(ToCoco19Table(pose), dataset::ToTable(scenes), align)};
-  const fs::path table = fs::is_directory(path) ? path / "points.csv" : path;
-  if (!fs::exists(table))
-    throw IoError(
-        truth, "option 'truth' is neither a points.csv nor a .trc or .c3d nor a folder with body3DScene_*.json or points.csv");
-  const dataset::JointTable reference = dataset::ToTable(dataset::ReadPointsCsv(table.string()));
-  const fs::path header = table.parent_path() / "pose3d.json";
-  const bool coco19 =
-      pose.skeleton != "coco19" && fs::exists(header) && dataset::ReadPose3d(table.parent_path().string()).skeleton == "coco19";
-  return {ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows), reference, align)};
+  if (!scenes.empty()) return {ComparePose3d(ToCoco19Table(pose), dataset::ToTable(scenes), options.align)};
+  const std::string found = dataset::PointsFileAt(truth);
+  if (found.empty() || !std::filesystem::exists(found))
+    throw IoError(truth,
+                  "option 'truth' is neither a points.csv nor a file of markers (.trc, .c3d, .csv, …) nor a folder with "
+                  "body3DScene_*.json, points.csv, or the 3D joints of FreeMoCap or DeepLabCut");
+  dataset::MarkerFile file;
+  const dataset::Pose3d reference = dataset::ReadPoints3d(truth, options.marker_unit, "", &file);
+  const bool coco19 = pose.skeleton != "coco19" && reference.skeleton == "coco19";
+  TruthComparison result{ComparePose3d(coco19 ? ToCoco19Table(pose) : dataset::ToTable(pose.rows),
+                                       dataset::ToTable(reference.rows), options.align)};
+  if (file.unit.empty()) return result;
+  result.unit = file.unit, result.up = file.y_up ? "y" : "z";
+  result.unit_doubt = dataset::UnitDoubt(file, truth), result.notes = dataset::NotesOf(file, truth);
+  return result;
 }
 
 Notice NothingInCommon(const std::string& option, const std::string& path, const std::string& why) {

@@ -12,17 +12,17 @@ namespace mvstudio::stages {
 
 struct TruthOptions {
   bool align = false;            ///< removes the best rigid motion first
-  std::string marker_unit = {};  ///< of .trc and .c3d files, instead of what they state
+  std::string marker_unit = {};  ///< of a file of markers, instead of what it states
 };
 
 struct TruthComparison {
   dataset::Pose3dComparison comparison;
-  std::string unit = {}, up = {};       ///< of a .trc or .c3d file: its unit of length, and "y" or "z"; else empty
+  std::string unit = {}, up = {};       ///< of a file of markers: its unit of length, and "y" or "z"; else empty
   std::string unit_doubt = {};          ///< dataset::UnitDoubt
   std::vector<std::string> notes = {};  ///< MarkerFile::notes, with the path
 };
 
-/// Compares with `truth`: a folder of body3DScene files, a folder with points.csv, a single table, or a file of markers.
+/// Compares with `truth`: a folder of body3DScene files, or points as dataset::ReadPoints3d takes them.
 /// Throws IoError, FormatError.
 TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string& truth, const TruthOptions& options);
 

@@ -22,7 +22,7 @@ constexpr char kSilentOptions[][24] = {
     "model.method"};
 
 const std::map<std::string, std::string> kMethodNames = {
-    {"tna", "TNA"}, {"direct", "Direct"}, {"v2v", "V2V-lite"}, {"gaussians", "Gaussians"}};
+    {"tna", "TNA"}, {"direct", "Direct"}, {"v2v", "V2V-lite"}, {"gaussians", "Gaussians"}, {"body", "Textured body"}};
 
 using Options = std::map<std::string, std::string>;
 
@@ -36,10 +36,15 @@ struct Recipe {
   }
 };
 
+/// `avatar train` without steps puts textures on a fitted body and trains no network.
+bool IsBodyAlone(const ScoredRun& run) {
+  return run.metrics["checkpoint_step"].Number() == 0 && run.metrics["training"]["options"]["model.method"].Text() == "tna";
+}
+
 Recipe RecipeOf(const ScoredRun& run) {
   Recipe recipe;
   const Value& training = run.metrics["training"];
-  recipe.method = training["options"]["model.method"].Text("unknown");
+  recipe.method = IsBodyAlone(run) ? "body" : training["options"]["model.method"].Text("unknown");
   for (const Value& camera : training["cameras"].items()) recipe.cameras.push_back(camera.Text());
   recipe.label = run.label;
   if (!run.label.empty()) return recipe;
@@ -94,7 +99,7 @@ void CollectCosts(const ScoredRun& run, Values* costs) {
   };
   add("frames_per_s", run.metrics["seconds_per_frame"], true);
   add("train_s", run.train["metrics"]["wall_s"]);
-  add("num_parameters", run.metrics["training"]["num_parameters"]);
+  if (!IsBodyAlone(run)) add("num_parameters", run.metrics["training"]["num_parameters"]);
   add("train_rss_mb", run.train["timing"]["peak_rss_mb"]);
   add("eval_rss_mb", run.timing["peak_rss_mb"]);
 }

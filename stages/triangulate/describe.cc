@@ -89,7 +89,7 @@ CommandResult DescribeComparison(const ReferenceComparison& comparison) {
   for (const std::string& note : found.notes)
     result.warnings.push_back({"TRI-MARKER-FILE", note, "check the file, or export it again"});
   if (!found.unit_doubt.empty())
-    result.warnings.push_back({"TRI-UNIT", found.unit_doubt, "name the unit: option 'marker-unit' m, cm, mm or in"});
+    result.warnings.push_back({"TRI-UNIT", found.unit_doubt, "name the unit: option 'marker-unit' m, cm, mm, in or e.g. 25mm"});
   return result;
 }
 

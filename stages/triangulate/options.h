@@ -73,8 +73,10 @@ void VisitFields(Visitor&& visit, TriangulateOptions& o) {
   StartGroup(visit, "Comparison");
   visit("trc", o.trc,
         "compare with the markers of this .trc or .c3d file (its frame 1 is our frame 0; y up unless a .c3d says z)");
-  visit("truth", o.truth, "compare with a folder of body3DScene files, a points.csv, or markers (.trc, .c3d)");
-  visit("marker-unit", o.marker_unit, "m, cm, mm or in: instead of the unit that the .trc or .c3d states");
+  visit("truth", o.truth,
+        "compare with a folder of body3DScene files, points of mvstudio, or 3D joints as `markers convert` takes them");
+  visit("marker-unit", o.marker_unit,
+        "m, cm, mm, in or the length of one unit, e.g. 25mm: instead of what the file of markers states");
   VisitStyled(visit, OptionStyle::kSwitch, "align-truth", o.align_truth,
               "take out the best rigid motion before comparing with option 'truth'");
 }

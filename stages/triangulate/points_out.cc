@@ -21,13 +21,12 @@ TruthComparison CompareWith(const ReferenceComparison& reference, const dataset:
 }  // namespace
 
 void CheckReferences(const TriangulateOptions& options) {
-  if (!options.trc.empty()) {
-    dataset::ReadMarkers(options.trc, options.marker_unit);
-    if (!dataset::IsMarkerFile(options.trc)) throw UsageError("option 'trc' " + options.trc + ": call it .trc or .c3d");
-  }
-  if (dataset::IsMarkerFile(options.truth)) dataset::ReadMarkers(options.truth, options.marker_unit);
-  if (!options.truth.empty() && !std::filesystem::exists(options.truth))
-    throw IoError(options.truth, "option 'truth' does not exist");
+  if (!options.trc.empty()) dataset::ReadMarkers(options.trc, options.marker_unit);
+  if (options.truth.empty()) return;
+  if (!std::filesystem::exists(options.truth)) throw IoError(options.truth, "option 'truth' does not exist");
+  const std::string found = dataset::PointsFileAt(options.truth);
+  if (dataset::IsPointsFile(found) && std::filesystem::path(found).filename() != "points.csv")
+    dataset::ReadMarkers(found, options.marker_unit);
 }
 
 std::vector<ReferenceComparison> CompareWithReferences(const TriangulateOptions& options) {

@@ -326,6 +326,40 @@ TEST(CornerCsv, RoundTripIsExact) {
   EXPECT_EQ(back.detections[2].sigmas_px, file.detections[2].sigmas_px);
 }
 
+/// A file that says where its corners lie, beside a board that was given.
+TEST(StatedBoard, IsHeldAgainstTheBoardThatIsGiven) {
+  TempDir folder;
+  const std::string header = "<opencv_storage><objectPoints>", middle = "</objectPoints><imagePoints>";
+  std::string places, pixels;
+  for (int i = 0; i < 12; ++i) {
+    places += std::to_string(i % 4 * 25) + " " + std::to_string(i / 4 * 25) + " 0 ";
+    pixels += std::to_string(100 + i % 4 * 20) + " " + std::to_string(100 + i / 4 * 20) + " ";
+  }
+  const std::string xml = Write(
+      folder, "a.xml", header + Matrix(3, places, 12) + middle + Matrix(2, pixels, 12) + "</imagePoints></opencv_storage>");
+  CornerFile own;
+  own.cameras = {{"a", 640, 480}};
+  own.boards = {Grid(4, 3, 0.025)};
+  own.detections = {{}};
+  own.detections[0].corner_ids = {0, 5, 11};
+  own.detections[0].points_px = Eigen::Matrix2Xd::Random(2, 3);
+  WriteCornerFile(own, folder / "own.csv");
+  for (const std::string& path : {xml, folder / "own.csv"}) {
+    CornerFileOptions same = WithBoard(Grid(4, 3, 0.025)), larger = WithBoard(Grid(4, 3, 0.030)),
+                      turned = WithBoard(Grid(3, 4, 0.025));
+    same.unit = larger.unit = turned.unit = LengthUnit::kMillimetre;
+    EXPECT_TRUE(ReadCornerFile(path, same).notes.empty()) << path;
+    const std::vector<Notice> notes = ReadCornerFile(path, larger).notes;
+    ASSERT_EQ(notes.size(), 1u) << path;
+    EXPECT_EQ(notes[0].code, "CAL-BOARD-SIZE");
+    EXPECT_SAYS(notes[0].text, "0.8333 times");
+    EXPECT_SAYS(MessageOf<FormatError>([&] { ReadCornerFile(path, turned); }), "other rows and columns");
+  }
+  std::string text = ReadFile(folder / "own.csv");
+  text.replace(text.find("corners 1"), 9, "corners 2");
+  EXPECT_SAYS(MessageOf<FormatError>([&] { ReadCornerFile(Write(folder, "two.csv", text)); }), "expected 'mvstudio corners 1'");
+}
+
 TEST(CornerCsv, SaysWhatIsWrong) {
   TempDir folder;
   const auto read = [&](const std::string& text) {

@@ -254,9 +254,10 @@ TEST(DetectFootage, RefusesMixedSizesAndRepeatedNumbers) {
   EXPECT_NE(MessageOf<FormatError>([&] { DetectFootage(board, footage, Uncached(), RunContext()); }).find("one size"),
             std::string::npos);
   footage[0] = FootageOf("a", {});
-  footage[0].next = [] { return FootageFrame{3, "again", Image(64, 48, 1)}; };
-  EXPECT_NE(MessageOf<FormatError>([&] { DetectFootage(board, footage, Uncached(), RunContext()); }).find("number 3 twice"),
-            std::string::npos);
+  auto asked = std::make_shared<int>(0);
+  footage[0].next = [asked] { return FootageFrame{3, ++*asked == 1 ? "left_3.jpg" : "right_3.jpg", Image(64, 48, 1)}; };
+  const std::string twice = MessageOf<FormatError>([&] { DetectFootage(board, footage, Uncached(), RunContext()); });
+  EXPECT_NE(twice.find("right_3.jpg: camera a has number 3 twice, first in left_3.jpg"), std::string::npos) << twice;
 }
 
 class Impatient : public ProgressSink {

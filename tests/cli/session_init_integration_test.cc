@@ -75,6 +75,26 @@ TEST_F(SessionInit, AChapterThatWasNotCopiedIsTold) {
   EXPECT_THAT(run.out, HasSubstr("walk/gopro1/GX010001.MP4 is missing"));
 }
 
+TEST_F(SessionInit, ATakesOwnFolderIsToldFromOneWithoutFootage) {
+  for (const char* camera : {"left", "right"}) Put(folder_ / ("card/" + std::string(camera) + ".mp4"), "x");
+  const CliRun run = Init();
+  EXPECT_EQ(run.exit, 3);
+  EXPECT_THAT(run.err, HasSubstr("is one take's folder, with footage of left, right; give the folder above, --scan " +
+                                 fs::canonical(folder_.path()).string()));
+  // Doctor counts what it prints: two files that are no videos, no models, no session.
+  const CliRun doctor = RunCli({"doctor", folder_ / "card"});
+  const auto count = [&](const std::string& start) {
+    size_t lines = 0;
+    for (size_t at = doctor.err.find(start); at != std::string::npos; at = doctor.err.find(start, at + 1))
+      lines += at == 0 || doctor.err[at - 1] == '\n';
+    return lines;
+  };
+  ASSERT_GE(count("warning "), 1u) << doctor.err;
+  const size_t warnings = count("warning ");
+  EXPECT_THAT(doctor.out, HasSubstr("2 errors, " + std::to_string(warnings) + (warnings == 1 ? " warning\n" : " warnings\n")))
+      << doctor.err;
+}
+
 TEST_F(SessionInit, LeavesNothingWhenItFails) {
   fs::create_directories(folder_ / "card/nothing");
   EXPECT_EQ(Init().exit, 3) << "no footage";

@@ -126,6 +126,20 @@ TEST_F(BuildTest, VideosBecomeASoundDataset) {
   EXPECT_LT((joint - person_.poses.at(30).at(0).x_in_world.col(5)).norm(), 1e-9);
 }
 
+TEST_F(BuildTest, ExchangedVideosAreNamed) {
+  std::swap(inputs_.footage[0].path, inputs_.footage[2].path);
+  const BuildReport report = BuildDataset(inputs_, folder_ / "dataset", options_);
+  ASSERT_FALSE(report.warnings.empty());
+  EXPECT_EQ(report.warnings[0].code, "DAT-EXCHANGED");
+  EXPECT_NE(report.warnings[0].text.find("the footage of cam_a and cam_c seems to be exchanged"), std::string::npos);
+  EXPECT_NE(report.warnings[0].hint.find("option 'video' cam_a=FILE"), std::string::npos);
+  for (const Notice& warning : report.warnings) EXPECT_EQ(warning.text.find("only "), std::string::npos) << "a consequence";
+  int errors = 0;
+  for (const Finding& f : VerifyDataset(folder_ / "dataset").findings)
+    errors += (f.code == "DAT-EXCHANGED" || f.code == "DAT-IMAGE-MASK") && f.text.find("exchanged") != std::string::npos;
+  EXPECT_GE(errors, 1);
+}
+
 TEST_F(BuildTest, SidecarNamesTheSources) {
   BuildDataset(inputs_, folder_ / "dataset", options_);
   const json sidecar = json::parse(ReadFile(folder_ / "dataset/dataset.json"));

@@ -226,6 +226,12 @@ TEST(Layouts, GltfOfOtherProgramsIsReadByItsStandard) {
   EXPECT_LT((camera.CenterInWorld() - Eigen::Vector3d(0, -6, 2)).norm(), 1e-12);  // y up to z up
   EXPECT_LT((camera.cam_from_world * Eigen::Vector3d(0, 0, 2) - Eigen::Vector3d(0, 0, 6)).norm(), 1e-12);
   EXPECT_THAT(MessageOf<UsageError>([&] { ReadBack(folder / "scene.gltf"); }), HasSubstr("'size'"));
+  sized.width_px = 400;
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadBack(folder / "scene.gltf", sized); }), HasSubstr("aspectRatio"));
+  std::string old = ReadFile(folder / "scene.gltf");
+  old.replace(old.find("\"2.0\""), 5, "\"1.0\"");
+  WriteFileAtomic(folder / "old.gltf", old);
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadBack(folder / "old.gltf", sized); }), HasSubstr("is 1.0; glTF 2.0 is read"));
 }
 
 }  // namespace

@@ -3,8 +3,8 @@
 #include <set>
 #include <tuple>
 
+#include "dataset/arrays/pickled_names.h"
 #include "dataset/pose/markers.h"
-#include "dataset/trackers/pickled_names.h"
 #include "dataset/trackers/tracked_project.h"
 #include "dataset/trackers/tracker_file.h"
 #include "tests/fuzz/fuzz.h"

@@ -106,6 +106,22 @@ TEST(AvatarTable, CostsAreOfTheRunsThatTellThem) {
   EXPECT_EQ(odd.rows[0].costs.count("frames_per_s") + odd.rows[0].costs.count("train_s"), 0u);
 }
 
+TEST(AvatarTable, ARunWithoutANetworkIsCalledByWhatItIs) {
+  ScoredRun body = MakeRun({"r/t", "tna", "1", 0.7}), network = MakeRun({"r/u", "tna", "1", 0.8});
+  for (ScoredRun* run : {&body, &network}) {
+    Value training = run->metrics["training"];
+    training.Set("num_parameters", 3908288.0);
+    run->metrics.Set("training", training).Set("checkpoint_step", run == &body ? 0.0 : 500.0);
+  }
+  const Comparison comparison = CompareRuns({body, network}, false);
+  ASSERT_EQ(comparison.rows.size(), 2u);
+  for (const ComparisonRow& row : comparison.rows) {
+    const bool is_body = row.folders.at(0) == "r/t";
+    EXPECT_EQ(row.name, is_body ? "Textured body" : "TNA");
+    EXPECT_EQ(row.costs.count("num_parameters"), is_body ? 0u : 1u);
+  }
+}
+
 TEST(AvatarTable, EachFittedBodyIsARowOfItsOwn) {
   const auto names = [](double first, double second) {
     return NamesOf(CompareRuns({Costly({"r/a", "gaussians"}, 1, 1, first), Costly({"r/b", "tna"}, 1, 1, second)}, true));

@@ -102,6 +102,20 @@ TEST(CalibRead, InvertedPosesAreRecognisedAndMended) {
   }
 }
 
+TEST(CalibRead, ASizeThatTheFileStatesOtherwiseIsSaid) {
+  const mvstudio::testing::TempDir folder;
+  geometry::Rig rig;
+  rig.cameras.emplace_back().camera = geometry::MakePinhole("a", 640, 480, 500);
+  geometry::WriteRig(rig, folder / "calibration.json");
+  CalibReadOptions options;
+  options.size = {640, 480};
+  EXPECT_FALSE(Warns(ReadCalibrationFiles({folder.path()}, options), "CAL-STATED-SIZE"));
+  options.size = {1280, 960};
+  const calib::ImportedRig read = ReadCalibrationFiles({folder.path()}, options);
+  EXPECT_TRUE(Warns(read, "CAL-STATED-SIZE"));
+  EXPECT_EQ(read.rig.cameras[0].camera.width_px, 640);
+}
+
 TEST(CalibRead, AUnitThatChangesNothingIsSaid) {
   const mvstudio::testing::TempDir folder;
   geometry::Rig rig;

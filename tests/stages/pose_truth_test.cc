@@ -6,6 +6,7 @@
 #include <map>
 
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/panoptic/panoptic.h"
 #include "geometry/skeleton/skeleton.h"
 #include "tests/support/folder_state.h"
@@ -51,6 +52,22 @@ TEST(PoseTruth, DistancesToATableAreThoseOfTheOffset) {
   const dataset::Pose3dComparison aligned = CompareWithTruth(pose, folder / "truth", {true}).comparison;
   EXPECT_TRUE(aligned.aligned);
   EXPECT_NEAR(aligned.max_mm, 0, 1e-6);
+}
+
+TEST(PoseTruth, AFreeMoCapRecordingIsTruthInItsUnit) {
+  const TempDir folder;
+  std::string table = "timestamp,timestamp_by_camera,body_nose_x,body_nose_y,body_nose_z\n";
+  for (int frame = 0; frame < 9; ++frame) {
+    const Eigen::Vector3d mm = 1000 * Place(frame, 1);  // coco19's second joint is the nose
+    table += Format(",{},%.9g,%.9g,%.9g\n", mm.x(), mm.y(), mm.z());
+  }
+  Put(folder / "take/take_by_trajectory.csv", table);
+  const TruthComparison found = CompareWithTruth(PoseAt({0.003, 0, -0.004}), folder / "take", {false, "mm"});
+  EXPECT_EQ(found.comparison.num, 2);
+  EXPECT_NEAR(found.comparison.max_mm, 5, 1e-5);
+  EXPECT_EQ(found.unit + found.up, "mmz");
+  EXPECT_THAT(found.notes, ::testing::Contains(HasSubstr("states no axis")));
+  EXPECT_THROW(CompareWithTruth(PoseAt({0, 0, 0}), folder / "take", {false}), FormatError);
 }
 
 TEST(PoseTruth, PanopticsScenesAreTruthToo) {

@@ -92,5 +92,10 @@ TEST(WordsDeathTest, TheLargestNumberIsANumberToo) {
   EXPECT_EXIT(parse(), ::testing::ExitedWithCode(0), "");
 }
 
+TEST(Words, OneIsNoPlural) {
+  EXPECT_EQ(Counted(0, "error") + ", " + Counted(1, "warning") + ", " + Counted(2, "warning"),
+            "0 errors, 1 warning, 2 warnings");
+}
+
 }  // namespace
 }  // namespace mvstudio::stages

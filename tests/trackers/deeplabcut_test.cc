@@ -4,7 +4,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
-#include "dataset/trackers/pickled_names.h"
+#include "dataset/arrays/pickled_names.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 #include "tests/trackers/support.h"

@@ -93,13 +93,13 @@ struct Evaluation {
   double flicker = 0;  ///< mean over neighbouring frames of each camera; NaN when there are none (avatar/metrics/masks.h)
   std::map<std::string, Scored> other_splits;
   std::vector<PictureStrip> strips;
-  std::vector<std::string> skipped;             ///< pictures that could not be used, with the reason
-  dataset::MissingPictures missing;             ///< of the held-out pictures: those that the dataset does not hold
-  int frames_without_person = 0;                ///< of the dataset; they are in no split
-  std::map<std::string, std::string> training;  ///< fields of the checkpoint: "seed", "model.width", "train.steps", …
-  int64_t checkpoint_step = 0, num_parameters = 0;
-  double seconds_per_picture = 0;  ///< rendering alone; NaN without a clock
-  std::string convention;          ///< explanation of the numbers
+  std::vector<std::string> skipped;                 ///< pictures that could not be used, with the reason
+  dataset::MissingPictures missing;                 ///< of the held-out pictures: those that the dataset does not hold
+  int frames_without_person = 0;                    ///< of the dataset; they are in no split
+  std::map<std::string, std::string> training;      ///< fields of the checkpoint: "seed", "model.width", "train.steps", …
+  int64_t checkpoint_step = 0, num_parameters = 0;  ///< 0 and 0: no network was trained
+  double seconds_per_picture = 0;                   ///< rendering alone; NaN without a clock
+  std::string convention;                           ///< explanation of the numbers
   ProtocolNet features, lpips;
   std::string distance_name;  ///< "FID", or "FD (posenet)"
   EvaluationProtocol protocol;

@@ -72,7 +72,7 @@ Subject ReadNetwork(const std::string& run_folder, const RunConfig& config) {
     if (prefix == "model." || prefix == "train." || key == "seed" || key == "perceptual") subject.training[key] = value;
   }
   subject.step = subject.network->step;
-  subject.num_parameters = NumParameters(subject.network->options);
+  if (subject.step > 0) subject.num_parameters = NumParameters(subject.network->options);
   subject.references = ReadReferences(run_folder, config, subject.network->options);
   return subject;
 }

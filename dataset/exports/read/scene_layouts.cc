@@ -7,6 +7,7 @@
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/json_view.h"
 #include "dataset/exports/read/layout_cameras.h"
 #include "geometry/rig/rig_io.h"
@@ -84,6 +85,8 @@ geometry::Camera LensOf(const JsonView& node, const JsonView& camera, const std:
   const double w = options.width_px, h = options.height_px, fy = h / (2 * std::tan(yfov / 2));
   const double aspect = perspective.Has("aspectRatio") ? perspective["aspectRatio"].Number() : w / h;
   if (!(aspect > 0)) perspective["aspectRatio"].Fail("must be positive");
+  if (std::abs(aspect * h / w - 1) > 0.01)
+    perspective["aspectRatio"].Fail(Format("is that of other images than option 'size' %gx%g: give theirs", w, h));
   const Eigen::Matrix3d k = calib::internal::CameraMatrix(fy * w / h / aspect, fy, (w - 1) / 2, (h - 1) / 2);
   return calib::internal::MakeCamera(name, w, h, k, Eigen::VectorXd(0), false, place);
 }
@@ -141,7 +144,8 @@ std::string GltfFile(const std::string& path) {
 geometry::Rig ReadGltf(const std::string& path, const calib::ReadOptions& options) {
   const std::string file = GltfFile(path);
   const Json json = JsonFromText<Json>(JsonOfGltf(file), {}, file);
-  const JsonView root(file, json);
+  const JsonView root(file, json), version = root["asset"]["version"];
+  if (version.Text().compare(0, 2, "2.") != 0) version.Fail("is " + version.Text() + "; glTF 2.0 is read");
   if (!root.Has("cameras")) throw FormatError(file, "cameras", "is missing: this glTF holds no camera");
   GltfCameras cameras(root, options);
   const JsonView scenes = root["scenes"];

@@ -1,4 +1,4 @@
-// Private: for the readers of this folder.
+// Private: for the readers of tables.
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-#include "dataset/trackers/pickled_names.h"
+#include "dataset/arrays/pickled_names.h"
 
 #include <cmath>
 
