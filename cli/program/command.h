@@ -38,7 +38,7 @@ using stages::SplitNamePath;
 struct CommandContext {
   RunContext run;                 ///< progress, threads, seed
   std::vector<std::string> argv;  ///< as typed
-  /// Of the dataset that the command reads, app::StudioNames: its result, or what it fails with, calls the cameras so.
+  /// Of the dataset that the command reads, stages::StudioNames: its result, or what it fails with, calls the cameras so.
   std::map<std::string, std::string> camera_names = {};
 };
 
