@@ -14,6 +14,9 @@ struct TrackerColumn {
   std::string individual, joint, coord;
 };
 
+/// Whether it is x, y or likelihood. Others need not be numbers.
+bool IsCoordinate(const TrackerColumn& column);
+
 /// Turns rows of numbers into the people of a camera's frames.
 class TrackerTable {
  public:
