@@ -79,7 +79,7 @@ MAY_INCLUDE = {
     "dataset/arrays": CORE,
     "dataset/json": CORE,
     "dataset/footage": CORE,
-    "dataset/pose": CORE | GEOMETRY | {"dataset/arrays", "dataset/json"},
+    "dataset/pose": CORE | GEOMETRY | {"dataset/arrays", "dataset/json", "dataset/footage"},
     "dataset/time": CORE | {"dataset/json", "dataset/footage"},
     "dataset/session": CORE | {"dataset/json", "dataset/footage", "dataset/time"},
     "dataset/panoptic": CORE | GEOMETRY | {"dataset/json", "dataset/footage", "dataset/pose"},

@@ -5,6 +5,7 @@
 
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
+#include "calib/formats/opencv_yaml.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
@@ -153,7 +154,8 @@ CalibrationFormat DetectFormat(const std::string& path) {
   const size_t start = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   if (start == std::string::npos) throw FormatError(path, "", "the file is empty");
   if (has("'lensmodel'") || has("\"lensmodel\"")) return CalibrationFormat::kMrcal;
-  if (text.compare(start, 5, "%YAML") == 0) {
+  const bool chain = has("camera_model:") && has("cam0:");  // OpenVINS heads Kalibr's files as OpenCV's
+  if (text.compare(start, 5, "%YAML") == 0 && !chain) {
     return has("\nK_") || has("\nRot_") ? CalibrationFormat::kEasyMocap : CalibrationFormat::kOpenCvYaml;
   }
   if (text[start] == '{') {
@@ -168,8 +170,8 @@ CalibrationFormat DetectFormat(const std::string& path) {
   if (text[start] == '<' && has("<opencv_storage")) return CalibrationFormat::kOpenCvYaml;
   if (text[start] == '<' && has("<calibration")) return CalibrationFormat::kQca;
   if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return CalibrationFormat::kColmapText;
-  if (has("camera_matrix:")) return CalibrationFormat::kOpenCvYaml;  // ROS's camera_info
-  if (has("intrinsics:") && (has("T_BS:") || (has("camera_model:") && has("cam0:")))) return CalibrationFormat::kKalibr;
+  if (has("camera_matrix:") || internal::IsCameraInfo(text)) return CalibrationFormat::kOpenCvYaml;
+  if (has("intrinsics:") && (has("T_BS:") || chain)) return CalibrationFormat::kKalibr;
   if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
     return has("[cameras") ? CalibrationFormat::kCaliscope : CalibrationFormat::kToml;
   }

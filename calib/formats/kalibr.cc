@@ -194,13 +194,20 @@ std::vector<ValueView> ChainOf(const ValueView& root) {
   return chain;
 }
 
+bool HasImu(const ValueView& view) { return view.Has("T_cam_imu") || view.Has("T_imu_cam"); }
+
+/// Camera from IMU: Kalibr's T_cam_imu, or OpenVINS's T_imu_cam the other way round.
+geometry::Rigid3 FromImu(const ValueView& view, const ReadOptions& options) {
+  return view.Has("T_cam_imu") ? PoseAt(view, "T_cam_imu", options) : Inverse(PoseAt(view, "T_imu_cam", options));
+}
+
 /// Pose against the camera before: T_cn_cnm1, else by the IMU that both name.
 geometry::Rigid3 FromPrevious(const ValueView& previous, const ValueView& view, const ReadOptions& options) {
   if (view.Has("T_cn_cnm1")) return PoseAt(view, "T_cn_cnm1", options);
-  if (!view.Has("T_cam_imu") || !previous.Has("T_cam_imu"))
+  if (!HasImu(view) || !HasImu(previous))
     view.Fail("the key 'T_cn_cnm1' is missing: nothing places this camera and those after it against " + previous.where() +
               "; add it (or T_cam_imu to both), or give the cameras in files of their own for their lenses alone");
-  return PoseAt(view, "T_cam_imu", options) * Inverse(PoseAt(previous, "T_cam_imu", options));
+  return FromImu(view, options) * Inverse(FromImu(previous, options));
 }
 
 void AddChain(const std::vector<ValueView>& chain, bool by_imu, bool placed, bool several, const ReadOptions& options,
@@ -214,7 +221,7 @@ void AddChain(const std::vector<ValueView>& chain, bool by_imu, bool placed, boo
                                                   : chain.size() > 1 ? stem + "_" + view.where()
                                                                      : stem));
     if (by_imu) {
-      camera.cam_from_world = PoseAt(view, "T_cam_imu", options);
+      camera.cam_from_world = FromImu(view, options);
     } else if (placed && i > 0) {
       camera.cam_from_world = FromPrevious(chain[i - 1], view, options) * imported->rig.cameras.back().cam_from_world;
     }
@@ -237,7 +244,7 @@ ImportedRig internal::ReadKalibrChains(const std::vector<std::string>& paths, co
     chains.push_back(ChainOf(ValueView(paths[f], documents[f])));
     for (size_t i = 0; i < chains[f].size(); ++i) {
       placed |= i > 0 && chains[f][i].Has("T_cn_cnm1");
-      all_by_imu &= chains[f][i].Has("T_cam_imu");
+      all_by_imu &= HasImu(chains[f][i]);
     }
   }
   const bool several = paths.size() > 1, by_imu = all_by_imu && (several || !placed);
@@ -251,7 +258,7 @@ ImportedRig internal::ReadKalibrChains(const std::vector<std::string>& paths, co
       by_imu ? geometry::RigGauge::Other("Kalibr's IMU") : geometry::RigGauge::OfCamera(imported.rig.cameras[0].camera.name);
   for (size_t f = 0; f < paths.size(); ++f) {
     geometry::UnusedKeys unused(paths[f], options.metres_per_unit);
-    AddUnused(ValueView(paths[f], documents[f]), {"rostopic", "camoverlaps", "tcamimu"}, &unused);
+    AddUnused(ValueView(paths[f], documents[f]), {"rostopic", "camoverlaps", "tcamimu", "timucam"}, &unused);
     AddUnusedNote(unused, &imported);
   }
   if (!placed && !by_imu && imported.rig.cameras.size() > 1) StateLensesOnly(&imported);

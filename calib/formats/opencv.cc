@@ -139,6 +139,8 @@ constexpr std::initializer_list<const char*> kHarmlessInOpenCv = {"calibrationti
                                                                   "cameraname",
                                                                   "cameraid",
                                                                   "rectificationmatrix",
+                                                                  "header",
+                                                                  "p",
                                                                   "projectionmatrix",
                                                                   "projectmatrix",
                                                                   "scalexy",

@@ -1,6 +1,9 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <sstream>
+#include <string_view>
+#include <vector>
 
 #include "calib/formats/format_camera.h"
 #include "calib/formats/opencv_yaml.h"
@@ -49,8 +52,8 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   const std::string text = ReadFile(path);
   const bool is_xml = text.find("<opencv_storage") != std::string::npos;
   // ROS's camera_info and files written from Python have no head, but OpenCV's keys.
-  const bool ros =
-      normalised && (text.find("camera_matrix") != std::string::npos || text.find("cameraMatrix") != std::string::npos);
+  const bool ros = normalised && (text.find("camera_matrix") != std::string::npos ||
+                                  text.find("cameraMatrix") != std::string::npos || IsCameraInfo(text));
   if (text.compare(0, 5, "%YAML") != 0 && !ros && !is_xml)
     throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
   Value root = is_xml ? ParseOpenCvXml(path, text) : ParseYaml(path, text);
@@ -68,6 +71,19 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
 double ReadNumber(const Entry& entry) { return NumberOf(entry.value, entry.place); }
 
 namespace {
+
+/// The numbers of `data: [ … ]`; some of ROS's files have blanks between them for commas.
+std::vector<double> NumbersOf(const Value& data, const Place& place) {
+  std::vector<double> numbers;
+  for (const Value& item : data.items) {
+    const bool blanks = data.items.size() == 1 && item.kind == Value::Kind::kText && item.text.find(' ') != std::string::npos;
+    std::istringstream words(blanks ? item.text : std::string());
+    for (std::string word; words >> word;) numbers.push_back(ParseNumber(word, place));
+    const Place here{place.path, place.where + "[" + std::to_string(numbers.size()) + "]"};
+    if (!blanks) numbers.push_back(NumberOf(item, here));
+  }
+  return numbers;
+}
 
 /// A plain list of numbers (9 are a 3x3 matrix, others a column), or a list of rows: ROS's camera_info, Python's YAML and JSON.
 Eigen::MatrixXd ReadList(const Entry& entry) {
@@ -87,17 +103,18 @@ Eigen::MatrixXd ReadMatrix(const Entry& entry) {
   const int rows = SizeOf(entry, "rows"), cols = SizeOf(entry, "cols");
   const Value* const data = FindIn(entry.value, "data");
   if (!data || data->kind != Value::Kind::kList) Fail(entry.place, "the numbers in [ ] are missing; is the file truncated?");
-  if (data->items.size() != static_cast<size_t>(rows) * static_cast<size_t>(cols)) {
-    Fail(entry.place,
-         std::to_string(data->items.size()) + " numbers for " + std::to_string(rows) + " x " + std::to_string(cols));
-  }
-  Eigen::MatrixXd matrix(rows, cols);
-  for (size_t i = 0; i < data->items.size(); ++i) {
-    const Place place{entry.place.path, entry.place.where + "[" + std::to_string(i) + "]"};
-    const auto at = static_cast<Eigen::Index>(i);
-    matrix(at / cols, at % cols) = NumberOf(data->items[i], place);
-  }
-  return matrix;
+  const std::vector<double> numbers = NumbersOf(*data, entry.place);
+  const size_t count = numbers.size();
+  const bool counted = rows == 1 && cols == 5 && count == 8;  // ROS's calibrator once wrote 5 for every lens
+  if (count != static_cast<size_t>(rows) * static_cast<size_t>(cols) && !counted)
+    Fail(entry.place, std::to_string(count) + " numbers for " + std::to_string(rows) + " x " + std::to_string(cols));
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  return Eigen::Map<const RowMajor>(numbers.data(), rows, counted ? 8 : cols);
+}
+
+bool IsCameraInfo(std::string_view text) {
+  const auto has = [&](const char* key) { return text.find(key) != std::string_view::npos; };
+  return has("distortion_model:") && (has("\nk:") || has("\nK:")) && (has("\nd:") || has("\nD:"));
 }
 
 const Entry* FindEntry(const Entries& entries, const std::string& key) {

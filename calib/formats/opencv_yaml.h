@@ -1,10 +1,11 @@
-// Private: for opencv.cc and easymocap.cc.
+// Private: for opencv.cc, easymocap.cc and formats.cc.
 #pragma once
 
 #include <Eigen/Core>
 #include <initializer_list>
 #include <map>
 #include <string>
+#include <string_view>
 
 #include "calib/formats/document.h"
 #include "calib/formats/format_camera.h"
@@ -26,6 +27,9 @@ Value ParseOpenCvXml(const std::string& path, const std::string& text);
 /// Keys as written or, if `normalised`, in lower case without underscores, because OpenCV's own samples write
 /// camera_matrix, Camera_Matrix and cameraMatrix. Adds to `entries`; throws FormatError for a key that is already there.
 void ReadEntries(const std::string& path, bool normalised, Entries* entries);
+
+/// Whether a text is a message of ROS's camera_info as `topic echo` prints it: distortion_model, k and d.
+bool IsCameraInfo(std::string_view text);
 
 const Entry* FindEntry(const Entries& entries, const std::string& key);
 /// The first of several names of the same thing.

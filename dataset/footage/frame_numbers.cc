@@ -1,11 +1,14 @@
 #include "dataset/footage/frame_numbers.h"
 
 #include <algorithm>
+#include <charconv>
 #include <ctime>
 #include <filesystem>
 #include <optional>
 #include <regex>
 #include <set>
+#include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "core/disk/paths.h"
@@ -18,7 +21,14 @@ using Spans = std::vector<std::pair<size_t, size_t>>;
 using Numbers = std::vector<std::optional<int64_t>>;
 
 constexpr char kDigits[] = "0123456789";
-constexpr size_t kMostDigits = 18;
+
+/// Of digits alone; 19 of them hold nanoseconds since 1970. Empty for larger ones.
+std::optional<int64_t> WholeOf(std::string_view digits) {
+  constexpr int64_t kMost = 9'000'000'000'000'000'000;
+  int64_t value = 0;
+  const auto [end, code] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+  return code == std::errc() && value <= kMost ? std::optional<int64_t>(value) : std::nullopt;
+}
 
 /// The numbers of a text from byte `begin` on, the last first, that some span reaches into.
 std::vector<int64_t> NumbersOf(const std::string& text, size_t begin, const Spans& spans) {
@@ -26,7 +36,8 @@ std::vector<int64_t> NumbersOf(const std::string& text, size_t begin, const Span
   for (size_t at = text.find_first_of(kDigits, begin); at != std::string::npos; at = text.find_first_of(kDigits, at)) {
     const size_t end = std::min(text.find_first_not_of(kDigits, at), text.size());
     const bool reached = std::any_of(spans.begin(), spans.end(), [&](const auto& s) { return s.first < end && at < s.second; });
-    if (reached && end - at <= kMostDigits) numbers.push_back(std::stoll(text.substr(at, end - at)));
+    const auto number = reached ? WholeOf(std::string_view(text).substr(at, end - at)) : std::nullopt;
+    if (number) numbers.push_back(*number);
     at = end;
   }
   std::reverse(numbers.begin(), numbers.end());
@@ -65,13 +76,22 @@ struct Clock {
   int64_t second_of_day = 0, millisecond = 0;
 };
 
+/// Milliseconds, microseconds or nanoseconds since 1970, of the years 2001 to 2033: they do not fit 32 bits.
+std::optional<Clock> EpochOf(const std::string& stem) {
+  static const std::regex kEpoch("(?:^|[^0-9])(1[0-9]{9})([0-9]{3})(?:[0-9]{3}){0,2}(?![0-9])");
+  std::smatch found;
+  if (!std::regex_search(stem, found, kEpoch)) return std::nullopt;
+  const int64_t second = std::stoll(found[1].str());
+  return Clock{true, true, second / 86400 - kDaysTo2000, second % 86400, std::stoi(found[2].str())};
+}
+
 std::optional<Clock> ClockOf(const std::string& file) {
   static const std::regex kClock(
       "(?:(20[0-6][0-9])[-_.]?(0[1-9]|1[0-2])[-_.]?(0[1-9]|[12][0-9]|3[01])[-_. T]{1,3}|(?:^|[^0-9]))"
       "([01][0-9]|2[0-3])[-_.:h ]([0-5][0-9])[-_.:m ]([0-5][0-9])(?:[.,]([0-9]{1,9}))?(?![0-9])");
   const std::string stem = fs::path(file).stem().string();
   std::smatch found;
-  if (!std::regex_search(stem, found, kClock)) return std::nullopt;
+  if (!std::regex_search(stem, found, kClock)) return EpochOf(stem);
   const auto number = [&](size_t group) { return std::stoi(found[group].str()); };
   Clock clock;
   clock.has_date = found[1].matched, clock.has_part = found[7].matched;
@@ -127,9 +147,7 @@ std::optional<int64_t> NumberInName(const std::string& path) {
   const auto last = stem.find_last_of(kDigits);
   if (last == std::string::npos) return std::nullopt;
   const auto before = stem.find_last_not_of(kDigits, last);
-  const std::string digits = stem.substr(before + 1, last - before);
-  if (digits.size() > kMostDigits) return std::nullopt;
-  return std::stoll(digits);
+  return WholeOf(std::string_view(stem).substr(before + 1, last - before));
 }
 
 FrameNumbers NumberFrames(const std::string& path_or_pattern, const std::vector<std::string>& files) {

@@ -21,7 +21,8 @@ struct FrameNumbers {
 /// into and that differs in all files, `left*_0.jpg` or `*/left.png`. Of a folder, the last number in the name. Where that is
 /// the same in every file (that of a camera: 00_0.jpg, 01_0.jpg), the last that differs in all. A time of day with its date, or
 /// whose seconds come twice, is one number that fits 32 bits, 2018-02-12__15-11-38: seconds since 2000-01-01, without a date
-/// seconds of the day, and of names with parts of a second milliseconds of the day. Without any numbers files have their
+/// seconds of the day, and of names with parts of a second milliseconds of the day. So are milli-, micro- and
+/// nanoseconds since 1970, 1403636579763555584. Without any numbers files have their
 /// positions from 0; single ones without come after all others.
 FrameNumbers NumberFrames(const std::string& path_or_pattern, const std::vector<std::string>& files);
 

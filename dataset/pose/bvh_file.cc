@@ -42,7 +42,9 @@ class BvhWords {
   }
   void Expect(const std::string& word) {
     const std::string found = Next();
-    if (found != word) Fail("'" + found + "' where '" + word + "' should be");
+    const bool glued = word.back() == ':' && found.size() > word.size() && found.compare(0, word.size(), word) == 0;  // Frames:2
+    if (glued) at_ -= found.size() - word.size();
+    if (found != word && !glued) Fail("'" + found + "' where '" + word + "' should be");
   }
   double Number() {
     const std::string word = Next();

@@ -42,6 +42,27 @@ double SpreadOf(const Pose3d& pose) {
   return UpperMedian(std::move(diagonals), 0.0);
 }
 
+/// Some programs write 0 0 0 where a marker was not seen. Of one that never comes near the origin, that is no place.
+void LeaveOutZeros(MarkerFile* file) {
+  constexpr double kNearM = 0.02;
+  std::map<std::pair<int, std::string>, double> nearest;
+  for (const JointRow& row : file->pose.rows) {
+    if (row.status != Status::kOk || row.x_in_world.isZero(0)) continue;
+    const double distance_m = row.x_in_world.norm();
+    const auto [known, is_new] = nearest.emplace(std::pair(row.person, row.joint), distance_m);
+    if (!is_new) known->second = std::min(known->second, distance_m);
+  }
+  size_t count = 0;
+  for (JointRow& row : file->pose.rows) {
+    if (row.status != Status::kOk || !row.x_in_world.isZero(0)) continue;
+    const auto known = nearest.find({row.person, row.joint});
+    if (known == nearest.end() || known->second < kNearM) continue;
+    row.status = Status::kTooFewViews;
+    ++count;
+  }
+  if (count > 0) file->notes.push_back(Format("%zu points are 0 0 0, where their markers never are near: not seen", count));
+}
+
 const std::vector<std::string> kPointFiles = {".trc", ".c3d", ".bvh", ".csv", ".sto", ".npz", ".npy", ".h5"};
 
 MarkerFile ReadByExtension(const std::string& path, const std::string& unit) {
@@ -103,8 +124,9 @@ MarkerFile ReadMarkers(const std::string& path, const std::string& unit, const s
     throw UsageError("unit '" + unit + "' of " + path + ": expected m, cm, mm, in, or the length of one unit, e.g. 25mm");
   if (!up.empty()) WorldFromAxes(Eigen::Vector3d::Zero(), up);
   MarkerFile file = ReadByExtension(path, unit);
-  if (up.empty()) return file;
   const bool bvh = ExtensionOf(path) == ".bvh";
+  if (!bvh) LeaveOutZeros(&file);
+  if (up.empty()) return file;
   for (JointRow& row : file.pose.rows) {
     const Eigen::Vector3d x = row.x_in_world;
     const Eigen::Vector3d in_file = bvh ? Eigen::Vector3d(x.x(), x.z(), -x.y()) : AxesFromWorld(x, file.y_up ? "y" : "z");

@@ -4,12 +4,15 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
+#include <set>
+#include <string_view>
 
 #include "core/check.h"
 #include "core/disk/files.h"
 #include "core/format.h"
 #include "core/join.h"
 #include "core/json_tree.h"
+#include "dataset/footage/frame_numbers.h"
 #include "dataset/pose/pose2d_parse.h"
 
 namespace mvstudio::dataset {
@@ -30,6 +33,26 @@ std::optional<int> FrameNumber(const std::string& file_name) {
   const size_t first = std::min(digits.find_first_not_of('0'), digits.size());
   if (digits.size() - first > 9) return std::nullopt;
   return std::stoi("0" + digits.substr(first));
+}
+
+std::map<std::string, std::optional<int>> FramesOfNames(const std::vector<std::string>& names) {
+  constexpr std::string_view kSuffix = "_keypoints";
+  std::map<std::string, std::optional<int>> frames;
+  std::set<int> distinct;
+  std::vector<std::string> plain;
+  for (const std::string& name : names) {
+    const std::optional<int> frame = frames[name] = FrameNumber(name);
+    if (frame) distinct.insert(*frame);
+    const size_t suffix = name.rfind(kSuffix);
+    plain.push_back(suffix == std::string::npos ? name : name.substr(0, suffix) + name.substr(suffix + kSuffix.size()));
+  }
+  if (distinct.size() == frames.size()) return frames;
+  const std::vector<int64_t> numbers = NumberFrames("", plain).numbers;
+  for (size_t i = 0; i < names.size(); ++i) {
+    const bool numbered = plain[i].find_first_of("0123456789") != std::string::npos && numbers[i] <= 999'999'999;
+    frames[names[i]] = numbered ? std::optional<int>(static_cast<int>(numbers[i])) : std::nullopt;
+  }
+  return frames;
 }
 
 json ParsePoseJson(const std::string& text, const PoseFile& file) {
@@ -129,9 +152,10 @@ std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string
   return files;
 }
 
-/// One of OpenPose's lists; null when it is not there or empty.
+/// One of OpenPose's lists, which its first versions called `pose_keypoints`; null when it is not there or empty.
 const json* FindList(const json& entry, const char* name, const std::string& where, const PoseFile& file) {
-  const auto list = entry.find(name);
+  auto list = entry.find(name);
+  if (list == entry.end()) list = entry.find(std::string_view(name).substr(0, std::string_view(name).rfind("_2d")));
   if (list == entry.end() || list->is_null()) return nullptr;
   if (!list->is_array()) file.Fail(where + name, "is not an array");
   return list->empty() ? nullptr : &*list;
@@ -156,9 +180,24 @@ Person2d ParsePerson(const json& entry, const json& pose, const std::string& whe
   return person;
 }
 
+/// Whether a person has one of OpenPose's lists, be it empty.
+bool HasAnyList(const json& entry) {
+  return std::any_of(entry.items().begin(), entry.items().end(), [](const auto& item) {
+    return item.key().find("_keypoints") != std::string::npos || item.key() == "person_id";
+  });
+}
+
 std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
+  const json* const list = root.is_array()                                        ? &root
+                           : root.is_object() && root.contains("instance_info") ? &root["instance_info"]
+                                                                                  : nullptr;
+  if (list && list->is_array()) {  // MMPose, OpenPifPaf
+    std::vector<Person2d> people;
+    for (size_t i = 0; i < list->size(); ++i) internal::AppendPerson((*list)[i], "[" + std::to_string(i) + "]", file, &people);
+    return people;
+  }
   if (!root.is_object() || !root.contains("people") || !root["people"].is_array()) {
-    file.Fail("people", "there is no array \"people\"; this is not an OpenPose key-point file");
+    file.Fail("people", "there is no array \"people\", nor a list of people: neither a file of OpenPose nor of MMPose or OpenPifPaf");
   }
   std::vector<Person2d> people;
   for (size_t i = 0; i < root["people"].size(); ++i) {
@@ -167,6 +206,7 @@ std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
     if (!entry.is_object()) file.Fail(where, "is not an object");
     // A face or a hand without a body is nobody; Pose2Sim leaves {} where it found nobody.
     const json* pose = FindList(entry, ListOf(Kind::kBody), where + ".", file);
+    if (!pose && !entry.empty() && !HasAnyList(entry)) file.Fail(where, "has no list pose_keypoints_2d");
     if (pose) people.push_back(ParsePerson(entry, *pose, where + ".", file));
   }
   return people;
@@ -174,8 +214,12 @@ std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
 
 std::map<int, fs::path> FilesByFrame(const std::string& folder, const std::string& camera) {
   std::map<int, fs::path> files;
-  for (const fs::path& path : ListJsonFiles(folder, camera)) {
-    const std::optional<int> frame = internal::FrameNumber(path.filename().string());
+  const std::vector<fs::path> paths = ListJsonFiles(folder, camera);
+  std::vector<std::string> names;
+  for (const fs::path& path : paths) names.push_back(path.filename().string());
+  const std::map<std::string, std::optional<int>> frames = internal::FramesOfNames(names);
+  for (const fs::path& path : paths) {
+    const std::optional<int> frame = frames.at(path.filename().string());
     if (!frame) {
       throw FormatError(path.string(), "camera " + camera,
                         "the file name holds no frame number (at most 9 digits before _keypoints.json)");

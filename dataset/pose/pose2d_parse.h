@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -17,6 +18,10 @@ namespace mvstudio::dataset::internal {
 /// Last run of digits of the name without `_keypoints` and extension; empty when there is none or it has more than 9
 /// digits.
 std::optional<int> FrameNumber(const std::string& file_name);
+
+/// The frames of files or images by their names: the last number, as FrameNumber; where two share it, as footage is numbered
+/// (NumberFrames): 000012_1 of camera 1 is frame 12. Names without a number have none.
+std::map<std::string, std::optional<int>> FramesOfNames(const std::vector<std::string>& names);
 
 /// Place of an error for messages, and the expected content of the file.
 struct PoseFile {
@@ -35,6 +40,9 @@ nlohmann::json ParsePoseJson(const std::string& text, const PoseFile& file);
 /// Appends `num_joints` keypoints from a flat list x, y, score, …; `where` names the list. One with a null is not detected.
 void AppendKeypoints(const nlohmann::json& numbers, size_t num_joints, const std::string& where, const PoseFile& file,
                      Person2d* person);
+
+/// Appends a person of MMPose (`keypoints` [[x, y], …] and `keypoint_scores`) or of COCO's kind (one flat `keypoints`).
+void AppendPerson(const nlohmann::json& entry, const std::string& where, const PoseFile& file, std::vector<Person2d>* people);
 
 /// Runs `read` and turns a FormatError into a line of `skipped`. Gives up after tens of thousands of errors with almost
 /// nothing readable.

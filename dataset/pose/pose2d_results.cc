@@ -1,4 +1,5 @@
 #include <cmath>
+#include <set>
 
 #include "core/disk/files.h"
 #include "dataset/pose/pose2d_parse.h"
@@ -9,24 +10,63 @@ namespace {
 using internal::PoseFile;
 using nlohmann::json;
 
-int ReadFrame(const json& entry, const char* key, const PoseFile& file) {
+/// The frames of a list's images by their texts, `image_id` or the names of COCO's `images`.
+using Frames = std::map<std::string, std::optional<int>>;
+
+int ReadFrame(const json& entry, const char* key, const PoseFile& file, const Frames& frames) {
   const auto value = entry.find(key);
   if (value == entry.end()) file.Fail(key, "is not there");
+  const auto known = frames.find(value->is_string() ? value->get<std::string>() : value->dump());
+  const auto number = known == frames.end() ? std::nullopt : known->second;
+  if (number) return *number;
   const bool in_range = value->is_number_integer() && *value >= 0 && *value <= 999999999;
-  if (in_range) return value->get<int>();
-  const auto number = value->is_string() ? internal::FrameNumber(value->get<std::string>()) : std::nullopt;
-  if (!number) file.Fail(key, "holds no frame number (0 to 999999999, or a file name with one)");
-  return *number;
+  if (!in_range) file.Fail(key, "holds no frame number (0 to 999999999, or a file name with one)");
+  return value->get<int>();
+}
+
+/// Names of images: of one frame are those with one name.
+Frames FramesOfImages(const json& list, const PoseFile& whole) {
+  std::set<std::string> distinct;
+  for (const json& entry : list) {
+    const auto id = entry.is_object() ? entry.find("image_id") : entry.end();
+    if (entry.is_object() && id != entry.end() && id->is_string()) distinct.insert(id->get<std::string>());
+  }
+  Frames frames = internal::FramesOfNames({distinct.begin(), distinct.end()});
+  std::map<int, std::string> names;
+  for (const auto& [name, frame] : frames) {
+    if (!frame) continue;
+    const auto [at, is_new] = names.emplace(*frame, name);
+    if (!is_new)
+      whole.Fail("image_id", "`" + at->second.substr(0, 80) + "` and `" + name.substr(0, 80) + "` are both frame " +
+                                 std::to_string(*frame) + ": give the images of one camera, numbered by their names");
+  }
+  return frames;
+}
+
+/// COCO's annotations name images by ids, and these stand beside the files' names.
+Frames FramesOfAnnotated(const json& images, const PoseFile& whole) {
+  std::map<std::string, std::string> names;
+  std::vector<std::string> list;
+  for (size_t i = 0; i < images.size(); ++i) {
+    const std::string where = "images[" + std::to_string(i) + "]";
+    const bool good = images[i].is_object() && images[i].contains("id") && images[i].contains("file_name") &&
+                      images[i]["file_name"].is_string();
+    if (!good) whole.Fail(where, "has no id or no file_name");
+    list.push_back(images[i]["file_name"].get<std::string>());
+    const json& id = images[i]["id"];
+    names[id.is_string() ? id.get<std::string>() : id.dump()] = list.back();
+  }
+  const Frames of_names = internal::FramesOfNames(list);
+  Frames frames;
+  for (const auto& [id, name] : names) frames[id] = of_names.at(name);
+  return frames;
 }
 
 /// One entry of a COCO results list.
-void ReadCocoEntry(const json& entry, const PoseFile& file, Pose2dTrack* track) {
-  if (!entry.is_object()) file.Fail("", "is not an object");
-  const auto keypoints = entry.find("keypoints");
-  if (keypoints == entry.end() || !keypoints->is_array()) file.Fail("keypoints", "is not there or not an array");
-  Person2d person;
-  internal::AppendKeypoints(*keypoints, file.skeleton.joints.size(), "keypoints", file, &person);
-  track->frames[ReadFrame(entry, "image_id", file)].push_back(std::move(person));
+void ReadCocoEntry(const json& entry, const PoseFile& file, const Frames& frames, Pose2dTrack* track) {
+  std::vector<Person2d> people;
+  internal::AppendPerson(entry, "", file, &people);
+  track->frames[ReadFrame(entry, "image_id", file, frames)].push_back(std::move(people[0]));
 }
 
 /// MMPose's `keypoints` [[x, y], …] and `keypoint_scores` [s, …] as one flat list.
@@ -57,32 +97,65 @@ void ReadMmposeEntry(const json& entry, const PoseFile& file, Pose2dTrack* track
   std::vector<Person2d> people;
   for (size_t i = 0; i < instances->size(); ++i) {
     const std::string where = "instances[" + std::to_string(i) + "]";
-    internal::AppendKeypoints(Flatten((*instances)[i], where, file), file.skeleton.joints.size(), where, file,
-                              &people.emplace_back());
+    internal::AppendPerson((*instances)[i], where, file, &people);
   }
-  if (!track->frames.emplace(ReadFrame(entry, "frame_id", file), std::move(people)).second) {
+  if (!track->frames.emplace(ReadFrame(entry, "frame_id", file, {}), std::move(people)).second) {
     file.Fail("frame_id", "this frame number came before");
   }
 }
 
+/// The list of a whole video's results, and what its entries are.
+struct Results {
+  const json* list = nullptr;
+  bool mmpose = false;
+  std::string place;
+  Frames frames;
+};
+
+Results FindResults(const json& root, const PoseFile& whole) {
+  Results results;
+  if (root.is_array()) results.list = &root;
+  for (const char* key : {"instance_info", "annotations"}) {
+    if (root.is_object() && root.contains(key)) results.list = &root[key], results.place = key;
+  }
+  if (!results.list || !results.list->is_array()) {
+    whole.Fail("",
+               "neither a list of detections (COCO, MMPose) nor an object with `instance_info` (MMPose) or `annotations` "
+               "(COCO); give a folder of OpenPose files, one a frame, or one such file");
+  }
+  const json& list = *results.list;
+  results.mmpose = results.place == "instance_info" || (!list.empty() && list[0].is_object() && list[0].contains("instances"));
+  const bool named = results.place == "annotations" && root.contains("images") && root["images"].is_array();
+  if (!results.mmpose) results.frames = named ? FramesOfAnnotated(root["images"], whole) : FramesOfImages(list, whole);
+  return results;
+}
+
 }  // namespace
+
+void internal::AppendPerson(const json& entry, const std::string& where, const PoseFile& file, std::vector<Person2d>* people) {
+  if (!entry.is_object()) file.Fail(where, "is not an object");
+  const auto keypoints = entry.find("keypoints");
+  const std::string list = where + (where.empty() ? "" : ".") + "keypoints";
+  if (keypoints == entry.end() || !keypoints->is_array()) file.Fail(list, "is not there or not an array");
+  const bool flat = !entry.contains("keypoint_scores");
+  Person2d person;
+  internal::AppendKeypoints(flat ? *keypoints : Flatten(entry, where, file), file.skeleton.joints.size(), flat ? list : where,
+                            file, &person);
+  people->push_back(std::move(person));
+}
 
 Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton) {
   Pose2dTrack track{camera, {}};
   const PoseFile whole{path, "camera " + camera, skeleton};
   const json root = internal::ParsePoseJson(ReadFile(path), whole);
-  const bool mmpose = root.is_object() && root.contains("instance_info");
-  const json& list = mmpose ? root["instance_info"] : root;
-  if (!list.is_array()) {
-    whole.Fail("",
-               "neither a list of detections (COCO results) nor an object with `instance_info` (MMPose); give a folder of "
-               "OpenPose files, one a frame, or one such file");
-  }
+  const Results results = FindResults(root, whole);
   internal::Tolerant tolerant(&track.skipped);
-  for (size_t i = 0; i < list.size(); ++i) {
-    const std::string place = std::string(mmpose ? "instance_info" : "") + "[" + std::to_string(i) + "]";
-    const PoseFile file{path, whole.place + ", " + place, skeleton};
-    tolerant.Try([&] { mmpose ? ReadMmposeEntry(list[i], file, &track) : ReadCocoEntry(list[i], file, &track); });
+  for (size_t i = 0; i < results.list->size(); ++i) {
+    const PoseFile file{path, whole.place + ", " + results.place + "[" + std::to_string(i) + "]", skeleton};
+    const json& entry = (*results.list)[i];
+    tolerant.Try([&] {
+      results.mmpose ? ReadMmposeEntry(entry, file, &track) : ReadCocoEntry(entry, file, results.frames, &track);
+    });
   }
   tolerant.Finish();
   return track;

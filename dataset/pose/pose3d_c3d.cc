@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "core/label.h"
 #include "dataset/pose/c3d_parameters.h"
 #include "dataset/pose/marker_labels.h"
@@ -53,6 +55,10 @@ double ScaleOf(const std::string& path, const C3dParameters& c3d, Notes* notes) 
 /// The points of a frame. The header's count must be that of the parameters.
 size_t PointsOf(const std::string& path, const C3dParameters& c3d) {
   const size_t count = c3d.bytes().Word(2);
+  if (count == 0 && c3d.Has("ROTATION:LABELS"))
+    throw FormatError(path, "header",
+                      "holds no 3D points but rotations of segments (ROTATION, as Theia writes them), which are not read; "
+                      "export the joint centres as points, to .c3d or .trc");
   if (count == 0) throw FormatError(path, "header", "holds no 3D points; analog data alone are not read");
   const double used = c3d.Number("POINT:USED", 0, static_cast<double>(count));
   if (used != static_cast<double>(count))
@@ -60,10 +66,12 @@ size_t PointsOf(const std::string& path, const C3dParameters& c3d) {
   return count;
 }
 
-/// Frames that fit between the first point and the file's end, or the parameters where these stand behind the points. The last
+/// Frames that fit between the first point and the file's end, or what stands behind the points: parameters, rotations. The last
 /// may be the zeros that fill the last block.
 size_t HeldFrames(const C3dParameters& c3d, const Layout& layout) {
-  const size_t end = c3d.begin() > layout.begin ? c3d.begin() : c3d.bytes().size();
+  size_t end = c3d.begin() > layout.begin ? c3d.begin() : c3d.bytes().size();
+  const double rotations = (c3d.Number("ROTATION:DATA_START", 0, 0) - 1) * static_cast<double>(kBlock);
+  if (rotations > static_cast<double>(layout.begin)) end = std::min(end, static_cast<size_t>(rotations));
   return end <= layout.begin ? 0 : (end - layout.begin) / layout.frame_bytes;
 }
 
@@ -141,12 +149,32 @@ Layout ReadLayout(const std::string& path, const C3dParameters& c3d, Notes* note
   return layout;
 }
 
-std::vector<std::string> LabelsOf(const std::string& path, const C3dParameters& c3d, size_t count) {
-  std::vector<std::string> labels = c3d.Texts("POINT:LABELS");
-  for (int more = 2; labels.size() < count && c3d.Has("POINT:LABELS" + std::to_string(more)); ++more) {
-    const std::vector<std::string> part = c3d.Texts("POINT:LABELS" + std::to_string(more));
-    labels.insert(labels.end(), part.begin(), part.end());
+/// A list of texts; beyond 255 it goes on in NAME2, NAME3, …
+std::vector<std::string> LongList(const C3dParameters& c3d, const std::string& name) {
+  std::vector<std::string> texts = c3d.Texts(name);
+  for (int more = 2; c3d.Has(name + std::to_string(more)); ++more) {
+    const std::vector<std::string> part = c3d.Texts(name + std::to_string(more));
+    texts.insert(texts.end(), part.begin(), part.end());
   }
+  return texts;
+}
+
+/// Labels whose three numbers are no place: angles, forces, moments, powers and the like that models compute and files list by
+/// kind (https://www.c3d.org/HTML/Documents/pointtypegroups.htm).
+std::set<std::string> ModelOutputs(const C3dParameters& c3d) {
+  std::vector<std::string> kinds = c3d.Texts("POINT:TYPE_GROUPS");
+  for (const char* usual : {"ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS", "REACTIONS"}) kinds.push_back(usual);
+  std::set<std::string> labels;
+  for (const std::string& kind : kinds) {
+    if (kind == "LABELS") continue;
+    for (const std::string& label : LongList(c3d, "POINT:" + kind)) labels.insert(label);
+  }
+  labels.erase("");
+  return labels;
+}
+
+std::vector<std::string> LabelsOf(const std::string& path, const C3dParameters& c3d, size_t count) {
+  std::vector<std::string> labels = LongList(c3d, "POINT:LABELS");
   labels.resize(count);
   for (size_t i = 0; i < count; ++i) {
     if (labels[i].empty()) labels[i] = "point_" + std::to_string(i + 1);
@@ -154,6 +182,27 @@ std::vector<std::string> LabelsOf(const std::string& path, const C3dParameters& 
     if (!why.empty()) throw FormatError(path, "POINT:LABELS[" + std::to_string(i) + "]", why);
   }
   return labels;
+}
+
+/// The points that are places in space; the others are told.
+std::vector<size_t> PlacesAmong(const std::string& path, const std::vector<std::string>& labels,
+                                const std::set<std::string>& outputs, Notes* notes) {
+  std::vector<size_t> places;
+  std::vector<std::string> others;
+  for (size_t i = 0; i < labels.size(); ++i) {
+    if (outputs.count(labels[i]) == 0)
+      places.push_back(i);
+    else
+      others.push_back(labels[i]);
+  }
+  if (places.empty()) throw FormatError(path, "POINT:LABELS", "holds angles, forces and moments alone, no point is a place");
+  if (others.empty()) return places;
+  constexpr size_t kShown = 3;
+  const size_t count = others.size();
+  others.resize(std::min(count, kShown));
+  notes->push_back(Format("%zu of its %zu points are angles, forces, moments or the like of a model (", count, labels.size()) +
+                   Join(others, ", ") + (count > kShown ? ", …" : "") + "); they are left out");
+  return places;
 }
 
 /// x, y, z in the file's axes and units; not finite where the point is missing.
@@ -190,9 +239,11 @@ MarkerFile ReadC3dMarkers(const std::string& path, const std::string& unit) {
   const std::vector<std::string> up = c3d.Texts("POINT:Y_SCREEN");
   file.y_up = !up.empty() && up[0] == "+Y";
   const double metres = MetresPerUnit(file.unit).value_or(1);
-  const std::vector<internal::MarkerLabel> markers = internal::SplitLabels(LabelsOf(path, c3d, layout.num_points));
+  const std::vector<std::string> labels = LabelsOf(path, c3d, layout.num_points);
+  const std::vector<internal::MarkerLabel> markers = internal::SplitLabels(labels);
+  const std::vector<size_t> places = PlacesAmong(path, labels, ModelOutputs(c3d), &file.notes);
   for (size_t f = 0; f < layout.num_frames; ++f) {
-    for (size_t m = 0; m < markers.size(); ++m) {
+    for (const size_t m : places) {
       JointRow& row = file.pose.rows.emplace_back();
       row.frame = std::max(0, layout.first_frame - 1) + static_cast<int>(f);
       row.person = markers[m].person, row.joint = markers[m].name;

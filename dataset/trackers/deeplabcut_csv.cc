@@ -48,7 +48,8 @@ TrackedPoints ReadDeepLabCutCsv(const std::string& path, const std::string& came
       const std::vector<std::string_view>& cells = csv.Cells();
       csv.RequireCells(header.width);
       const int frame = FrameOf(csv, cells[header.num_index - 1]);
-      for (size_t c = 0; c < row.size(); ++c) row[c] = NumberOf(csv, cells[header.num_index + c]);
+      for (size_t c = 0; c < row.size(); ++c)
+        row[c] = IsCoordinate(columns[c]) ? NumberOf(csv, cells[header.num_index + c]) : std::nan("");
       table.Add(frame, row, csv.Where());
     });
   }

@@ -18,6 +18,10 @@ size_t PlaceOf(const std::string& name, std::vector<std::string>* names) {
 
 }  // namespace
 
+bool IsCoordinate(const TrackerColumn& column) {
+  return column.coord == "x" || column.coord == "y" || column.coord == "likelihood";
+}
+
 Keypoint2d ToKeypoint(double x_px, double y_px, double score) {
   constexpr double kFarthestPx = 1e9;
   if (!(std::abs(x_px) < kFarthestPx && std::abs(y_px) < kFarthestPx)) return {};
@@ -47,7 +51,7 @@ void TrackerTable::AddColumn(const TrackerColumn& column, int index,
          "holds x, y, z: 3D points of several cameras together, which `mvstudio markers convert` reads; here give the cameras' own 2D "
          "files");
   }
-  if (column.coord != "x" && column.coord != "y" && column.coord != "likelihood") return;
+  if (!IsCoordinate(column)) return;
   const std::string why = WhyNotALabel(column.joint);
   const std::string why_individual = column.individual.empty() ? "" : WhyNotALabel(column.individual);
   if (!why.empty() || !why_individual.empty()) {

@@ -13,6 +13,9 @@ namespace mvstudio::dataset::internal {
 /// coord is "x", "y" or "likelihood"; others are ignored.
 using TrackerColumn = DeepLabCutColumn;
 
+/// Whether it is x, y or likelihood. Others need not be numbers.
+bool IsCoordinate(const TrackerColumn& column);
+
 /// Turns rows of numbers into the people of a camera's frames.
 class TrackerTable {
  public:

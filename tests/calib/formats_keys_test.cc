@@ -150,6 +150,25 @@ TEST(LensWordsOfFiles, OfRosAndOpenCv) {
   EXPECT_EQ(camera.params.tail(5)[3], -0.007);
 }
 
+/// Files as ROS's programs wrote or print them.
+TEST(LensWordsOfFiles, OfRosInItsOwnSpellings) {
+  const auto params = [](const std::string& text) {
+    return Eigen::VectorXd(ReadText(CalibrationFormat::kOpenCvYaml, text).rig.cameras[0].camera.params);
+  };
+  const Eigen::VectorXd plain = params(Ros("distortion_model: plumb_bob\n"));
+  EXPECT_EQ(params(Ros("distortion_model: plumb_bob\n", "[0.1 -0.03 0.004 -0.007]")), plain) << "blanks for commas";
+  const std::string cols5 = Ros("distortion_model: rational_polynomial\n", "[0.1, 0, 0.004, -0.007, 0.2, 0.3, 0, 0.01]");
+  std::string text = cols5;
+  EXPECT_EQ(params(text.replace(text.find("cols: 4"), 7, "cols: 5")).tail(1)[0], 0.01) << "cols: 5 for every lens";
+  EXPECT_THAT(Refused(CalibrationFormat::kOpenCvYaml, cols5), HasSubstr("8 numbers for 1 x 4"));
+  const auto echo = [&](const std::string& k, const std::string& d) {
+    return "header:\n  frame_id: cam\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\n" + d +
+           ":\n- 0.1\n- -0.03\n- 0.004\n- -0.007\n- 0.0\n" + k +
+           ": [400, 0, 320, 0, 400, 240, 0, 0, 1]\nr: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nbinning_x: 0\n---\n";
+  };
+  for (const std::string& text : {echo("k", "d"), echo("K", "D")}) EXPECT_EQ(params(text).head(8), plain);
+}
+
 /// What a file says twice, or in another unit, in formats of each kind.
 TEST(FilesThatContradictThemselves, AreRefusedByName) {
   const TempDir folder;

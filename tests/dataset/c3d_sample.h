@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <cstring>
 #include <string>
+#include <utility>
 #include <vector>
 
 /// Writes C3D files of every kind for tests: integers and floats, three processors.
@@ -16,6 +17,8 @@ struct C3dSample {
   std::string units = "mm", y_screen = "+Z";
   int first = 1, analog_per_frame = 0;
   std::vector<std::string> labels = {"a", "b"};
+  std::vector<std::pair<std::string, std::vector<std::string>>> lists;  // more of the group POINT: ANGLES, …
+  bool rotations = false;                                               // a group ROTATION and its data behind the points
   std::vector<std::vector<double>> frames;  // x, y, z, residual of every point
 
   std::string Bytes() const {
@@ -32,6 +35,7 @@ struct C3dSample {
       for (int k = 0; k < analog_per_frame; ++k) bytes += floats ? Float(7) : Word(7);
     }
     bytes.resize((bytes.size() + 511) / 512 * 512, '\0');
+    if (rotations) bytes += std::string(4096, '\1');
     return bytes;
   }
 
@@ -82,6 +86,14 @@ struct C3dSample {
     std::string entries = Entry(-1, "POINT", std::string(1, '\0')) + Text("LABELS", labels);
     if (!units.empty()) entries += Text("UNITS", {units});
     entries += Text("Y_SCREEN", {y_screen});
+    for (const auto& [name, texts] : lists) entries += Text(name, texts);
+    if (rotations) {
+      const size_t width = floats ? 4 : 2, points = frames.empty() ? 0 : width * (frames[0].size() + analog_per_frame);
+      const size_t block = 4 + (points * frames.size() + 511) / 512;  // behind a header, two blocks of parameters, the points
+      entries += Entry(-2, "ROTATION", std::string(1, '\0')) + Entry(2, "LABELS", std::string{'\xff', 1, 6} + "pelvis" + '\0');
+      entries += Entry(2, "DATA_START", std::string{2, 0} + Word(static_cast<int>(block)) + '\0');
+      entries.resize(std::max<size_t>(entries.size(), 600), '\0');
+    }
     const size_t blocks = (4 + entries.size() + 2 + 511) / 512;
     std::string bytes{1, 0x50, static_cast<char>(blocks), static_cast<char>(processor)};
     bytes += entries;

@@ -71,6 +71,14 @@ TEST(NumberFrames, ATimeOfDayIsOneNumber) {
   EXPECT_EQ(Numbered({"IMG_20180212_151138.jpg", "IMG_20180212_151240.jpg"}, ""), (Numbers{151138, 151240}));
 }
 
+/// As EuRoC and ROS name images. Positions would pair the images of two cameras wrongly from the first that one lacks on.
+TEST(NumberFrames, TimesSince1970FitThirtyTwoBits) {
+  const Numbers milliseconds = {26379763, 26379863};  // 2014-06-24 07:19:39.763 and .863, by `date -u`
+  EXPECT_EQ(Numbered({"1403594379763555584.png", "1403594379863555584.png"}, ""), milliseconds);
+  EXPECT_EQ(Numbered({"left_1403594379763555.png", "left_1403594379863555.png"}, ""), milliseconds);
+  EXPECT_EQ(Numbered({"1403594379763.png", "1403594379863.png"}, "*.png"), milliseconds);
+}
+
 TEST(NumberFrames, ImagesWithoutANumberComeAfterTheOthers) {
   EXPECT_EQ(Numbered({"GOPR0032.jpg", "GOPR0033.jpg", "test_image.jpg"}, ""), (Numbers{32, 33, 34}));
   EXPECT_EQ(Numbered({"IMG_3.png", "a.png", "b.png"}, ""), (Numbers{3, 4, 5}));

@@ -262,6 +262,41 @@ TEST_F(Markers, C3dCountsAreHeldAgainstTheSize) {
   EXPECT_THAT(wrapped.notes.at(0), HasSubstr("began anew"));
 }
 
+/// As Plug-in Gait writes them: numbers of a model beside the markers, listed by kind.
+TEST_F(Markers, AnglesAndForcesOfAModelAreNoMarkers) {
+  C3dSample sample = TwoPoints();
+  sample.labels = {"LKNE", "LKneeAngles"};
+  for (const char* kind : {"ANGLES", "POWERS", "ODD"}) {
+    sample.lists = {{kind, {"LKneeAngles"}}, {"TYPE_GROUPS", {"ANGLES", "ODD"}}};
+    const MarkerFile file = Read(sample.Bytes());
+    ASSERT_EQ(file.pose.rows.size(), 2u) << kind;
+    EXPECT_EQ(file.pose.rows[1].joint, "LKNE");
+    EXPECT_LT((file.pose.rows[1].x_in_world - Eigen::Vector3d(1.5, -2.5, 0.0081)).norm(), 1e-7);
+    EXPECT_THAT(file.notes.at(0), AllOf(HasSubstr("1 of its 2 points"), HasSubstr("LKneeAngles")));
+  }
+  sample.lists = {{"ANGLES", {"LKneeAngles", "LKNE"}}};
+  EXPECT_THAT(Message(sample.Bytes()), HasSubstr("no point is a place"));
+}
+
+TEST_F(Markers, RotationsOfSegmentsAreNoFramesOfPoints) {
+  C3dSample sample = TwoPoints();
+  sample.rotations = true;
+  const MarkerFile file = Read(sample.Bytes());
+  EXPECT_EQ(file.pose.rows.size(), 4u);
+  EXPECT_TRUE(file.notes.empty()) << file.notes[0];
+  sample.labels.clear(), sample.frames.clear();
+  EXPECT_THAT(Message(sample.Bytes()), AllOf(HasSubstr("rotations of segments"), HasSubstr("export")));
+}
+
+TEST_F(Markers, ZerosFarFromAMarkersPathAreNotSeen) {
+  C3dSample sample = TwoPoints();
+  sample.frames = {{1000, 0, 900, 0, 3, 0, 0, 0}, {0, 0, 0, 0, 0, 0, 0, 0}, {1010, 0, 900, 0, -3, 0, 0, 0}};
+  const MarkerFile file = Read(sample.Bytes());
+  EXPECT_EQ(file.pose.rows[2].status, Status::kTooFewViews);
+  EXPECT_EQ(file.pose.rows[3].status, Status::kOk) << "b passes through the origin";
+  EXPECT_THAT(file.notes.at(0), HasSubstr("1 points are 0 0 0"));
+}
+
 /// Counts, rates and times that a table states, held against its rows.
 TEST_F(Markers, TablesAreHeldAgainstWhatTheyState) {
   const auto notes = [&](const std::string& name, const std::string& text) {

@@ -97,6 +97,38 @@ TEST_F(Pose2d, FrameNumbersOfAllNamings) {
   EXPECT_THAT(frames, ::testing::ElementsAre(4, 12, 99, 100));
 }
 
+/// OpenPose ends the names of its second camera's files with _1.
+TEST_F(Pose2d, TheNumberOfACameraIsNoFrame) {
+  for (const char* frame : {"000000000003", "000000000004", "000000000017"})
+    Put(frame + std::string("_1_keypoints.json"), "{\"people\":[]}");
+  std::vector<int> frames;
+  for (const auto& [frame, people] : Read().frames) frames.push_back(frame);
+  EXPECT_THAT(frames, ::testing::ElementsAre(3, 4, 17));
+}
+
+TEST_F(Pose2d, ListsAndPeopleOfOtherPrograms) {
+  const std::string people = People(51), first = "{\"people\":[{\"pose_keypoints\"" + people.substr(people.find(":[", 30));
+  Put("1.json", first);  // OpenPose before 1.2
+  const std::string numbers = people.substr(people.find(":[", 30) + 1, people.rfind("}]}") - people.find(":[", 30) - 1);
+  Put("000002.jpg.predictions.json", "[{\"keypoints\":" + numbers + ",\"score\":0.9}]");  // OpenPifPaf
+  std::string points, scores;
+  for (int k = 0; k < 17; ++k) {
+    points += (k ? ",[" : "[") + std::to_string(3 * k) + ".5," + std::to_string(3 * k + 1) + ".5]";
+    scores += (k ? "," : "") + std::to_string(3 * k + 2) + ".5";
+  }
+  const std::string instances = "[{\"keypoints\":[" + points + "],\"keypoint_scores\":[" + scores + "]}]";
+  Put("3.json", instances);                              // MMPose, an image
+  Put("4.json", "{\"instance_info\":" + instances + "}");  // the same, Sapiens
+  const Pose2dTrack track = Read();
+  EXPECT_TRUE(track.skipped.empty()) << track.skipped[0];
+  for (const int frame : {1, 2, 3, 4}) {
+    ASSERT_EQ(track.frames.at(frame).size(), 1u) << frame;
+    EXPECT_EQ(track.frames.at(frame)[0].keypoints[16].y_px, 49.5) << frame;
+  }
+  Put("5.json", "{\"people\":[{\"joints\":[1,2,3]}]}");
+  EXPECT_THAT(Read().skipped, ::testing::ElementsAre(HasSubstr("has no list pose_keypoints_2d")));
+}
+
 TEST_F(Pose2d, EmptyAndMissingFolders) {
   EXPECT_THAT(MessageOf<IoError>(), AllOf(HasSubstr(folder_.string()), HasSubstr("cam_03"), HasSubstr("no .json")));
   fs::remove_all(folder_);
@@ -254,6 +286,26 @@ TEST_F(Pose2dResults, MmposePredictions) {
   EXPECT_EQ(track.frames.at(1).size(), 2u);
   EXPECT_EQ(track.frames.at(1)[1].keypoints[16].x_px, 16);
   EXPECT_TRUE(track.frames.at(2).empty());
+  const Pose2dTrack list = ReadText("[{\"frame_id\":5,\"instances\":[" + instance + "]},{\"frame_id\":6,\"instances\":[]}]");
+  EXPECT_EQ(list.frames.at(5).at(0).keypoints[16].x_px, 16);
+  EXPECT_TRUE(list.frames.at(6).empty());
+}
+
+TEST_F(Pose2dResults, ImagesOfOneNumberAreNotOneFrame) {
+  const auto entry = [](const std::string& name) { return R"({"image_id":")" + name + R"(","keypoints":)" + Numbers(51, 1) + "}"; };
+  const Pose2dTrack track = ReadText("[" + entry("000005_cam2.jpg") + "," + entry("000009_cam2.jpg") + "]");
+  EXPECT_EQ(track.frames.size(), 2u);
+  EXPECT_TRUE(track.frames.count(5) && track.frames.count(9));
+  const std::string both = "[" + entry("a_7.jpg") + "," + entry("b_7.jpg") + "]";
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { ReadText(both); }), AllOf(HasSubstr("a_7.jpg"), HasSubstr("b_7.jpg")));
+}
+
+TEST_F(Pose2dResults, AnnotationsOfCocoAreNumberedByTheirImages) {
+  const Pose2dTrack track = ReadText(
+      R"({"images":[{"id":900,"file_name":"v/f_0003.jpg"},{"id":17,"file_name":"v/f_0004.jpg"}],"annotations":[{"image_id":17,)"
+      R"("keypoints":)" + Numbers(51, 1) + R"(},{"image_id":900,"keypoints":)" + Numbers(51, 100) + "}]}");
+  EXPECT_EQ(track.frames.at(4)[0].keypoints[0].x_px, 1);
+  EXPECT_EQ(track.frames.at(3)[0].keypoints[0].x_px, 100);
 }
 
 TEST_F(Pose2dResults, WhatCannotBeReadIsListedOrThrown) {

@@ -81,6 +81,14 @@ TEST_F(DeepLabCut, LabelledImagesAreNumberedByTheirNames) {
   EXPECT_EQ(two.track.frames.at(7)[0].keypoints[0].y_px, 2);
 }
 
+/// Lightning Pose says in a column of texts which images it was trained on.
+TEST_F(DeepLabCut, ColumnsThatAreNoCoordinatesNeedNoNumbers) {
+  const TrackedPoints read =
+      ReadText("scorer,S,S,S,set\nbodyparts,nose,nose,nose,\ncoords,x,y,likelihood,\nlabeled-data/v/img7.png,1,2,0.5,train\n");
+  EXPECT_THAT(read.joints, ElementsAre("nose"));
+  EXPECT_EQ(read.track.frames.at(7)[0].keypoints[0].score, 0.5);
+}
+
 TEST_F(DeepLabCut, DamagedRowsAreListedAndTheRestIsRead) {
   const TrackedPoints points =
       ReadText(std::string(kHeader) + "0,1,2,1,3,4,1\n1,a,2,1,3,4,1\n2,1,2\n3,1,2,1,3,4,1\n4,1,2,1,3,4,1\n4,1,2,1,3,4,1\n");
