@@ -179,7 +179,7 @@ void FillMetrics(const RenderArguments& a, const RenderPlan& plan, const Loaded&
 }
 
 void AddWarnings(const RenderArguments& a, const RenderPlan& plan, const Loaded& model, CommandResult* result) {
-  if (!a.options.calib.empty()) stages::AddDoubts(dataset::ReadAnyCalibration(a.options.calib), result);
+  if (!a.options.calib.empty()) stages::AddImplausible(dataset::ReadAnyCalibration(a.options.calib), result);
   if (!plan.skipped.empty()) {
     result->exit = kExitPartial;
     result->warnings.push_back(

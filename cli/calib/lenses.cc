@@ -61,7 +61,7 @@ CommandResult Check(const std::string& path) {
   for (const geometry::RigCamera& lens : stages::ReadLensLibrary(path).cameras) {
     geometry::Rig alone;
     alone.cameras = {lens};
-    stages::AddDoubts(alone, &result);
+    stages::AddImplausible(alone, &result);
     if (lens.params_covariance) continue;
     result.warnings.push_back({"CAL-COVARIANCE-MISSING", "lens " + lens.camera.name + " states no covariance",
                                "calibrate it again, or count its uncertainty as unknown"});

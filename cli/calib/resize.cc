@@ -144,7 +144,7 @@ CommandResult Resize(const Arguments& arguments) {
   }
   geometry::WriteRig(rig, arguments.out);
   result.outputs.push_back({arguments.out, "calibration"});
-  stages::AddDoubts(rig, &result);
+  stages::AddImplausible(rig, &result);
   return result;
 }
 

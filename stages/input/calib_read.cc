@@ -140,7 +140,7 @@ void RequirePoses(const geometry::Rig& rig, const std::string& path) {
                     "or by people or a wand (`mvstudio calib refine`, option 'from-keypoints')");
 }
 
-void AddDoubts(const geometry::Rig& rig, InputNotes* notes) { AddNotes(geometry::DoubtsAbout(rig), notes); }
+void AddImplausible(const geometry::Rig& rig, InputNotes* notes) { AddNotes(geometry::DoubtsAbout(rig), notes); }
 
 void AddNotes(const std::vector<Notice>& more, InputNotes* notes) {
   for (const Notice& note : more) {

@@ -37,7 +37,7 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& paths, c
 void AddNotes(const std::vector<Notice>& more, InputNotes* notes);
 
 /// Same for a calibration that was read without notes: implausible properties become warnings.
-void AddDoubts(const geometry::Rig& rig, InputNotes* notes);
+void AddImplausible(const geometry::Rig& rig, InputNotes* notes);
 
 /// "auto" and the names of calib::CalibrationFormat one by one, with their aliases.
 std::vector<std::string> CalibrationFormatChoices();

@@ -61,7 +61,7 @@ struct Scored {
   double lpips = std::nan("");
 };
 
-/// Scores of the held-out pictures of one camera, or of one motion.
+/// Scores of the held-out images of one camera, or of one motion.
 struct GroupScore {
   std::string name;  ///< "00_03"; "90-119" or the given name
   metrics::MeanScore mean;
@@ -93,8 +93,8 @@ struct Evaluation {
   double flicker = 0;  ///< mean over neighbouring frames of each camera; NaN when there are none (avatar/metrics/masks.h)
   std::map<std::string, Scored> other_splits;
   std::vector<PictureStrip> strips;
-  std::vector<std::string> skipped;                 ///< pictures that could not be used, with the reason
-  dataset::MissingPictures missing;                 ///< of the held-out pictures: those that the dataset does not hold
+  std::vector<std::string> skipped;                 ///< images that could not be used, with the reason
+  dataset::MissingPictures missing;                 ///< of the held-out images: those that the dataset does not hold
   int frames_without_person = 0;                    ///< of the dataset; they are in no split
   std::map<std::string, std::string> training;      ///< fields of the checkpoint: "seed", "model.width", "train.steps", …
   int64_t checkpoint_step = 0, num_parameters = 0;  ///< 0 and 0: no network was trained
