@@ -41,7 +41,7 @@ struct ShownView {
   JointView view;
   std::string camera;
   int x = 0, y = 0, width = 0, height = 0;  ///< the part, px
-  std::string picture;                      ///< path; empty: there is no image
+  std::string picture = {};                 ///< path; empty: there is no image
 };
 
 struct JointViewReport {

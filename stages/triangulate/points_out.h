@@ -16,8 +16,8 @@ namespace mvstudio::stages {
 /// The points beside a reference.
 struct ReferenceComparison {
   std::string option, path;  ///< "trc" or "truth", and the reference
-  TruthComparison points;
-  std::optional<TruthComparison> written;  ///< as the marker files hold them, where filling or a filter changed them
+  TruthComparison points = {};
+  std::optional<TruthComparison> written = {};  ///< as the marker files hold them, where filling or a filter changed them
 };
 
 /// Reads the references, so that a wrong path costs no run. Throws IoError, FormatError, UsageError.

@@ -68,7 +68,7 @@ void ExpectSame(const std::vector<DetectedFrame>& a, const std::vector<DetectedF
 }
 
 /// All frames, `length` at a time.
-std::vector<DetectedFrame> ReadInParts(const PoseParts& parts, size_t length, CommandResult* result) {
+std::vector<DetectedFrame> ReadInParts(const PoseParts& parts, size_t length, InputNotes* result) {
   std::vector<DetectedFrame> frames;
   for (size_t begin = 0; begin < parts.num_frames(); begin += length) {
     for (DetectedFrame& frame : parts.Read(begin, begin + length, result)) frames.push_back(std::move(frame));
@@ -81,7 +81,7 @@ TEST(PoseInput, FoldersOfTwoCamerasOfThree) {
   PoseArguments arguments;
   arguments.calib = PutRig(folder, {"a", "b", "c"});
   arguments.pose2d = {PutPoses(folder, "c", {4, 6}), PutPoses(folder, "a", {6, 7})};
-  CommandResult result;
+  InputNotes result;
   const PoseInput input = ReadPoseInput(arguments, &result);
   EXPECT_THAT(input.cameras, ElementsAre("c", "a"));
   EXPECT_EQ(input.skeleton.name, "body25");
@@ -93,7 +93,7 @@ TEST(PoseInput, FoldersOfTwoCamerasOfThree) {
   EXPECT_EQ(input.frames[1].people[2][0][3].score, 0.75);
   EXPECT_TRUE(input.frames[0].people[0].empty());
   EXPECT_THAT(result.inputs, ElementsAre(arguments.calib, folder / "c", folder / "a"));
-  EXPECT_EQ(result.exit, kExitOk);
+  EXPECT_FALSE(result.partial);
   EXPECT_TRUE(result.warnings.empty());
 }
 
@@ -104,7 +104,7 @@ TEST(PoseInput, ACameraThatFilmedLessIsNamed) {
   std::vector<int> whole(20), part(12);
   std::iota(whole.begin(), whole.end(), 0), std::iota(part.begin(), part.end(), 3);
   arguments.pose2d = {PutPoses(folder, "a", whole), PutPoses(folder, "b", part)};
-  CommandResult result;
+  InputNotes result;
   ReadPoseInput(arguments, &result);
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_EQ(result.warnings[0].code, "POSE-FRAMES-DIFFER");
@@ -119,14 +119,14 @@ TEST(PoseInput, ATableOfPoints) {
   PoseArguments arguments;
   arguments.calib = PutRig(folder, {"a", "b"});
   arguments.points2d = folder / "points.csv";
-  CommandResult result;
+  InputNotes result;
   const PoseInput input = ReadPoseInput(arguments, &result);
   EXPECT_THAT(input.skeleton.joints, ElementsAre("tail", "beak"));
   EXPECT_TRUE(input.limbs.empty());
   ASSERT_EQ(input.frames.size(), 2u);
   EXPECT_EQ(input.frames[0].people[0][0][1].px, Eigen::Vector2d(3, 4));
   EXPECT_EQ(input.frames[1].people[1][0][0].score, 0) << "the tail was not detected";
-  CommandResult own;
+  InputNotes own;
   const PoseParts parts(arguments, &own);
   ExpectSame(ReadInParts(parts, 1, &own), input.frames);
   EXPECT_TRUE(parts.input().frames.empty());
@@ -138,14 +138,14 @@ TEST(PoseInput, PartsTogetherAreTheWhole) {
   PoseArguments arguments;
   arguments.calib = PutRig(folder, {"a", "b", "c"});
   arguments.pose2d = {PutPoses(folder, "a", {3, 5, 6, 7, 9, 12, 13}), PutPoses(folder, "b", {5, 7, 8, 13})};
-  CommandResult result;
+  InputNotes result;
   const PoseInput whole = ReadPoseInput(arguments, &result);
   for (const size_t length : {1, 2, 3, 100}) {
-    CommandResult own;
+    InputNotes own;
     const PoseParts parts(arguments, &own);
     EXPECT_EQ(parts.num_frames(), whole.frames.size());
     ExpectSame(ReadInParts(parts, length, &own), whole.frames);
-    EXPECT_EQ(own.exit, kExitOk);
+    EXPECT_FALSE(own.partial);
     EXPECT_EQ(parts.input().cameras, whole.cameras);
     EXPECT_EQ(parts.input().limbs, whole.limbs);
     EXPECT_TRUE(parts.Read(parts.num_frames(), parts.num_frames() + 1, &own).empty());
@@ -159,7 +159,7 @@ TEST(PoseInput, ADamagedFileAloneInItsPartIsLeftOutToo) {
   arguments.calib = PutRig(folder, {"a", "b"});
   arguments.pose2d = {PutPoses(folder, "a", {0, 1, 2}), PutPoses(folder, "b", {0, 1, 2})};
   Put(folder / "a/000000000001_keypoints.json", "{");
-  CommandResult result, own;
+  InputNotes result, own;
   const PoseInput whole = ReadPoseInput(arguments, &result);
   const PoseParts parts(arguments, &own);
   std::vector<DetectedFrame> frames;
@@ -176,7 +176,7 @@ TEST(PoseInput, WrongArgumentsAreRefusedByName) {
   const auto refused = [&](const std::vector<NamedPath>& pose2d, const std::string& points2d) {
     PoseArguments wrong = arguments;
     wrong.pose2d = pose2d, wrong.points2d = points2d;
-    CommandResult result;
+    InputNotes result;
     return MessageOf<UsageError>([&] { ReadPoseInput(wrong, &result); });
   };
   EXPECT_THAT(refused({}, ""), HasSubstr("either option 'pose2d' or option 'points2d'"));
@@ -188,7 +188,7 @@ TEST(PoseInput, WrongArgumentsAreRefusedByName) {
   arguments.skeleton.clear();
   arguments.calib = folder / "none.json";
   arguments.pose2d = {a, b};
-  CommandResult result;
+  InputNotes result;
   EXPECT_THAT(MessageOf<IoError>([&] { ReadPoseInput(arguments, &result); }), HasSubstr("none.json"));
 }
 
@@ -200,7 +200,7 @@ TEST(PoseInput, PartsRefuseWhatTheWholeRefuses) {
   const auto refused = [&](const std::vector<NamedPath>& pose2d) {
     PoseArguments wrong = arguments;
     wrong.pose2d = pose2d;
-    CommandResult result;
+    InputNotes result;
     return MessageOf<UsageError>([&] { PoseParts(wrong, &result).Read(0, 1, &result); });
   };
   EXPECT_THAT(refused({}), HasSubstr("either option 'pose2d' or option 'points2d'"));
@@ -214,13 +214,13 @@ TEST(PoseInput, JointsThatAreLeftOutAreSeenByNobody) {
   arguments.calib = PutRig(folder, {"a", "b"});
   arguments.pose2d = {PutPoses(folder, "a", {0, 1}), PutPoses(folder, "b", {0, 1})};
   arguments.without_joints = {"Nose", "LWrist"};
-  CommandResult result;
+  InputNotes result;
   const PoseInput input = ReadPoseInput(arguments, &result);
   for (size_t j = 0; j < 25; ++j) {
     const std::string& name = input.skeleton.joints[j];
     EXPECT_EQ(input.frames[1].people[0][0][j].score > 0, name != "Nose" && name != "LWrist") << name;
   }
-  CommandResult own;
+  InputNotes own;
   const PoseParts parts(arguments, &own);
   ExpectSame(ReadInParts(parts, 1, &own), input.frames);
   arguments.without_joints = {"Nase"};

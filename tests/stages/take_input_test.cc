@@ -18,7 +18,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 std::string Refused(const TakeArguments& arguments) {
-  CommandResult result;
+  InputNotes result;
   return MessageOf<UsageError>([&] { ReadTakeInput(arguments, &result); });
 }
 
@@ -47,7 +47,7 @@ kind = "plate"
 TEST(TakeInput, FootageAndPlatesByCamera) {
   TakeArguments arguments;
   arguments.video = {{"a", "a.mp4"}}, arguments.images = {{"b", "pictures/*.png"}}, arguments.plate = {{"b", "plate.png"}};
-  CommandResult result;
+  InputNotes result;
   const TakeInput input = ReadTakeInput(arguments, &result);
   ASSERT_EQ(input.footage.size(), 2u);
   EXPECT_EQ(input.footage[0].path, "a.mp4");
@@ -83,7 +83,7 @@ TEST(TakeInput, OneRecordingIsNotOfTwoCameras) {
   Put(folder / "a.mp4", video), Put(folder / "b.mp4", video), Put(folder / "c.mp4", std::string(4096, 'w'));
   TakeArguments arguments;
   arguments.video = {{"left", folder / "a.mp4"}, {"right", folder / "c.mp4"}, {"top", folder / "b.mp4"}};
-  CommandResult result;
+  InputNotes result;
   const std::string same = MessageOf<FormatError>([&] { ReadTakeInput(arguments, &result); });
   EXPECT_THAT(same, HasSubstr("b.mp4: is the same recording as " + (folder / "a.mp4") + ": cameras left and top"));
   arguments.video.pop_back();
@@ -98,7 +98,7 @@ TEST(TakeInput, ASessionsOnlyTakeWithPeople) {
   PutSession(folder);
   TakeArguments arguments;
   arguments.session = folder.path();
-  CommandResult result;
+  InputNotes result;
   const TakeInput input = ReadTakeInput(arguments, &result);
   EXPECT_EQ(input.take, "walk");
   EXPECT_EQ(input.fps_hz, 50) << "the take's, not the session's";
