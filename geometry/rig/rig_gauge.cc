@@ -1,5 +1,6 @@
 #include "geometry/rig/rig_gauge.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <string_view>
@@ -66,7 +67,7 @@ RigGauge WorldFromText(std::string_view text) {
     gauge.kind = row.kind;
     const std::string_view more = text.substr(std::min(row.text.size(), text.size()));
     if (text.substr(0, row.text.size()) != row.text || (row.more ? !ReadMore(more, &gauge) : !more.empty())) continue;
-    return gauge;
+    if (WorldFixedBy(gauge) == text) return gauge;  // not for a frame 07
   }
   return {};
 }

@@ -102,8 +102,8 @@ inline std::string EverythingOf(const std::string& path, const PackOpenOptions& 
     add(s.view.cam_from_world.translation.data(), sizeof(double) * 3);
     add(s.view.cam_from_world.rotation.coeffs().data(), sizeof(double) * 4);
     for (int j = 0; j < 19; ++j) all += std::to_string(s.in_view[j]) + std::to_string(s.pose.valid[j]);
-    all += " " + std::to_string(s.camera_idx) + " " + std::to_string(s.frame) + " " + std::to_string(s.person) + " " + s.part +
-           std::to_string(s.univ_time_ms);
+    all += " " + std::to_string(s.camera_idx) + " " + std::to_string(s.frame) + " " + std::to_string(s.person) + " " +
+           std::string(ToString(s.part)) + std::to_string(s.univ_time_ms);
   }
   return all + pack.info().plan_json + pack.info().image_codec;
 }
