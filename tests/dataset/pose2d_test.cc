@@ -306,6 +306,8 @@ TEST_F(Pose2dResults, AnnotationsOfCocoAreNumberedByTheirImages) {
       R"("keypoints":)" + Numbers(51, 1) + R"(},{"image_id":900,"keypoints":)" + Numbers(51, 100) + "}]}");
   EXPECT_EQ(track.frames.at(4)[0].keypoints[0].x_px, 1);
   EXPECT_EQ(track.frames.at(3)[0].keypoints[0].x_px, 100);
+  const std::string two = R"({"images":[{"id":1,"file_name":"a/3.jpg"},{"id":2,"file_name":"b/3.jpg"}],"annotations":[]})";
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { ReadText(two); }), AllOf(HasSubstr("a/3.jpg"), HasSubstr("b/3.jpg")));
 }
 
 TEST_F(Pose2dResults, WhatCannotBeReadIsListedOrThrown) {
