@@ -158,9 +158,8 @@ Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, 
   for (size_t i = 0; i < results.list->size(); ++i) {
     const PoseFile file{path, whole.place + ", " + results.place + "[" + std::to_string(i) + "]", skeleton};
     const json& entry = (*results.list)[i];
-    tolerant.Try([&] {
-      results.mmpose ? ReadMmposeEntry(entry, file, &track) : ReadCocoEntry(entry, file, results.frames, &track);
-    });
+    tolerant.Try(
+        [&] { results.mmpose ? ReadMmposeEntry(entry, file, &track) : ReadCocoEntry(entry, file, results.frames, &track); });
   }
   tolerant.Finish();
   return track;
