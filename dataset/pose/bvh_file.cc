@@ -42,7 +42,8 @@ class BvhWords {
   }
   void Expect(const std::string& word) {
     const std::string found = Next();
-    const bool glued = word.back() == ':' && found.size() > word.size() && found.compare(0, word.size(), word) == 0;  // Frames:2
+    const bool glued =
+        word.back() == ':' && found.size() > word.size() && found.compare(0, word.size(), word) == 0;  // Frames:2
     if (glued) at_ -= found.size() - word.size();
     if (found != word && !glued) Fail("'" + found + "' where '" + word + "' should be");
   }

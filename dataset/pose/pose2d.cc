@@ -188,16 +188,17 @@ bool HasAnyList(const json& entry) {
 }
 
 std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
-  const json* const list = root.is_array()                                        ? &root
+  const json* const list = root.is_array()                                      ? &root
                            : root.is_object() && root.contains("instance_info") ? &root["instance_info"]
-                                                                                  : nullptr;
+                                                                                : nullptr;
   if (list && list->is_array()) {  // MMPose, OpenPifPaf
     std::vector<Person2d> people;
     for (size_t i = 0; i < list->size(); ++i) internal::AppendPerson((*list)[i], "[" + std::to_string(i) + "]", file, &people);
     return people;
   }
   if (!root.is_object() || !root.contains("people") || !root["people"].is_array()) {
-    file.Fail("people", "there is no array \"people\", nor a list of people: neither a file of OpenPose nor of MMPose or OpenPifPaf");
+    file.Fail("people",
+              "there is no array \"people\", nor a list of people: neither a file of OpenPose nor of MMPose or OpenPifPaf");
   }
   std::vector<Person2d> people;
   for (size_t i = 0; i < root["people"].size(); ++i) {

@@ -24,14 +24,9 @@ int ReadFrame(const json& entry, const char* key, const PoseFile& file, const Fr
   return value->get<int>();
 }
 
-/// Names of images: of one frame are those with one name.
-Frames FramesOfImages(const json& list, const PoseFile& whole) {
-  std::set<std::string> distinct;
-  for (const json& entry : list) {
-    const auto id = entry.is_object() ? entry.find("image_id") : entry.end();
-    if (entry.is_object() && id != entry.end() && id->is_string()) distinct.insert(id->get<std::string>());
-  }
-  Frames frames = internal::FramesOfNames({distinct.begin(), distinct.end()});
+/// The frames of images' names; two images are two frames.
+Frames FramesOfDistinct(const std::set<std::string>& images, const PoseFile& whole) {
+  Frames frames = internal::FramesOfNames({images.begin(), images.end()});
   std::map<int, std::string> names;
   for (const auto& [name, frame] : frames) {
     if (!frame) continue;
@@ -43,20 +38,30 @@ Frames FramesOfImages(const json& list, const PoseFile& whole) {
   return frames;
 }
 
+Frames FramesOfImages(const json& list, const PoseFile& whole) {
+  std::set<std::string> distinct;
+  for (const json& entry : list) {
+    const auto id = entry.is_object() ? entry.find("image_id") : entry.end();
+    if (entry.is_object() && id != entry.end() && id->is_string()) distinct.insert(id->get<std::string>());
+  }
+  return FramesOfDistinct(distinct, whole);
+}
+
 /// COCO's annotations name images by ids, and these stand beside the files' names.
 Frames FramesOfAnnotated(const json& images, const PoseFile& whole) {
   std::map<std::string, std::string> names;
-  std::vector<std::string> list;
+  std::set<std::string> distinct;
   for (size_t i = 0; i < images.size(); ++i) {
     const std::string where = "images[" + std::to_string(i) + "]";
     const bool good = images[i].is_object() && images[i].contains("id") && images[i].contains("file_name") &&
                       images[i]["file_name"].is_string();
     if (!good) whole.Fail(where, "has no id or no file_name");
-    list.push_back(images[i]["file_name"].get<std::string>());
     const json& id = images[i]["id"];
-    names[id.is_string() ? id.get<std::string>() : id.dump()] = list.back();
+    std::string& name = names[id.is_string() ? id.get<std::string>() : id.dump()];
+    name = images[i]["file_name"].get<std::string>();
+    distinct.insert(name);
   }
-  const Frames of_names = internal::FramesOfNames(list);
+  const Frames of_names = FramesOfDistinct(distinct, whole);
   Frames frames;
   for (const auto& [id, name] : names) frames[id] = of_names.at(name);
   return frames;
@@ -153,9 +158,8 @@ Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, 
   for (size_t i = 0; i < results.list->size(); ++i) {
     const PoseFile file{path, whole.place + ", " + results.place + "[" + std::to_string(i) + "]", skeleton};
     const json& entry = (*results.list)[i];
-    tolerant.Try([&] {
-      results.mmpose ? ReadMmposeEntry(entry, file, &track) : ReadCocoEntry(entry, file, results.frames, &track);
-    });
+    tolerant.Try(
+        [&] { results.mmpose ? ReadMmposeEntry(entry, file, &track) : ReadCocoEntry(entry, file, results.frames, &track); });
   }
   tolerant.Finish();
   return track;

@@ -66,12 +66,13 @@ size_t PointsOf(const std::string& path, const C3dParameters& c3d) {
   return count;
 }
 
-/// Frames that fit between the first point and the file's end, or what stands behind the points: parameters, rotations. The last
-/// may be the zeros that fill the last block.
+/// Frames that fit between the first point and the file's end, or what stands behind the points: parameters, rotations. The
+/// last may be the zeros that fill the last block.
 size_t HeldFrames(const C3dParameters& c3d, const Layout& layout) {
   size_t end = c3d.begin() > layout.begin ? c3d.begin() : c3d.bytes().size();
   const double rotations = (c3d.Number("ROTATION:DATA_START", 0, 0) - 1) * static_cast<double>(kBlock);
-  if (rotations > static_cast<double>(layout.begin)) end = std::min(end, static_cast<size_t>(rotations));
+  const size_t counted = layout.begin + layout.num_frames * layout.frame_bytes;
+  if (rotations >= static_cast<double>(counted)) end = std::min(end, static_cast<size_t>(rotations));
   return end <= layout.begin ? 0 : (end - layout.begin) / layout.frame_bytes;
 }
 

@@ -166,7 +166,7 @@ TEST(LensWordsOfFiles, OfRosInItsOwnSpellings) {
            ":\n- 0.1\n- -0.03\n- 0.004\n- -0.007\n- 0.0\n" + k +
            ": [400, 0, 320, 0, 400, 240, 0, 0, 1]\nr: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nbinning_x: 0\n---\n";
   };
-  for (const std::string& text : {echo("k", "d"), echo("K", "D")}) EXPECT_EQ(params(text).head(8), plain);
+  for (const std::string& message : {echo("k", "d"), echo("K", "D")}) EXPECT_EQ(params(message).head(8), plain);
 }
 
 /// What a file says twice, or in another unit, in formats of each kind.

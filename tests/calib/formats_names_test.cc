@@ -254,7 +254,8 @@ TEST(ReadKalibr, PosesAndLensesThatTheFileDoesNotHold) {
   const auto by_imu = read(camera("0", imu0) + camera("1", imu1) + camera("2", before)).rig;
   EXPECT_LT((by_imu.cameras[2].CenterInWorld() - Eigen::Vector3d(0.4, 0, 0)).norm(), 1e-12);
   // OpenVINS gives the IMU's poses the other way round, and heads the file as OpenCV does.
-  const auto open_vins = read("%YAML:1.0\n" + camera("0", pose("T_imu_cam", "-0.5")) + camera("1", pose("T_imu_cam", "-0.2"))).rig;
+  const auto open_vins =
+      read("%YAML:1.0\n" + camera("0", pose("T_imu_cam", "-0.5")) + camera("1", pose("T_imu_cam", "-0.2"))).rig;
   EXPECT_EQ(DetectFormat(a), CalibrationFormat::kKalibr);
   EXPECT_LT((open_vins.cameras[0].CenterInWorld() - Eigen::Vector3d(-0.5, 0, 0)).norm(), 1e-12);
   EXPECT_LT((open_vins.cameras[1].CenterInWorld() - Eigen::Vector3d(-0.2, 0, 0)).norm(), 1e-12);

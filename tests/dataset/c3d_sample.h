@@ -19,7 +19,7 @@ struct C3dSample {
   std::vector<std::string> labels = {"a", "b"};
   std::vector<std::pair<std::string, std::vector<std::string>>> lists;  // more of the group POINT: ANGLES, …
   bool rotations = false;                                               // a group ROTATION and its data behind the points
-  std::vector<std::vector<double>> frames;  // x, y, z, residual of every point
+  std::vector<std::vector<double>> frames;                              // x, y, z, residual of every point
 
   std::string Bytes() const {
     const std::string parameters = Parameters();

@@ -117,7 +117,7 @@ TEST_F(Pose2d, ListsAndPeopleOfOtherPrograms) {
     scores += (k ? "," : "") + std::to_string(3 * k + 2) + ".5";
   }
   const std::string instances = "[{\"keypoints\":[" + points + "],\"keypoint_scores\":[" + scores + "]}]";
-  Put("3.json", instances);                              // MMPose, an image
+  Put("3.json", instances);                                // MMPose, an image
   Put("4.json", "{\"instance_info\":" + instances + "}");  // the same, Sapiens
   const Pose2dTrack track = Read();
   EXPECT_TRUE(track.skipped.empty()) << track.skipped[0];
@@ -292,7 +292,9 @@ TEST_F(Pose2dResults, MmposePredictions) {
 }
 
 TEST_F(Pose2dResults, ImagesOfOneNumberAreNotOneFrame) {
-  const auto entry = [](const std::string& name) { return R"({"image_id":")" + name + R"(","keypoints":)" + Numbers(51, 1) + "}"; };
+  const auto entry = [](const std::string& name) {
+    return R"({"image_id":")" + name + R"(","keypoints":)" + Numbers(51, 1) + "}";
+  };
   const Pose2dTrack track = ReadText("[" + entry("000005_cam2.jpg") + "," + entry("000009_cam2.jpg") + "]");
   EXPECT_EQ(track.frames.size(), 2u);
   EXPECT_TRUE(track.frames.count(5) && track.frames.count(9));
@@ -303,9 +305,12 @@ TEST_F(Pose2dResults, ImagesOfOneNumberAreNotOneFrame) {
 TEST_F(Pose2dResults, AnnotationsOfCocoAreNumberedByTheirImages) {
   const Pose2dTrack track = ReadText(
       R"({"images":[{"id":900,"file_name":"v/f_0003.jpg"},{"id":17,"file_name":"v/f_0004.jpg"}],"annotations":[{"image_id":17,)"
-      R"("keypoints":)" + Numbers(51, 1) + R"(},{"image_id":900,"keypoints":)" + Numbers(51, 100) + "}]}");
+      R"("keypoints":)" +
+      Numbers(51, 1) + R"(},{"image_id":900,"keypoints":)" + Numbers(51, 100) + "}]}");
   EXPECT_EQ(track.frames.at(4)[0].keypoints[0].x_px, 1);
   EXPECT_EQ(track.frames.at(3)[0].keypoints[0].x_px, 100);
+  const std::string two = R"({"images":[{"id":1,"file_name":"a/3.jpg"},{"id":2,"file_name":"b/3.jpg"}],"annotations":[]})";
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { ReadText(two); }), AllOf(HasSubstr("a/3.jpg"), HasSubstr("b/3.jpg")));
 }
 
 TEST_F(Pose2dResults, WhatCannotBeReadIsListedOrThrown) {
