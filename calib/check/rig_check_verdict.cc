@@ -103,9 +103,9 @@ void JudgeFound(const RigCheck& check, Verdict* verdict) {
     Add("warn",
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"},
         verdict);
-  if (!check.found.frame_shift.empty())
+  if (!check.found.numbers_text.empty())
     Add("warn",
-        {"CAL-FRAMES", check.found.shift_text + "; they were added",
+        {"CAL-FRAMES", check.found.numbers_text,
          "number the frames by their time stamps, or give them as option 'timestamps'"},
         verdict);
   for (const LateCamera& camera : check.late)

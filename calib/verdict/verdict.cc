@@ -170,7 +170,7 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
               "leave the camera out of option 'fix', or check that the calibration is that of this footage");
   if (!report.frames_doubt.empty())
     out->Warn("CAL-FRAMES", report.frames_doubt,
-              report.frame_shift.empty() && report.frame_rates.empty()
+              report.frame_shift.empty() && report.frame_rates.empty() && report.frame_drops.empty()
                   ? "check that frames with the same number were taken at the same time"
                   : "number the frames by their time stamps");
   double scale = 1;
