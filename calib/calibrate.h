@@ -16,6 +16,7 @@
 #include "calib/lens/lens_limits.h"
 #include "calib/rig/bending.h"
 #include "calib/rig/board_metrics.h"
+#include "calib/rig/frame_drops.h"
 #include "calib/rig/frame_rate.h"
 #include "calib/rig/free_boards.h"
 #include "calib/rig/numbering.h"
@@ -113,6 +114,7 @@ struct CalibrateReport {
   std::vector<int64_t> frame_shift;    ///< per camera, added to the frame numbers so that equal numbers are one time step;
                                        ///< empty: none
   std::vector<FrameRate> frame_rates;  ///< per camera, how its frame numbers were changed; empty: not
+  std::vector<FrameDrop> frame_drops;  ///< frames that cameras lost, after which they were renumbered
   std::string held_doubt;              ///< the given lens or pose, fixed by `fix`, that the boards contradict; empty: none
   bool free_boards = false;            ///< each of several boards has a place of its own in every time step
   std::vector<BoardMove> board_moves;  ///< with free_boards

@@ -77,7 +77,8 @@ struct CalibrateOptions {
   AutoOnOff warp = AutoOnOff::kAuto;     ///< two parameters for the warp of each board
   AutoOnOff stretch = AutoOnOff::kAuto;  ///< two parameters for the shear and aspect of each board
   LatenessChoice time_offset = LatenessChoice::kAuto;
-  bool seek_frame_rates = true;  ///< whether cameras that count frames at other rates are looked for; off once they were
+  bool seek_numbers = true;  ///< whether cameras that count frames at other rates, or lost some, are looked for; off once they
+                             ///< were
   AutoOnOff free_boards = AutoOnOff::kAuto;  ///< several boards move against each other: each has a pose of its own in every
                                              ///< time step; auto: where that alone explains the corners
   WorldOrigin world;

@@ -85,8 +85,8 @@ void JudgeFound(const RigCheck& check, Verdict* verdict) {
   for (const TurnedCamera& camera : check.found.turned)
     verdict->Warn(
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"});
-  if (!check.found.frame_shift.empty())
-    verdict->Warn({"CAL-FRAMES", check.found.shift_text + "; they were added",
+  if (!check.found.numbers_text.empty())
+    verdict->Warn({"CAL-FRAMES", check.found.numbers_text,
                    "number the frames by their time stamps, or give them as option 'timestamps'"});
   for (const LateCamera& camera : check.late)
     verdict->Warn(

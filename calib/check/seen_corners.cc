@@ -12,6 +12,7 @@
 #include "calib/bundle/board_shape.h"
 #include "calib/bundle/view.h"
 #include "calib/lens/resection.h"
+#include "calib/rig/frame_drops.h"
 #include "calib/rig/frame_offset.h"
 #include "core/error.h"
 #include "core/statistics.h"
@@ -191,6 +192,16 @@ void TurnSeen(const geometry::Rig& rig, CalibrateInput* input, PosedViews* posed
   TurnViews(board, views, &posed->views, &posed->cam_from_board);
 }
 
+std::vector<std::string> NamesOf(const CalibrateInput& input) {
+  std::vector<std::string> names;
+  for (const CameraInput& camera : input.cameras) names.push_back(camera.name);
+  return names;
+}
+
+FrameOffsets OffsetsOf(const CalibrateInput& input, const PosedViews& posed) {
+  return FindFrameOffsets(posed.views, posed.cam_from_board, posed.frames, NamesOf(input), {TurnsOf(input.boards)});
+}
+
 }  // namespace
 
 void TurnDetections(const std::vector<int>& turned, CalibrateInput* input) {
@@ -253,17 +264,26 @@ CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input
   PosedViews posed = PoseViews(rig, seen);
   TurnSeen(rig, &seen, &posed, findings);
   if (given.cameras.size() < 2) return seen;
-  std::vector<std::string> names;
-  for (const CameraInput& camera : given.cameras) names.push_back(camera.name);
-  const FrameOffsets offsets =
-      FindFrameOffsets(posed.views, posed.cam_from_board, posed.frames, names, {TurnsOf(given.boards)});
-  if (offsets.kind != FrameOffsets::Kind::kShifted) return seen;
-  findings->frame_shift = offsets.shift, findings->shift_text = offsets.text;
-  seen = given;
-  ApplyFrameOffsets(offsets, &seen.detections);
-  posed = PoseViews(rig, seen);
-  TurnSeen(rig, &seen, &posed, findings);
-  return seen;
+  FrameOffsets offsets = OffsetsOf(given, posed);
+  CalibrateInput numbered = given;
+  if (const auto drops = FindFrameDrops(offsets); !drops.empty()) {
+    CalibrateInput continued = given;
+    ApplyFrameDrops(drops, &continued.detections);
+    const FrameOffsets after = OffsetsOf(continued, PoseViews(rig, continued));
+    if (after.kind == FrameOffsets::Kind::kInconsistent) return seen;
+    findings->frame_drops = drops;
+    findings->numbers_text = ToString(drops, NamesOf(given)) + "; they were renumbered";
+    offsets = after, numbered = std::move(continued);
+  }
+  if (offsets.kind == FrameOffsets::Kind::kShifted) {
+    findings->frame_shift = offsets.shift;
+    findings->numbers_text += (findings->numbers_text.empty() ? "" : "; ") + offsets.text + "; they were added";
+    ApplyFrameOffsets(offsets, &numbered.detections);
+  }
+  if (findings->numbers_text.empty()) return seen;
+  posed = PoseViews(rig, numbered);
+  TurnSeen(rig, &numbered, &posed, findings);
+  return numbered;
 }
 
 bool HasParts(const geometry::Rig& rig, const CalibrateInput& input) { return !PartsIn(rig, input).empty(); }

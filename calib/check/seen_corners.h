@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "calib/board/observations.h"
+#include "calib/rig/frame_drops.h"
 #include "calib/rig/numbering.h"
 #include "geometry/rig/rig.h"
 
@@ -26,10 +27,11 @@ CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& came
 
 /// How corners were brought to a calibration.
 struct CornerFindings {
-  std::vector<std::string> unknown;  ///< cameras that the calibration lacks, left out
-  std::vector<TurnedCamera> turned;  ///< cameras of which views were numbered from the board's other end
-  std::vector<int64_t> frame_shift;  ///< per camera of the corners returned; empty: none
-  std::string shift_text;            ///< one line about the shift
+  std::vector<std::string> unknown;    ///< cameras that the calibration lacks, left out
+  std::vector<TurnedCamera> turned;    ///< cameras of which views were numbered from the board's other end
+  std::vector<int64_t> frame_shift;    ///< per camera of the corners returned; empty: none
+  std::vector<FrameDrop> frame_drops;  ///< frames that cameras lost
+  std::string numbers_text;            ///< one line about what was done to the frame numbers; empty: nothing
 };
 
 /// A camera that the rig knows in parts, NAME and NAME@FRAME: what its frames are.
@@ -39,8 +41,8 @@ enum class CameraParts {
 };
 
 /// Corners of the rig's cameras, corrected by what they, the rig's lenses and its poses say: parts of cameras told apart, views
-/// turned, frame numbers shifted. Time offsets are not applied. Throws UsageError when the rig has a camera for another image
-/// size.
+/// turned, frame numbers shifted or continued after lost frames. Time offsets are not applied. Throws UsageError when the rig
+/// has a camera for another image size.
 CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input, CameraParts parts, CornerFindings* findings);
 
 /// Whether the rig knows one of the cameras in parts.

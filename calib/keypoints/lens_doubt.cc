@@ -1,5 +1,6 @@
 #include "calib/keypoints/lens_doubt.h"
 
+#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -62,17 +63,22 @@ geometry::Rig Without(const KeypointProfile& profile, int part, const KeypointFr
   return solution.status == Status::kOk ? solution.rig : geometry::Rig();
 }
 
-/// Standard deviation of the lens along its freed directions, and that which a calibration states, as a ratio.
+/// Standard deviations of the lens in the space of its freed directions over those that a calibration states there, along the
+/// axes that make both covariances diagonal: terms that trade off against each other may be known well together.
 std::vector<double> RatiosToStated(const LensDoubt& doubt, const geometry::Rig& given, const KeypointFreedom& freedom) {
   std::vector<double> ratios;
   for (size_t c = 0; c < given.cameras.size() && c < freedom.lens_directions.size(); ++c) {
     const auto& stated = given.cameras[c].params_covariance;
     if (!stated || stated->rows() != doubt.lens[c].rows()) continue;
-    for (Eigen::Index k = 0; k < freedom.lens_directions[c].cols(); ++k) {
-      const Eigen::VectorXd along = freedom.lens_directions[c].col(k).normalized();
-      const double known = along.dot(*stated * along), found = along.dot(doubt.lens[c] * along);
-      if (known > 0) ratios.push_back(std::sqrt(found / known));
-    }
+    const Eigen::MatrixXd free = freedom.lens_directions[c].colwise().normalized();
+    if (free.cols() == 0) continue;
+    const Eigen::MatrixXd known = free.transpose() * *stated * free, found = free.transpose() * doubt.lens[c] * free;
+    const Eigen::LLT<Eigen::MatrixXd> whitened(known);
+    if (whitened.info() != Eigen::Success) continue;  // a term that the calibration holds exactly, or states nothing of
+    const Eigen::MatrixXd half = whitened.matrixL().solve(found);
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(whitened.matrixL().solve(half.transpose()),
+                                                              Eigen::EigenvaluesOnly);
+    for (const double squared : axes.eigenvalues()) ratios.push_back(std::sqrt(std::fmax(0.0, squared)));
   }
   return ratios;
 }

@@ -22,7 +22,8 @@ LensDoubt DoubtBySpace(const geometry::Rig& rig, const std::vector<KeypointFit>&
                        double cauchy_px, int num_threads);
 
 /// Why a change of lenses is not determined, one line; empty: it is. `bend_px`: what it moves the points (LensVote). Refused is
-/// a change of points by less than twice its own error, and one that a calibration's stated covariance knows better.
+/// a change of points by less than twice its own error, and one that a calibration's stated covariance of all freed terms
+/// together knows better.
 std::string WhyNotDetermined(const LensDoubt& doubt, double bend_px, double gain_px, const geometry::Rig& given,
                              const KeypointFreedom& freedom);
 

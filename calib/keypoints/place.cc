@@ -7,6 +7,7 @@
 #include <opengv/sac/Ransac.hpp>
 #include <opengv/sac_problems/relative_pose/CentralRelativePoseSacProblem.hpp>
 #include <set>
+#include <tuple>
 
 #include "calib/points/point_resection.h"
 #include "core/format.h"
@@ -115,12 +116,14 @@ struct Pair {
   size_t a = 0, b = 0;
   Rigid3 b_from_a;
   double share = 0, score = -1;
+  size_t num_common = 0, num_fitting = 0;  // joints, of at most kMostJoints
 };
 
 /// The relative pose that most common joints fit, with a translation of length 1.
 Pair Relate(const Sights& sights, size_t a, size_t b) {
   Pair pair{a, b, {}, 0, -1};
   const std::vector<Label> labels = Common(sights, a, b);
+  pair.num_common = labels.size();
   if (labels.size() < kFewestJoints) return pair;
   opengv::bearingVectors_t in_a, in_b;
   for (const Label& label : labels)
@@ -131,7 +134,9 @@ Pair Relate(const Sights& sights, size_t a, size_t b) {
   ransac.sac_model_ = std::make_shared<Problem>(adapter, Problem::NISTER, false);
   ransac.threshold_ = 2 * (1 - std::cos(3 * std::max(sights.sigma_rad[a], sights.sigma_rad[b])));
   ransac.max_iterations_ = 2000;
-  if (!ransac.computeModel(0) || ransac.inliers_.size() < kFewestJoints) return pair;
+  const bool found = ransac.computeModel(0);
+  pair.num_fitting = found ? ransac.inliers_.size() : 0;
+  if (pair.num_fitting < kFewestJoints) return pair;
   opengv::transformation_t a_from_b;
   ransac.sac_model_->optimizeModelCoefficients(ransac.inliers_, ransac.model_coefficients_, a_from_b);
   if (!a_from_b.allFinite() || !(a_from_b.col(3).norm() > 0)) return pair;
@@ -154,10 +159,25 @@ Pair BestPair(const Sights& sights) {
   for (size_t a = 0; a < sights.of_camera.size(); ++a) {
     for (size_t b = a + 1; b < sights.of_camera.size(); ++b) {
       const Pair pair = Relate(sights, a, b);
-      if (pair.score > best.score) best = pair;
+      const auto rank = [](const Pair& p) { return std::tuple(p.score, p.num_fitting, p.num_common); };
+      if (rank(pair) > rank(best)) best = pair;
     }
   }
   return best;
+}
+
+/// What the best pair of cameras lacks.
+std::string WhyNoPair(const geometry::Rig& lenses, const Sights& sights, const Pair& best) {
+  if (lenses.cameras.size() < 2 || best.num_common == 0)
+    return "no two cameras see a joint at once; two that see one person at once are needed, each frame in both";
+  std::set<int> frames;
+  for (const Label& label : Common(sights, best.a, best.b)) frames.insert(label.first);
+  const std::string who = "cameras " + lenses.cameras[best.a].camera.name + " and " + lenses.cameras[best.b].camera.name;
+  const std::string seen = Format(" see %zu joints at once, in %zu frames", best.num_common, frames.size());
+  if (best.num_common < kFewestJoints)
+    return who + seen + Format("; at least %zu are needed, of a person who walks through what both see", kFewestJoints);
+  return who + seen + Format(", of which %zu fit one relative pose; at least %zu must: ", best.num_fitting, kFewestJoints) +
+         "are they synchronous, of the same person, and the lenses theirs?";
 }
 
 /// Joints that the placed cameras triangulate.
@@ -243,8 +263,7 @@ PlacedRig Fail(Status status, std::string message) {
 /// All cameras from the best pair on; the pair's distance is 1.
 PlacedRig PlaceAll(const geometry::Rig& lenses, const Sights& sights, std::map<Label, Eigen::Vector3d>* points) {
   const Pair pair = BestPair(sights);
-  if (pair.score < 0)
-    return Fail(Status::kTooFewViews, Format("no two cameras share %zu joints that fit one relative pose", kFewestJoints));
+  if (pair.score < 0) return Fail(Status::kTooFewViews, WhyNoPair(lenses, sights, pair));
   PlacedRig placed;
   placed.inlier_share = pair.share;
   for (const geometry::RigCamera& camera : lenses.cameras)

@@ -307,7 +307,7 @@ std::vector<int64_t> RunWithBoards(CalibrateOptions options, const RunContext& r
                                    CalibrateReport* report) {
   CalibrateInput given = *seen;
   const std::vector<int64_t> shift = RunPipeline(options, run, seen, report);
-  if (!shift.empty() || !report->frame_rates.empty() || !internal::BoardsInDoubt(given, options, *report)) return shift;
+  if (!shift.empty() || internal::OtherNumbers(*report) || !internal::BoardsInDoubt(given, options, *report)) return shift;
   options.free_boards = AutoOnOff::kOn;
   CalibrateReport trial;
   if (RunPipeline(options, run, &given, &trial).empty() && internal::FreeBoardsPay(*report, &trial)) {
@@ -326,21 +326,16 @@ void LookForCauses(const CalibrateInput& input, CalibrateOptions options, const 
 
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run);
 
-/// With frames renumbered by the rates that were found, where that explains the boards; else as they are numbered.
+/// With frames renumbered as was found, where that explains the boards; else as they are numbered.
 CalibrateReport CalibrateRenumbered(const CalibrateInput& input, CalibrateOptions options, const RunContext& run,
                                     const CalibrateReport& found) {
-  constexpr double kClearly = 0.7;
-  options.seek_frame_rates = false;
-  CalibrateInput seen = input;
-  ApplyFrameRates(found.frame_rates, &seen.detections);
-  CalibrateReport again = CalibrateSorted(seen, options, run);
-  if (again.status != Status::kOk || !again.frames_doubt.empty()) {
+  options.seek_numbers = false;
+  CalibrateReport again = CalibrateSorted(internal::WithNumbers(input, found), options, run);
+  if (internal::NumbersInDoubt(found, again)) {
     CalibrateReport plain = CalibrateSorted(input, options, run);
-    const bool both = again.status == Status::kOk && plain.status == Status::kOk;
-    if (both ? again.rms_px > kClearly * plain.rms_px : again.status != Status::kOk) return plain;
+    if (!internal::NumbersPay(found, again, plain)) return plain;
   }
-  again.frame_rates = found.frame_rates;
-  again.frames_doubt = found.message + "; they were renumbered" + (again.frames_doubt.empty() ? "" : "; " + again.frames_doubt);
+  internal::StateNumbers(found, &again);
   return again;
 }
 
@@ -348,7 +343,7 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
   CalibrateReport report;
   CalibrateInput seen = input;
   const std::vector<int64_t> shift = RunWithBoards(options, run, &seen, &report);
-  if (!report.frame_rates.empty()) return CalibrateRenumbered(input, options, run, report);
+  if (internal::OtherNumbers(report)) return CalibrateRenumbered(input, options, run, report);
   if (shift.empty()) {
     LookForCauses(seen, options, run, &report);
     return report;
@@ -358,8 +353,7 @@ CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOpti
   CalibrateReport again;
   RunWithBoards(options, run, &seen, &again);
   LookForCauses(seen, options, run, &again);
-  again.frame_shift = shift;
-  if (again.frames_doubt.empty()) again.frames_doubt = report.message + "; they were added";
+  internal::StateShift(shift, report.message, &again);
   return again;
 }
 

@@ -1,8 +1,42 @@
+#include <algorithm>
+#include <cstdlib>
+
 #include "calib/pipeline/calibrate_steps.h"
+#include "calib/pipeline/split_trial.h"
+#include "calib/rig/frame_drops.h"
 #include "calib/rig/frame_rate.h"
 #include "geometry/rig/rig.h"
 
 namespace mvstudio::calib::internal {
+namespace {
+
+/// Whether every camera's corners are about as near as by itself, and none of its boards is lost.
+bool AllExplained(const CalibrateReport& report) {
+  constexpr double kWorse = 1.2, kSlackPx = 0.02, kMostRejected = 0.02;
+  return std::all_of(report.cameras.begin(), report.cameras.end(), [&](const CameraReport& camera) {
+    return camera.rms_px <= kWorse * camera.alone_rms_px + kSlackPx && camera.num_lost_views == 0 &&
+           camera.num_rejected <= kMostRejected * (camera.num_rejected + camera.num_corners);
+  });
+}
+
+double MeanCapped(const CalibrateReport& report, const CalibrateReport& plain) {
+  return CappedSquares(report, plain, 0) / static_cast<double>(std::max<size_t>(1, report.residuals.size()));
+}
+
+/// Motions of a single camera as its own frames are numbered.
+template <class OwnFrame>
+void NumberMotions(CalibrateReport* report, const OwnFrame& own) {
+  for (CameraMotion& motion : report->motions) {
+    const int camera = motion.cameras.size() == 1 ? report->rig.Find(motion.cameras[0]) : -1;
+    if (camera < 0) continue;
+    motion.frame_idx = own(camera, motion.frame_idx);
+    motion.last_before = own(camera, motion.last_before);
+  }
+}
+
+}  // namespace
+
+bool OtherNumbers(const CalibrateReport& report) { return !report.frame_rates.empty() || !report.frame_drops.empty(); }
 
 bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work* work, CalibrateReport* report) {
   if (work->monos.size() < 2) return true;
@@ -11,10 +45,12 @@ bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work*
   const FrameOffsets& offsets = work->offsets;
   if (offsets.kind == FrameOffsets::Kind::kInconsistent) {
     report->frames_doubt = offsets.text;
-    if (options.time_offset != LatenessChoice::kNone && options.seek_frame_rates)
+    if (options.time_offset != LatenessChoice::kNone && options.seek_numbers) {
       report->frame_rates = FindFrameRates(work->views, work->cam_from_board, work->frames, offsets, turns);
-    if (!report->frame_rates.empty()) {
-      Stop(Status::kDegenerate, ToString(report->frame_rates, names), report);
+      if (report->frame_rates.empty()) report->frame_drops = FindFrameDrops(offsets);
+    }
+    if (OtherNumbers(*report)) {
+      Stop(Status::kDegenerate, ToString(report->frame_rates, names) + ToString(report->frame_drops, names), report);
       return false;
     }
   }
@@ -23,6 +59,40 @@ bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work*
   if (options.time_offset != LatenessChoice::kNone) work->shift = offsets.shift;
   Stop(Status::kDegenerate, offsets.text + (offsets.hint.empty() ? "" : "; " + offsets.hint), report);
   return false;
+}
+
+CalibrateInput WithNumbers(CalibrateInput input, const CalibrateReport& found) {
+  if (!found.frame_rates.empty()) ApplyFrameRates(found.frame_rates, &input.detections);
+  ApplyFrameDrops(found.frame_drops, &input.detections);
+  return input;
+}
+
+bool NumbersInDoubt(const CalibrateReport& found, const CalibrateReport& again) {
+  return again.status != Status::kOk || !again.frames_doubt.empty() || (!found.frame_drops.empty() && !AllExplained(again));
+}
+
+bool NumbersPay(const CalibrateReport& found, const CalibrateReport& again, const CalibrateReport& plain) {
+  constexpr double kClearly = 0.7;
+  const auto single = [](const FrameDrop& drop) { return std::llabs(drop.count) < 2; };
+  const auto& drops = found.frame_drops;
+  if (std::any_of(drops.begin(), drops.end(), single) && !AllExplained(again)) return false;
+  if (again.status != Status::kOk || plain.status != Status::kOk) return again.status == Status::kOk;
+  if (drops.empty()) return again.rms_px <= kClearly * plain.rms_px;
+  return MeanCapped(again, plain) <= kClearly * MeanCapped(plain, plain);
+}
+
+void StateNumbers(const CalibrateReport& found, CalibrateReport* again) {
+  again->frame_rates = found.frame_rates;
+  again->frame_drops = found.frame_drops;
+  NumberMotions(again, [&](int c, int64_t frame) { return FrameBeforeDrops(found.frame_drops, c, frame); });
+  again->frames_doubt =
+      found.message + "; they were renumbered" + (again->frames_doubt.empty() ? "" : "; " + again->frames_doubt);
+}
+
+void StateShift(const std::vector<int64_t>& shift, const std::string& message, CalibrateReport* again) {
+  again->frame_shift = shift;
+  NumberMotions(again, [&](int c, int64_t frame) { return frame - shift[static_cast<size_t>(c)]; });
+  if (again->frames_doubt.empty()) again->frames_doubt = message + "; they were added";
 }
 
 void ReconsiderFrames(const Work& work, CalibrateReport* report) {

@@ -244,6 +244,7 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
     if (!sorted.uncertainty.cameras.empty()) report->uncertainty.cameras[order[i]] = sorted.uncertainty.cameras[i];
   }
   for (int& camera : report->culprits) camera = order[camera];
+  for (FrameDrop& drop : report->frame_drops) drop.camera_idx = order[static_cast<size_t>(drop.camera_idx)];
   for (CornerResidual& residual : report->residuals) residual.camera_idx = order[residual.camera_idx];
   for (auto& component : report->components) {
     for (int& camera : component) camera = order[camera];

@@ -47,6 +47,17 @@ void Stop(Status status, const std::string& message, CalibrateReport* report);
 
 /// Frames of different cameras that do not belong together are refused, or shifted unless `time_offset` is none.
 bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work* work, CalibrateReport* report);
+/// Frames of a camera count otherwise, or some were lost: the run must be repeated with other numbers.
+bool OtherNumbers(const CalibrateReport& report);
+CalibrateInput WithNumbers(CalibrateInput input, const CalibrateReport& found);
+/// Whether the solution with other numbers leaves what it must be weighed against.
+bool NumbersInDoubt(const CalibrateReport& found, const CalibrateReport& again);
+/// Whether other numbers are a cause beside others. A clock that drifts looks like single frames that were lost, one after the
+/// other.
+bool NumbersPay(const CalibrateReport& found, const CalibrateReport& again, const CalibrateReport& plain);
+/// What was done to the numbers; times of motions as the camera's own frames have them.
+void StateNumbers(const CalibrateReport& found, CalibrateReport* again);
+void StateShift(const std::vector<int64_t>& shift, const std::string& message, CalibrateReport* again);
 /// A doubt about two cameras by themselves stands unless the rig explains their boards about as well as each does alone.
 void ReconsiderFrames(const Work& work, CalibrateReport* report);
 

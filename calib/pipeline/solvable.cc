@@ -4,6 +4,7 @@
 
 #include "calib/pipeline/calibrate_steps.h"
 #include "core/error.h"
+#include "core/join.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -54,6 +55,15 @@ std::vector<int> CamerasBesideMost(const std::vector<std::vector<int>>& groups) 
 }
 
 }  // namespace internal
+
+void NameLeftOut(const std::vector<LeftOutCamera>& left_out, Verdict* verdict) {
+  if (left_out.empty()) return;
+  std::vector<std::string> names;
+  for (const LeftOutCamera& camera : left_out) names.push_back(camera.name);
+  if (verdict->status == "pass") verdict->status = "warn";
+  const std::string what = left_out.size() == 1 ? "camera " + names[0] + " is" : "cameras " + Join(names, ", ") + " are";
+  verdict->reasons.insert(verdict->reasons.begin(), {"CAL-LEFTOUT", what + " left out: the verdict is of the others", ""});
+}
 
 SolvableCalibration CalibrateSolvable(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run) {
   SolvableCalibration found = WithCorners(input);

@@ -19,6 +19,9 @@ struct SolvableCalibration {
   std::vector<LeftOutCamera> left_out;
 };
 
+/// The verdict is of the cameras that were calibrated: says which were not, before its other reasons. It passes no more.
+void NameLeftOut(const std::vector<LeftOutCamera>& left_out, Verdict* verdict);
+
 /// Calibrate; where that fails because of some cameras (CalibrateReport::culprits, or cameras without corners), the others
 /// without them. Where the rest has no solution either, or an option names a camera that would be left out, the report is
 /// that of all cameras with corners and `left_out` is empty.

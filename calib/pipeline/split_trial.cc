@@ -34,7 +34,7 @@ LatenessChoice LatenessIn(const CalibrateReport& solved) {
 
 CalibrateReport AdjustSplit(const CalibrateInput& input, const CalibrateReport& solved, CalibrateOptions options,
                             const CameraSplit& split, const RunContext& run) {
-  options.motions = false;
+  options.motions = options.seek_numbers = false;
   options.share_intrinsics = {LensSharing::Kind::kNone, {}};
   options.time_offset = LatenessIn(solved);
   options.holdout = {};

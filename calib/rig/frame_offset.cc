@@ -8,6 +8,7 @@
 #include <set>
 #include <tuple>
 
+#include "calib/rig/shift_spread.h"
 #include "core/check.h"
 #include "core/statistics.h"
 
@@ -20,70 +21,9 @@ constexpr double kStill = 0.02;       // unrelated frames that agree this well: 
 constexpr double kClearlyOff = 0.05;  // a spread below this is no reason to refuse
 constexpr double kBetterThanGiven = 1.35;
 constexpr double kBetterThanOthers = 2;
+constexpr double kMuchBetter = 0.5;
 
 using Poses = BoardPoses;
-
-/// The board in both cameras.
-struct BoardInBoth {
-  Rigid3 in_a, in_b;
-};
-
-/// SeenInBoth when b's frame f belongs to a's frame f + shift, thinned out to `max_frames`.
-std::vector<BoardInBoth> SeenInBoth(const Poses& a, const Poses& b, int64_t shift, int max_frames) {
-  std::vector<BoardInBoth> all;
-  for (const auto& [key, b_from_board] : b) {
-    const auto found = a.find({key.first + shift, key.second});
-    if (found == a.end()) continue;
-    all.push_back({found->second, b_from_board});
-  }
-  const auto limit = static_cast<size_t>(max_frames);
-  if (all.size() <= limit) return all;
-  std::vector<BoardInBoth> thin;
-  for (size_t i = 0; i < limit; ++i) thin.push_back(all[i * all.size() / limit]);
-  return thin;
-}
-
-struct ShiftSpread {
-  int64_t shift = 0;
-  int num_shared = 0;
-  double spread = 0, most = 0;  ///< median, and what nine of ten frames keep
-};
-
-/// Quantiles over the frames of the distance between the board and its transferred place over its distance, for the relative
-/// pose that has the least median.
-ShiftSpread Spread(int64_t shift, const std::vector<BoardInBoth>& poses, const BoardTurns& turns) {
-  constexpr double kMost = 0.9;
-  constexpr size_t kCandidates = 25;
-  ShiftSpread best{shift, static_cast<int>(poses.size()), INFINITY, INFINITY};
-  std::vector<double> distances(poses.size());
-  const size_t count = std::min(kCandidates, poses.size()), num_turns = static_cast<size_t>(turns.num);
-  for (size_t c = 0; c < count * num_turns; ++c) {
-    const BoardInBoth& central = poses[c / num_turns * poses.size() / count];
-    const Rigid3 a_from_b = turns.RelativePose(central.in_a, central.in_b, static_cast<int>(c % num_turns));
-    for (size_t i = 0; i < poses.size(); ++i) {
-      const Eigen::Vector3d& x_in_a = poses[i].in_a.translation;
-      distances[i] = (a_from_b * poses[i].in_b.translation - x_in_a).norm() / x_in_a.norm();
-    }
-    const double median = UpperMedian(distances.begin(), distances.end());
-    if (median < best.spread) best.spread = median, best.most = UpperQuantile(distances, kMost);
-  }
-  return best;
-}
-
-std::vector<ShiftSpread> ScanShifts(const Poses& a, const Poses& b, const FrameOffsetOptions& options) {
-  std::vector<ShiftSpread> scan;
-  int most = 0;
-  for (int64_t shift = -options.max_shift; shift <= options.max_shift; ++shift) {
-    const std::vector<BoardInBoth> poses = SeenInBoth(a, b, shift, options.max_frames);
-    const auto n = static_cast<int>(poses.size());
-    if (n < options.min_shared) continue;
-    most = std::max(most, n);
-    scan.push_back(Spread(shift, poses, options.turns));
-  }
-  const auto few = [&](const ShiftSpread& s) { return s.num_shared < most / 3; };
-  scan.erase(std::remove_if(scan.begin(), scan.end(), few), scan.end());
-  return scan;
-}
 
 /// Median spread of the shifts that are not next to `best`.
 double OtherSpread(const std::vector<ShiftSpread>& scan, int64_t best) {
@@ -100,6 +40,9 @@ struct Curve {
   std::map<int64_t, ShiftSpread> spreads;
 
   bool sharp() const { return pair.best_spread * kBetterThanOthers < pair.other_spread && pair.other_spread > kStill; }
+  double most() const { return spreads.at(pair.shift).most; }
+  /// At its best shift, nine of ten frames agree.
+  bool fits() const { return most() * kBetterThanOthers < pair.other_spread && pair.other_spread > kStill; }
   /// At a shift that was not measured: as unrelated frames.
   double At(int64_t shift) const {
     const auto found = spreads.find(shift);
@@ -107,11 +50,11 @@ struct Curve {
   }
 };
 
-std::optional<Curve> MeasurePair(const std::vector<Poses>& poses, int a, int b, const FrameOffsetOptions& options) {
-  const std::vector<ShiftSpread> scan = ScanShifts(poses[static_cast<size_t>(a)], poses[static_cast<size_t>(b)], options);
+std::optional<Curve> MeasureCurve(const Poses& a, const Poses& b, RelativePoses relative, const FrameOffsetOptions& options) {
+  const std::vector<ShiftSpread> scan = ScanShifts(a, b, relative, options);
   if (scan.empty()) return std::nullopt;
   Curve curve;
-  curve.pair.a = a, curve.pair.b = b;
+  curve.pair.moved = relative == RelativePoses::kSeveral;
   curve.pair.best_spread = INFINITY;
   for (const ShiftSpread& s : scan) {
     curve.spreads[s.shift] = s;
@@ -119,6 +62,19 @@ std::optional<Curve> MeasurePair(const std::vector<Poses>& poses, int a, int b, 
   }
   curve.pair.other_spread = OtherSpread(scan, curve.pair.shift);
   curve.pair.given_spread = curve.spreads.count(0) ? curve.spreads[0].spread : INFINITY;
+  return curve;
+}
+
+/// With one relative pose; with several where that alone makes nine of ten frames agree.
+std::optional<Curve> MeasurePair(const std::vector<Poses>& poses, int a, int b, const FrameOffsetOptions& options) {
+  const Poses &in_a = poses[static_cast<size_t>(a)], &in_b = poses[static_cast<size_t>(b)];
+  auto curve = MeasureCurve(in_a, in_b, RelativePoses::kOne, options);
+  if (!curve) return std::nullopt;
+  if (!curve->fits()) {
+    const auto moved = MeasureCurve(in_a, in_b, RelativePoses::kSeveral, options);
+    if (moved->fits() && moved->most() < kMuchBetter * curve->most()) curve = moved;
+  }
+  curve->pair.a = a, curve->pair.b = b;
   return curve;
 }
 
@@ -275,7 +231,23 @@ FramePair Judge(const Curve& curve, const Shifts& shift) {
   } else if (!fits && most > kClearlyOff && std::isfinite(pair.other_spread)) {
     pair.kind = FramePair::Kind::kInconsistent;
   }
+  pair.most = most;
   return pair;
+}
+
+/// Steps of the shift make the pair inconsistent, unless a camera that moved explains its frames better.
+void AddSteps(const std::vector<Poses>& poses, const BoardTurns& turns, FramePair* pair) {
+  const Poses &a = poses[static_cast<size_t>(pair->a)], &b = poses[static_cast<size_t>(pair->b)];
+  FrameSteps steps = FindFrameSteps(a, b, pair->shift, turns, kNearShifts);
+  if (!steps.Supported() && (pair->kind == FramePair::Kind::kInconsistent || !steps.steps.empty())) {
+    FrameSteps far = FindFrameSteps(a, b, pair->shift, turns, kFarShifts);
+    if (far.Supported()) steps = std::move(far);
+  }
+  if (steps.steps.empty() || (pair->moved && pair->most < steps.most)) return;
+  pair->kind = FramePair::Kind::kInconsistent;
+  pair->moved = false;
+  pair->steps_supported = steps.Supported();
+  pair->steps = std::move(steps.steps);
 }
 
 /// " (from frame 17 on by 1, from frame 34 on by 2)"; empty when the steps are not known.
@@ -346,9 +318,7 @@ FrameOffsets FindFrameOffsets(const std::vector<View>& views, const std::vector<
   out.shift = SolveShifts(curves, camera_names.size(), options.max_shift);
   for (const Curve& curve : curves) {
     FramePair pair = Judge(curve, out.shift);
-    pair.steps =
-        FindFrameSteps(poses[static_cast<size_t>(pair.a)], poses[static_cast<size_t>(pair.b)], pair.shift, options.turns);
-    if (!pair.steps.empty()) pair.kind = FramePair::Kind::kInconsistent;
+    AddSteps(poses, options.turns, &pair);
     out.pairs.push_back(pair);
   }
   out.kind = Conclude(out);

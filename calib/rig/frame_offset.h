@@ -20,13 +20,16 @@ struct FrameOffsetOptions {
 struct FramePair {
   enum class Kind { kConsistent, kShifted, kInconsistent, kUndecided };
   Kind kind = Kind::kUndecided;
-  int a = 0, b = 0;              ///< cameras, a < b
-  int64_t shift = 0;             ///< b's frame f was taken with a's frame f + shift
-  int num_shared = 0;            ///< frames compared at that shift
-  double given_spread = 0;       ///< spread with the frames as given, see FindFrameOffsets
-  double best_spread = 0;        ///< spread with `shift`
-  double other_spread = 0;       ///< median spread over the other shifts: the level of unrelated frames
+  int a = 0, b = 0;         ///< cameras, a < b
+  int64_t shift = 0;        ///< b's frame f was taken with a's frame f + shift
+  int num_shared = 0;       ///< frames compared at that shift
+  double given_spread = 0;  ///< spread with the frames as given, see FindFrameOffsets
+  double best_spread = 0;   ///< spread with `shift`
+  double most = 0;          ///< what nine of ten frames keep with `shift`
+  double other_spread = 0;  ///< median spread over the other shifts: the level of unrelated frames
+  bool moved = false;       ///< one of the cameras moved: up to three relative poses, one after the other, explain the frames
   std::vector<FrameStep> steps;  ///< of kInconsistent: drift of the numbers, see FindFrameSteps; empty: unknown
+  bool steps_supported = false;  ///< FrameSteps::Supported
 };
 
 struct FrameOffsets {
@@ -50,9 +53,10 @@ struct FrameOffsets {
 /// It is computed for every pair and every shift up to max_shift frames; the shifts per camera minimise the product of the
 /// spreads.
 ///
-/// Numbers that drift along the recording (FindFrameSteps) are inconsistent. Shifts other than 0 are accepted if they make
-/// the spreads of the affected pairs at least 1.35 times smaller. A pair agrees when nine of ten of its frames stay within
-/// half of the spread of unrelated frames.
+/// Where one relative pose does not make a pair agree, up to three in a row are tried: a camera that moved while the boards
+/// were filmed is no matter of time. Numbers that drift along the recording (FindFrameSteps) are inconsistent. Shifts other
+/// than 0 are accepted if they make the spreads of the affected pairs at least 1.35 times smaller. A pair agrees when nine of
+/// ten of its frames stay within half of the spread of unrelated frames.
 ///
 /// With `turns` the numbering of the corners does not matter. `cam_from_board[v]` belongs to views[v] and comes from that view
 /// alone; `frames` are the frame numbers of View::frame.

@@ -1,10 +1,10 @@
 #include "calib/rig/frame_steps.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
+#include "calib/rig/cheapest_path.h"
 #include "calib/rig/numbering.h"
 #include "core/statistics.h"
 #include "core/units.h"
@@ -14,8 +14,7 @@ namespace {
 
 using geometry::Rigid3;
 
-constexpr int kReach = 6, kShifts = 2 * kReach + 1;  // frames
-constexpr size_t kMaxFrames = 120, kCandidatesPerShift = 12;
+constexpr size_t kMaxFrames = 120, kCandidatesPerShift = 12, kMostCandidates = 160;
 constexpr size_t kMinFrames = 12;
 constexpr double kChangeNats = 8, kNeededNats = 15, kMissingNats = 2;
 constexpr double kNoiseFloor = 0.003;  // of the board's distance
@@ -25,111 +24,145 @@ constexpr double kNone = std::numeric_limits<double>::infinity();
 struct Instant {
   int64_t frame = 0;
   const Rigid3* b_from_board = nullptr;
-  const Rigid3* a_from_board[kShifts] = {};
+  std::vector<const Rigid3*> a_from_board;
 };
 
-std::vector<Instant> InstantsOf(const BoardPoses& a, const BoardPoses& b, int64_t base_shift) {
+std::vector<Instant> InstantsOf(const BoardPoses& a, const BoardPoses& b, int64_t base_shift, int reach) {
   std::vector<Instant> all;
   for (const auto& [key, pose] : b) {
     Instant instant{key.first, &pose, {}};
     bool any = false;
-    for (int s = 0; s < kShifts; ++s) {
-      const auto found = a.find({key.first + base_shift + s - kReach, key.second});
-      if (found == a.end()) continue;
-      instant.a_from_board[s] = &found->second;
-      any = true;
+    for (int64_t shift = base_shift - reach; shift <= base_shift + reach; ++shift) {
+      const auto found = a.find({key.first + shift, key.second});
+      instant.a_from_board.push_back(found == a.end() ? nullptr : &found->second);
+      any |= found != a.end();
     }
-    if (any) all.push_back(instant);
+    if (any) all.push_back(std::move(instant));
   }
+  return all;
+}
+
+std::vector<Instant> ThinnedInstants(const std::vector<Instant>& all) {
   if (all.size() <= kMaxFrames) return all;
   std::vector<Instant> thin;
   for (size_t i = 0; i < kMaxFrames; ++i) thin.push_back(all[i * all.size() / kMaxFrames]);
   return thin;
 }
 
-/// Distance between the board and its transferred place over its distance; kNone where a has no pose.
-using Distances = std::vector<std::array<double, kShifts>>;
+double DistanceUnder(const Rigid3& a_from_b, const Rigid3& b_from_board, const Rigid3& a_from_board) {
+  return (a_from_b * b_from_board.translation - a_from_board.translation).norm() / a_from_board.translation.norm();
+}
 
-Distances DistancesUnder(const Rigid3& a_from_b, const std::vector<Instant>& instants) {
-  Distances distances(instants.size());
-  for (size_t i = 0; i < instants.size(); ++i) {
-    const Eigen::Vector3d x_in_a = a_from_b * instants[i].b_from_board->translation;
-    for (int s = 0; s < kShifts; ++s) {
-      const Rigid3* const a = instants[i].a_from_board[s];
-      distances[i][s] = a ? (x_in_a - a->translation).norm() / a->translation.norm() : kNone;
+/// Distance between the board and its transferred place over its distance; kNone where a has no pose. A row a shift.
+Eigen::MatrixXd DistancesUnder(const Rigid3& a_from_b, const std::vector<Instant>& instants) {
+  const auto shifts = static_cast<Eigen::Index>(instants.front().a_from_board.size());
+  Eigen::MatrixXd distances(shifts, static_cast<Eigen::Index>(instants.size()));
+  for (Eigen::Index i = 0; i < distances.cols(); ++i) {
+    const Instant& instant = instants[static_cast<size_t>(i)];
+    for (Eigen::Index s = 0; s < shifts; ++s) {
+      const Rigid3* const a = instant.a_from_board[static_cast<size_t>(s)];
+      distances(s, i) = a ? DistanceUnder(a_from_b, *instant.b_from_board, *a) : kNone;
     }
   }
   return distances;
 }
 
-std::vector<Rigid3> Candidates(const std::vector<Instant>& instants, const BoardTurns& turns) {
-  std::vector<Rigid3> candidates;
-  for (int s = 0; s < kShifts; ++s) {
-    std::vector<const Instant*> with;
-    for (const Instant& instant : instants) {
-      if (instant.a_from_board[s]) with.push_back(&instant);
-    }
-    const size_t n = std::min(kCandidatesPerShift, with.size());
-    for (size_t k = 0; k < n; ++k) {
-      const Instant& instant = *with[k * with.size() / n];
-      for (int turn = 0; turn < turns.num; ++turn)
-        candidates.push_back(turns.RelativePose(*instant.a_from_board[s], *instant.b_from_board, turn));
+/// A relative pose that one frame gives at one shift, and how badly the frames agree with it at that shift.
+struct StepCandidate {
+  Rigid3 a_from_b;
+  double nats = 0;
+};
+
+void AddCandidates(const std::vector<Instant>& instants, size_t s, const BoardTurns& turns, std::vector<StepCandidate>* all) {
+  constexpr double kRoughly = 0.01;
+  std::vector<const Instant*> with;
+  for (const Instant& instant : instants) {
+    if (instant.a_from_board[s]) with.push_back(&instant);
+  }
+  const size_t n = std::min(kCandidatesPerShift, with.size());
+  const auto missing = static_cast<double>(instants.size() - with.size());
+  for (size_t k = 0; k < n; ++k) {
+    const Instant& one = *with[k * with.size() / n];
+    for (int turn = 0; turn < turns.num; ++turn) {
+      StepCandidate candidate{turns.RelativePose(*one.a_from_board[s], *one.b_from_board, turn), kMissingNats * missing};
+      for (const Instant* i : with)
+        candidate.nats += RobustNats(DistanceUnder(candidate.a_from_b, *i->b_from_board, *i->a_from_board[s]), kRoughly);
+      all->push_back(candidate);
     }
   }
-  return candidates;
+}
+
+/// The likeliest ones where there are many.
+std::vector<StepCandidate> StepCandidates(const std::vector<Instant>& instants, const BoardTurns& turns) {
+  std::vector<StepCandidate> all;
+  for (size_t s = 0; s < instants.front().a_from_board.size(); ++s) AddCandidates(instants, s, turns, &all);
+  const size_t most = kMostCandidates * static_cast<size_t>(turns.num);
+  if (all.size() <= most) return all;
+  std::stable_sort(all.begin(), all.end(), [](const StepCandidate& x, const StepCandidate& y) { return x.nats < y.nats; });
+  all.resize(most);
+  return all;
 }
 
 /// Median over the frames of the least distance.
-double LeastMedian(const Distances& distances) {
+double LeastMedian(const Eigen::MatrixXd& distances) {
   std::vector<double> least;
-  for (const auto& row : distances) least.push_back(*std::min_element(row.begin(), row.end()));
+  for (const auto& column : distances.colwise()) least.push_back(column.minCoeff());
   return UpperMedian(std::move(least));
 }
 
-double Nats(double distance, double sigma) {
-  return distance == kNone ? kMissingNats : std::log1p(distance * distance / (2 * sigma * sigma));
+Eigen::MatrixXd NatsOf(const Eigen::MatrixXd& distances, double sigma) {
+  return distances.unaryExpr([&](double d) { return d == kNone ? kMissingNats : RobustNats(d, sigma); });
 }
 
-double ConstantNats(const Distances& distances, double sigma) {
-  double sum = 0;
-  for (const auto& row : distances) sum += Nats(row[kReach], sigma);
-  return sum;
+/// How far a change before moment `i` may move towards `step` (-1 or 1) at a cost that noise explains.
+size_t SureEdge(const Eigen::MatrixXd& nats, const std::vector<int>& state, size_t i, int step) {
+  constexpr double kSureNats = 3;
+  const int before = state[i - 1], after = state[i];
+  const size_t end = step < 0 ? 0 : state.size();
+  double cost = 0;
+  for (size_t at = i; at != end; at = step < 0 ? at - 1 : at + 1) {
+    const size_t moment = step < 0 ? at - 1 : at;
+    if (state[moment] != (step < 0 ? before : after)) return at;
+    const auto column = static_cast<Eigen::Index>(moment);
+    cost += step * (nats(before, column) - nats(after, column));
+    if (cost > kSureNats) return at;
+  }
+  return end;
 }
 
-struct Path {
-  double nats = kNone;
-  std::vector<int> shift;  // per time step: index into the window
-};
-
-/// The cheapest sequence of shifts (Viterbi).
-Path CheapestPath(const Distances& distances, double sigma) {
-  const size_t n = distances.size();
-  std::vector<std::array<int, kShifts>> from(n);
-  std::array<double, kShifts> sum = {};
-  for (size_t i = 0; i < n; ++i) {
-    const int cheapest = static_cast<int>(std::min_element(sum.begin(), sum.end()) - sum.begin());
-    const double changed = i == 0 ? kNone : sum[cheapest] + kChangeNats;
-    for (int s = 0; s < kShifts; ++s) {
-      from[i][s] = changed < sum[s] ? cheapest : s;
-      sum[s] = std::min(sum[s], changed);
+void CountAgreeing(const Eigen::MatrixXd& distances, double sigma, const std::vector<Instant>& instants,
+                   const std::vector<int>& state, std::vector<FrameStep>* steps) {
+  constexpr double kAgree = 4;  // standard deviations
+  for (size_t k = 0; k < steps->size(); ++k) {
+    FrameStep& step = (*steps)[k];
+    const int64_t end = k + 1 < steps->size() ? (*steps)[k + 1].last_before + 1 : std::numeric_limits<int64_t>::max();
+    for (size_t i = 0; i < instants.size(); ++i) {
+      if (instants[i].frame < step.frame || instants[i].frame >= end) continue;
+      ++step.num_frames;
+      step.num_agreeing += distances(state[i], static_cast<Eigen::Index>(i)) < kAgree * sigma;
     }
-    for (int s = 0; s < kShifts; ++s) sum[s] += Nats(distances[i][s], sigma);
   }
-  Path path;
-  int s = static_cast<int>(std::min_element(sum.begin(), sum.end()) - sum.begin());
-  path.nats = sum[s];
-  path.shift.resize(n);
-  for (size_t i = n; i-- > 0; s = from[i][s]) path.shift[i] = s;
-  return path;
 }
 
-std::vector<FrameStep> StepsOf(const Path& path, const std::vector<Instant>& instants, int64_t base_shift) {
-  std::vector<FrameStep> steps;
+FrameSteps StepsOf(const CheapestPath& path, const Eigen::MatrixXd& distances, double sigma,
+                   const std::vector<Instant>& instants, int64_t first_shift) {
+  const Eigen::MatrixXd nats = NatsOf(distances, sigma);
+  FrameSteps found;
+  std::vector<double> kept;
   for (size_t i = 0; i < instants.size(); ++i) {
-    const int64_t shift = base_shift + path.shift[i] - kReach;
-    if (steps.empty() || steps.back().shift != shift) steps.push_back({instants[i].frame, shift});
+    kept.push_back(distances(path.state[i], static_cast<Eigen::Index>(i)));
+    if (i > 0 && path.state[i] == path.state[i - 1]) continue;
+    FrameStep step{instants[i].frame, first_shift + path.state[i], instants[i].frame};
+    if (i > 0) {
+      const size_t low = SureEdge(nats, path.state, i, -1), high = SureEdge(nats, path.state, i, 1);
+      step.last_before = instants[low > 0 ? low - 1 : 0].frame;
+      step.frame = instants[std::min(high, instants.size() - 1)].frame;
+    }
+    found.steps.push_back(step);
   }
-  return steps;
+  found.most = UpperQuantile(std::move(kept), 0.9);
+  CountAgreeing(distances, sigma, instants, path.state, &found.steps);
+  return found;
 }
 
 }  // namespace
@@ -148,26 +181,38 @@ BoardTurns TurnsOf(const std::vector<Board>& boards) {
   return turns;
 }
 
-std::vector<FrameStep> FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift, const BoardTurns& turns) {
-  const std::vector<Instant> instants = InstantsOf(a, b, base_shift);
-  if (instants.size() < kMinFrames) return {};
-  std::vector<Distances> all;
+bool FrameSteps::Supported() const {
+  constexpr int kLeast = 6;
+  constexpr double kShare = 0.8;
+  return !steps.empty() && std::all_of(steps.begin(), steps.end(), [&](const FrameStep& step) {
+    return step.num_agreeing >= kLeast && step.num_agreeing >= kShare * step.num_frames;
+  });
+}
+
+FrameSteps FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift, const BoardTurns& turns, int reach) {
+  const std::vector<Instant> all = InstantsOf(a, b, base_shift, reach);
+  if (all.size() < kMinFrames) return {};
+  const std::vector<Instant> instants = ThinnedInstants(all);
+  std::vector<std::pair<Rigid3, Eigen::MatrixXd>> trials;  // a_from_b and the distances under it
   double sigma = kNone;
-  for (const Rigid3& candidate : Candidates(instants, turns)) {
-    all.push_back(DistancesUnder(candidate, instants));
-    sigma = std::min(sigma, LeastMedian(all.back()));
+  for (const StepCandidate& candidate : StepCandidates(instants, turns)) {
+    trials.emplace_back(candidate.a_from_b, DistancesUnder(candidate.a_from_b, instants));
+    sigma = std::min(sigma, LeastMedian(trials.back().second));
   }
   sigma = std::max(kNoiseFloor, sigma);
-  Path best;
-  double constant = kNone;
-  for (const Distances& distances : all) {
-    constant = std::min(constant, ConstantNats(distances, sigma));
-    Path path = CheapestPath(distances, sigma);
-    if (path.nats < best.nats) best = std::move(path);
+  double constant = kNone, least = kNone;
+  Rigid3 best;
+  for (const auto& [a_from_b, distances] : trials) {
+    const Eigen::MatrixXd nats = NatsOf(distances, sigma);
+    constant = std::min(constant, nats.row(reach).sum());
+    const double cost = FindCheapestPath(nats, kChangeNats).nats;
+    if (cost < least) least = cost, best = a_from_b;
   }
-  if (!(constant - best.nats >= kNeededNats)) return {};
-  const std::vector<FrameStep> steps = StepsOf(best, instants, base_shift);
-  return steps.size() > 1 ? steps : std::vector<FrameStep>();
+  if (!(constant - least >= kNeededNats)) return {};
+  const Eigen::MatrixXd distances = DistancesUnder(best, all);
+  FrameSteps found =
+      StepsOf(FindCheapestPath(NatsOf(distances, sigma), kChangeNats), distances, sigma, all, base_shift - reach);
+  return found.steps.size() > 1 ? found : FrameSteps();
 }
 
 }  // namespace mvstudio::calib

@@ -7,6 +7,7 @@
 #include "calib/verdict/judgement.h"
 #include "core/format.h"
 #include "core/statistics.h"
+#include "geometry/rig/plausible.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -170,7 +171,7 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
               "leave the camera out of option 'fix', or check that the calibration is that of this footage");
   if (!report.frames_doubt.empty())
     out->Warn("CAL-FRAMES", report.frames_doubt,
-              report.frame_shift.empty() && report.frame_rates.empty()
+              report.frame_shift.empty() && report.frame_rates.empty() && report.frame_drops.empty()
                   ? "check that frames with the same number were taken at the same time"
                   : "number the frames by their time stamps");
   double scale = 1;
@@ -181,7 +182,8 @@ void JudgeFrames(const CalibrateReport& report, Judgement* out) {
              "check that the cameras are synchronised and did not move while the boards were filmed");
 }
 
-void JudgeData(const CameraReport& camera, Judgement* out) {
+void JudgeData(const CalibrateReport& report, size_t c, Judgement* out) {
+  const CameraReport& camera = report.cameras[c];
   const char* name = camera.name.c_str();
   if (camera.num_places < kWarnViews && !camera.lens_held && !camera.points_in_space) {
     const bool repeated = camera.num_places < camera.num_views;
@@ -190,8 +192,7 @@ void JudgeData(const CameraReport& camera, Judgement* out) {
                   (repeated ? Format(" in %d places", camera.num_places) : ""),
               Format("%d places or more are better", kWarnViews));
   }
-  // Beyond the circle of a wide lens there is no picture.
-  if (camera.folds.share > kFoldSlack && !geometry::IsWide(camera.model)) {
+  if (c < report.rig.cameras.size() && geometry::FoldsInside(report.rig.cameras[c].camera)) {
     out->Warn(
         "CAL-FOLD",
         Format(
@@ -229,7 +230,7 @@ Verdict Judge(const CalibrateReport& report) {
     JudgeGross(report.cameras[c], &judgement);
     JudgeFocal(report.cameras[c], &judgement);
     if (c < report.rig.cameras.size() && !report.cameras[c].lens_held) JudgeCentre(report.rig.cameras[c].camera, &judgement);
-    JudgeData(report.cameras[c], &judgement);
+    JudgeData(report, c, &judgement);
     JudgeReach(report, c, hints, &judgement);
   }
   JudgeVolume(report.uncertainty,

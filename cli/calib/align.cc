@@ -62,8 +62,8 @@ void SayFound(const calib::CornerFindings& found, CommandResult* result) {
   for (const calib::TurnedCamera& camera : found.turned)
     result->warnings.push_back(
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"});
-  if (!found.frame_shift.empty())
-    result->warnings.push_back({"CAL-FRAMES", found.shift_text + "; they were added",
+  if (!found.numbers_text.empty())
+    result->warnings.push_back({"CAL-FRAMES", found.numbers_text,
                                 "number the frames by their time stamps, or give them as --timestamps FILE"});
 }
 

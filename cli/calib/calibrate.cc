@@ -174,7 +174,9 @@ bool SeesNoBoard(const std::string& name, const calib::CalibrateInput& input) {
                       [&](const calib::Detection& d) { return input.cameras[static_cast<size_t>(d.camera_idx)].name == name; });
 }
 
-/// The cameras that could not be calibrated while others were.
+constexpr char kNotFilmed[] = "the take with the board has no footage of it";
+
+/// The cameras that could not be calibrated while others were, and the session's cameras that the board's take lacks.
 void SayLeftOut(const std::vector<calib::LeftOutCamera>& left_out, const stages::CornerInput& corners, CommandResult* result) {
   ordered_json& rows = result->metrics["left_out"] = ordered_json::array();
   for (const calib::LeftOutCamera& camera : left_out) {
@@ -184,24 +186,17 @@ void SayLeftOut(const std::vector<calib::LeftOutCamera>& left_out, const stages:
     }
     rows.push_back({{"name", camera.name}, {"reason", reason}});
     std::string hint = "the others are written; film it again, or add it later with --start and --fix";
-    if (SeesNoBoard(camera.name, corners.input))
+    if (reason == kNotFilmed) {
+      hint =
+          "the others are written, and later stages leave it out; film the board with it, or add it later with --start and "
+          "--fix";
+    } else if (SeesNoBoard(camera.name, corners.input)) {
       hint +=
           "; if it looks at the back of the board, print one there too: --board twice, or two-sided=THICKNESS (docs/boards.md)";
+    }
     result->errors.push_back({"CAL-LEFTOUT", "camera " + camera.name + " is not calibrated: " + reason, hint});
   }
   if (!left_out.empty() && result->exit == kExitOk) result->exit = kExitPartial;
-}
-
-/// The session's cameras that the board's take lacks.
-void SayNotFilmed(const std::vector<std::string>& cameras, CommandResult* result) {
-  for (const std::string& name : cameras) {
-    const std::string reason = "the take with the board has no footage of it";
-    result->metrics["left_out"].push_back({{"name", name}, {"reason", reason}});
-    result->errors.push_back({"CAL-LEFTOUT", "camera " + name + " is not calibrated: " + reason,
-                              "the others are written, and later stages leave it out; film the board with it, or add it later "
-                              "with --start and --fix"});
-  }
-  if (!cameras.empty() && result->exit == kExitOk) result->exit = kExitPartial;
 }
 
 /// Without a floor, the world is a camera's, and nothing is up.
@@ -271,8 +266,9 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
       !arguments.session.session.empty() && arguments.corners.cameras.empty() && arguments.corners.corners.empty();
   if (!from_points) stages::FillCorners(arguments.session, &arguments.corners, &result);
   stages::FillTimeline(&arguments.corners, &result);
-  const std::vector<std::string> not_filmed =
-      from_session ? stages::CamerasWithoutBoard(arguments.session) : std::vector<std::string>{};
+  std::vector<calib::LeftOutCamera> not_filmed;
+  for (const std::string& name : from_session ? stages::CamerasWithoutBoard(arguments.session) : std::vector<std::string>{})
+    not_filmed.push_back({name, kNotFilmed});
   arguments.corners.footage.all_cameras = false;
   const auto start = std::chrono::steady_clock::now();
   stages::CornerInput corners =
@@ -293,6 +289,8 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
     unsolved.outputs = result.outputs;
     return unsolved;
   }
+  solved.left_out.insert(solved.left_out.end(), not_filmed.begin(), not_filmed.end());
+  NameLeftOut(solved.left_out, &solved.report.verdict);
   result.folder = arguments.out;
   const std::string path = arguments.out + "/calibration.json";
   geometry::WriteRig(report.rig, path);
@@ -307,11 +305,12 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   result.text += stages::CalibrateSummary(report);
   if (!from_points) AddFilmGain(report, corners.input.boards, &result);
   AddBoardPlaces(report, corners.input.boards, front_of, &result);
-  for (const auto& reason : report.verdict.reasons)
-    result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments), reason.fails});
+  for (const auto& reason : report.verdict.reasons) {  // cameras left out are errors, with their reasons
+    if (reason.code != "CAL-LEFTOUT")
+      result.warnings.push_back({reason.code, reason.text, HintFor(reason, arguments), reason.fails});
+  }
   if (report.verdict.outcome() == calib::Outcome::kFail) result.exit = kExitQualityGate;
   SayLeftOut(solved.left_out, corners, &result);
-  SayNotFilmed(not_filmed, &result);
   AskForFloor(report.rig.gauge, !arguments.session.session.empty(), path, &result);
   stages::WarnOfCovariance(report.rig, &result);
   return result;

@@ -43,12 +43,6 @@ double Decentring(const Camera& camera) {
   return p1 < 0 ? 0 : std::max(std::abs(camera.params[4 + p1]), std::abs(camera.params[5 + p1]));
 }
 
-bool FoldsInside(const Camera& camera) {
-  if (camera.model == LensModel::kSplined) return false;  // a control grid that leaves the corners out folds nowhere
-  if (IsWide(camera.model) && ValidRadius(camera) > kMaxFoldOfWideLens) return false;
-  return ShareWithoutRay(camera) > 0;
-}
-
 /// The order that makes sense where the one read does not; empty when there is none.
 std::string BetterOrder(const Camera& camera) {
   for (const TermOrder& other : OtherTermOrders(camera)) {
@@ -86,7 +80,7 @@ std::string LookAtDecentring(const Camera& camera) {
 
 std::string LookAtFold(const Camera& camera) {
   if (!FoldsInside(camera)) return "";
-  return "the lens folds inside the image: " + Number(std::max(0.1, 100 * ShareWithoutRay(camera))) +
+  return "the lens folds inside the image: " + Number(100 * ShareWithoutRay(camera)) +
          " % of it, at the corners first, belong to no direction";
 }
 
@@ -226,6 +220,13 @@ std::vector<TermOrder> OtherTermOrders(const Camera& camera) {
     default:
       return {};
   }
+}
+
+bool FoldsInside(const Camera& camera) {
+  constexpr double kSlack = 0.02;                         // of the image: four folded corners are less
+  if (camera.model == LensModel::kSplined) return false;  // a control grid that leaves the corners out folds nowhere
+  if (IsWide(camera.model) && ValidRadius(camera) > kMaxFoldOfWideLens) return false;
+  return ShareWithoutRay(camera) > kSlack;
 }
 
 double ShareWithoutRay(const Camera& camera) {

@@ -13,8 +13,7 @@ namespace mvstudio::geometry {
 /// Implausible properties of a calibration, at most one finding per kind; it lists the cameras concerned.
 ///   - CAL-DECENTRING: |p1| or |p2| above 0.05. Measured lenses stay below 0.01.
 ///   - CAL-TERMORDER: the distortion is plausible in another order of its terms (OtherTermOrders).
-///   - CAL-FOLD: the projection is not monotone within the image. A wide lens may leave corners dark, so only its folds
-///     less than 60 degrees off the axis count; splined lenses are exempt.
+///   - CAL-FOLD: FoldsInside.
 ///   - CAL-CENTRE: the principal point is more than 30 % of a side outside the image. Crops usually stay within that.
 ///   - CAL-FOCALSIZE: the focal length is below 0.15 or above 30 diagonals (147 and 2 degrees corner to corner; of a
 ///     wide lens below 0.05, px per radian). Or fx and fy differ by more than a fourth, as when width and height are
@@ -40,6 +39,10 @@ std::vector<TermOrder> OtherTermOrders(const Camera& camera);
 /// Fraction of the image, 0 … 1, whose pixels have no ray: beyond the radius where the lens folds, or outside its control
 /// grid.
 double ShareWithoutRay(const Camera& camera);
+
+/// Whether the projection is not monotone in more than 2 % of the image. A wide lens may leave corners dark, so only its folds
+/// less than 60 degrees off the axis count; splined lenses are exempt.
+bool FoldsInside(const Camera& camera);
 
 /// Why a file's rotation matrix is not a rotation (a reflection, not orthogonal, not finite); empty if it is one.
 /// `tolerance` is on the Frobenius norm of M M^T - I.

@@ -60,7 +60,9 @@ std::vector<BoardView> ChooseOf(const std::vector<BoardView>& views) {
 class FrameNumbers {
  public:
   FrameNumbers(const CornerArguments& arguments, const calib::CalibrateReport& report, const std::vector<int>& kept)
-      : steps_(report.cameras.size()), last_(report.cameras.size(), std::numeric_limits<int64_t>::max()) {
+      : drops_(report.frame_drops),
+        steps_(report.cameras.size()),
+        last_(report.cameras.size(), std::numeric_limits<int64_t>::max()) {
     for (size_t c = 0; c < report.cameras.size(); ++c) {
       shift_.push_back(report.frame_shift.empty() ? 0 : report.frame_shift[c]);
       rates_.push_back(report.frame_rates.empty() ? calib::FrameRate() : report.frame_rates[c].Inverse());
@@ -75,7 +77,7 @@ class FrameNumbers {
   /// Negative: none, or one that takes long to reach.
   int64_t Of(int camera, int64_t frame_idx) const {
     const auto c = static_cast<size_t>(camera);
-    int64_t frame = rates_[c].At(frame_idx - shift_[c]).value_or(-1);
+    int64_t frame = rates_[c].At(calib::FrameBeforeDrops(drops_, camera, frame_idx - shift_[c])).value_or(-1);
     if (!steps_[c].empty()) {
       const auto found = steps_[c].find(frame);
       frame = found == steps_[c].end() ? -1 : found->second;
@@ -86,6 +88,7 @@ class FrameNumbers {
  private:
   std::vector<int64_t> shift_;
   std::vector<calib::FrameRate> rates_;
+  std::vector<calib::FrameDrop> drops_;
   std::vector<std::map<int64_t, int64_t>> steps_;
   std::vector<int64_t> last_;
 };

@@ -162,6 +162,11 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
   m["board_stretch_reason"] = report.stretch_reason;
   if (!report.time_reason.empty()) m["time_offset_reason"] = report.time_reason;
   if (!report.frame_shift.empty()) m["frame_shift"] = report.frame_shift;
+  for (const calib::FrameDrop& drop : report.frame_drops)
+    m["frame_drops"].push_back({{"camera", report.cameras[static_cast<size_t>(drop.camera_idx)].name},
+                                {"last_frame_before", drop.last_before},
+                                {"first_frame_after", drop.frame},
+                                {"lost", drop.count}});
   if (!report.frame_rates.empty()) m["frame_rates"] = calib::ToString(report.frame_rates, geometry::CameraNames(report.rig));
   if (report.free_boards) m["free_boards"] = RowsJson(report.board_moves);
 }

@@ -75,6 +75,29 @@ TEST(PlaceFromKeypoints, CamerasFarOffArePlacedByTheOthers) {
   EXPECT_LT(geometry::AlignPoints(found, wanted, true).rms, 0.3);
 }
 
+/// Two cameras: how many joints and frames they share, and what is missing.
+TEST(PlaceFromKeypoints, TwoCamerasAreToldWhatTheyLack) {
+  const geometry::Rig truth = PeopleRig(2);
+  testing::PeopleOptions options;
+  const std::vector<triangulate::DetectedFrame> frames = FilmPeople(truth, options);
+  const auto place = [&](const std::vector<triangulate::DetectedFrame>& some) {
+    return PlaceFromKeypoints(WithoutPoses(truth), some, Lengths(options), 0.3);
+  };
+  const PlacedRig few = place({frames[0], frames[1]});
+  EXPECT_EQ(few.status, Status::kTooFewViews);
+  EXPECT_THAT(few.message, HasSubstr("cameras cam0 and cam1 see "));
+  EXPECT_THAT(few.message, HasSubstr("in 2 frames; at least 30 are needed"));
+  std::vector<triangulate::DetectedFrame> alternating = frames;
+  for (size_t f = 0; f < frames.size(); ++f) alternating[f].people[f % 2].clear();
+  EXPECT_THAT(place(alternating).message, HasSubstr("no two cameras see a joint at once"));
+  std::vector<triangulate::DetectedFrame> apart = frames;
+  for (size_t f = 0; f < frames.size(); ++f) apart[f].people[1] = frames[(f + 17) % frames.size()].people[1];
+  const PlacedRig late = place(apart);
+  if (late.status == Status::kTooFewViews) {
+    EXPECT_THAT(late.message, HasSubstr("are they synchronous"));
+  }
+}
+
 TEST(PlaceFromKeypoints, WhatCannotBePlacedIsSaid) {
   const geometry::Rig truth = PeopleRig(3);
   testing::PeopleOptions options;

@@ -94,6 +94,21 @@ TEST(CalibrateSolvable, ACameraThatAnOptionNamesIsNotLeftOut) {
   EXPECT_THAT(found.left_out, IsEmpty());
 }
 
+TEST(NameLeftOut, TheVerdictSaysWhoIsMissing) {
+  Verdict verdict;
+  NameLeftOut({}, &verdict);
+  EXPECT_EQ(verdict.status, "pass");
+  NameLeftOut({{"cam2", "no corners"}, {"cam3", "no link"}}, &verdict);
+  EXPECT_EQ(verdict.status, "warn");
+  ASSERT_EQ(verdict.reasons.size(), 1u);
+  EXPECT_EQ(verdict.reasons[0].code, "CAL-LEFTOUT");
+  EXPECT_EQ(verdict.reasons[0].text, "cameras cam2, cam3 are left out: the verdict is of the others");
+  verdict = {"fail", {{"CAL-VOLUME", "x", "", true}}};
+  NameLeftOut({{"cam2", "no corners"}}, &verdict);
+  EXPECT_EQ(verdict.status, "fail") << "a gate that failed counts more";
+  EXPECT_EQ(verdict.reasons[0].text, "camera cam2 is left out: the verdict is of the others");
+}
+
 TEST(CamerasBesideMost, NeedAMajority) {
   EXPECT_THAT(internal::CamerasBesideMost({{0, 1, 3}, {2}}), ElementsAre(2));
   EXPECT_THAT(internal::CamerasBesideMost({{2}, {0, 1, 3}}), ElementsAre(2));

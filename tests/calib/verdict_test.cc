@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "calib/lens/intrinsics.h"
+#include "geometry/rig/plausible.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {
@@ -158,15 +159,34 @@ TEST(Verdict, AFoldIsNamedByItsPlaces) {
   folding = WithModel(folding, geometry::LensModel::kBrown1, {});
   folding.params[4] = -0.9;
   report.cameras[0].folds = FindFolds(folding);
-  ASSERT_GT(report.cameras[0].folds.share, kFoldSlack);
+  std::swap(report.rig.cameras[0].camera, folding);
   report.verdict = Judge(report);
   const std::string text = Said(report, "CAL-FOLD");
   for (const char* part : {"top-left corner", "bottom-right corner", "from "})
     EXPECT_NE(text.find(part), std::string::npos) << text;
   EXPECT_EQ(text.find("middle"), std::string::npos) << text;
   EXPECT_EQ(text.find("inf"), std::string::npos) << text;
-  report.cameras[0].folds = FindFolds(report.rig.cameras[0].camera);
+  report.cameras[0].folds = FindFolds(folding);
   EXPECT_EQ(report.cameras[0].folds.share, 0);
+}
+
+/// What `calib show` says of the rig: a fisheye that folds near its axis, and one whose circle ends within the image.
+TEST(Verdict, AFoldIsSaidAsOfAnyFile) {
+  CalibrateReport report = Calibrate(testing::ToInput(MakeRecording()), testing::PlainOptions(), {});
+  geometry::Camera& lens = report.rig.cameras[0].camera;
+  lens = WithModel(lens, geometry::LensModel::kKannalaBrandt4, {});
+  lens.params.tail<4>().setZero();
+  for (const double focal_px : {250.0, 330.0}) {
+    for (const double k1 : {-0.6, -0.05, 0.0}) {
+      lens.params[0] = lens.params[1] = focal_px, lens.params[4] = k1;
+      report.cameras[0].model = lens.model, report.cameras[0].folds = FindFolds(lens);
+      report.verdict = Judge(report);
+      const auto shown = geometry::DoubtsAbout(report.rig);
+      const bool said = std::any_of(shown.begin(), shown.end(), [](const Notice& doubt) { return doubt.code == "CAL-FOLD"; });
+      EXPECT_EQ(said, k1 == -0.6) << focal_px << " " << k1;
+      EXPECT_EQ(!Said(report, "CAL-FOLD").empty(), said) << focal_px << " " << k1;
+    }
+  }
 }
 
 TEST(Verdict, WhereThereIsNoSolutionACameraOfFewBoardsIsNamed) {
