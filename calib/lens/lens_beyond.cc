@@ -49,6 +49,13 @@ std::string Figures(const LensCandidate& candidate, const BeyondBoards& beyond, 
   return ToString(candidate.config) + " (" + ToString(beyond) + Loss(candidate, best_error) + ")";
 }
 
+/// Whether it fails by less where no board was.
+bool IsNearer(const BeyondBoards& a, const BeyondBoards& b) {
+  if (a.level != b.level) return a.level < b.level;
+  if (std::abs(a.folded - b.folded) > kFoldSlack) return a.folded < b.folded;
+  return a.side_px < b.side_px || (std::isnan(b.side_px) && !std::isnan(a.side_px));
+}
+
 /// Simpler, and no less honest where no board was: the curves of one or two parameters of other wide lenses claim to know
 /// what is there.
 bool MayReplace(const LensCandidate& candidate, const LensCandidate& chosen) {
@@ -87,22 +94,19 @@ int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<
   const LensCandidate& of_chosen = candidates[static_cast<size_t>(chosen)];
   const BeyondBoards wanted = JudgeBeyond(of_chosen.fit, options, need_px);
   if (wanted.level == Level::kPass) return chosen;
-  int taken = chosen, closest = -1;
-  BeyondBoards of_taken = wanted, of_closest;
+  int taken = chosen, closest = chosen;
+  BeyondBoards of_taken = wanted, of_closest = wanted;
   for (size_t i = 0; i < candidates.size(); ++i) {
-    if (!MayReplace(candidates[i], of_chosen)) continue;
+    if (!near[i] || !MayReplace(candidates[i], of_chosen)) continue;
     const BeyondBoards beyond = JudgeBeyond(candidates[i].fit, options, need_px);
-    if (near[i] && beyond.level < of_taken.level) taken = static_cast<int>(i), of_taken = beyond;
-    const bool nearer = closest < 0 || beyond.level < of_closest.level ||
-                        (beyond.level == of_closest.level &&
-                         candidates[i].relative_error < candidates[static_cast<size_t>(closest)].relative_error);
-    if (nearer) closest = static_cast<int>(i), of_closest = beyond;
+    if (beyond.level < of_taken.level) taken = static_cast<int>(i), of_taken = beyond;
+    if (IsNearer(beyond, of_closest)) closest = static_cast<int>(i), of_closest = beyond;
   }
   const double best_error = of_chosen.relative_error;
   if (taken != chosen) {
     *note = Figures(candidates[static_cast<size_t>(taken)], of_taken, best_error) + " in place of " +
             ToString(of_chosen.config) + " (" + ToString(wanted) + ")";
-  } else if (closest >= 0) {
+  } else if (closest != chosen) {
     *note =
         "of the simpler lenses " + Figures(candidates[static_cast<size_t>(closest)], of_closest, best_error) + " comes nearest";
   }

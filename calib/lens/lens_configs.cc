@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <numeric>
+#include <utility>
 
 #include "calib/bundle/view_clusters.h"
+#include "core/statistics.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -42,6 +45,21 @@ int LargestIndependentCorners(const LensPool& pool) {
     largest = std::max(largest, sum);
   }
   return largest;
+}
+
+/// Places of the board that a lens is seen with: those of a usual camera, or of all that share it.
+int PlacesOf(const LensPool& pool, bool shared) {
+  std::vector<int> places = ClustersOfCameras(pool);
+  return shared ? std::accumulate(places.begin(), places.end(), 0) : UpperMedian(std::move(places));
+}
+
+/// A place of the board shows the lens along one way through the image: as many terms as places can be told apart. Lenses of up
+/// to four terms are compared however few there are.
+bool MayBeDetermined(const LensConfig& config, const LensPool& pool) {
+  constexpr int kAlwaysCompared = 4;
+  if (config.model == LensModel::kSplined) return true;  // asks for many corners
+  const int terms = geometry::NumDistortionParams(config.model);
+  return terms <= kAlwaysCompared || terms <= PlacesOf(pool, config.shared);
 }
 
 /// Models worth comparing for the field of view and the number of corners.
@@ -86,11 +104,14 @@ std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOpti
   std::vector<LensConfig> configs = options.only;
   for (LensConfig& config : configs) config.warp = options.warp, config.stretch = options.stretch;
   if (!configs.empty()) return configs;
+  const auto add = [&](const LensConfig& config) {
+    if (!options.models.empty() || MayBeDetermined(config, pool)) configs.push_back(config);
+  };
   for (LensConfig config : options.models.empty() ? Models(pool, few) : options.models) {
     config.warp = options.warp, config.stretch = options.stretch;
-    if (options.separate || cameras == 1) configs.push_back(config);
+    if (options.separate || cameras == 1) add(config);
     config.shared = true;
-    if (options.sharing && cameras > 1) configs.push_back(config);
+    if (options.sharing && cameras > 1) add(config);
   }
   std::stable_sort(configs.begin(), configs.end(), [&](const LensConfig& a, const LensConfig& b) {
     return NumLensParams(a, cameras) < NumLensParams(b, cameras);

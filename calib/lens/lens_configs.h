@@ -15,7 +15,8 @@ int LargestNumCorners(const LensPool& pool);
 std::vector<int> ClustersOfCameras(const LensPool& pool);
 
 /// The configurations that `options` asks for; otherwise all lenses that the field of view and the number of corners
-/// allow. If `few`, only those with few parameters. Fewest parameters first.
+/// allow, those of more than four terms of distortion with at least as many places of the board. If `few`, only those with few
+/// parameters. Fewest parameters first.
 std::vector<LensConfig> Configurations(const LensPool& pool, const SelectionOptions& options, bool few);
 
 }  // namespace mvstudio::calib

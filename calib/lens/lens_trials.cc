@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "calib/bundle/camera_noise.h"
 #include "calib/lens/lens_configs.h"
@@ -46,6 +47,10 @@ bool LosesSurely(const LensCandidate& candidate, const LensCandidate& best) {
          worse_by.mean > kSureStandardErrors * worse_by.standard_error;
 }
 
+/// A curve of one or two parameters and its decentred version: Kannala and Brandt's lens takes its place wherever that does as
+/// well (JudgeLenses), so a curve can win only where that one leaves something to explain.
+bool IsShortCurve(const LensConfig& config) { return geometry::IsWide(config.model) && !IsGrid(config) && !IsStandard(config); }
+
 /// How much more of the boards' residuals the candidate explains, in variances of a coordinate.
 double GainOver(const LensCandidate& candidate, const LensCandidate& best, double sigma_px) {
   const std::vector<double> a = ClusterSquares(best.fit, sigma_px), b = ClusterSquares(candidate.fit, sigma_px);
@@ -62,9 +67,14 @@ bool IsCaseOf(const LensConfig& simpler, const LensConfig& richer) {
   return model.has_value();
 }
 
-/// Whether its further terms explain no more than noise would: one coordinate's variance each.
+/// Whether its further terms explain no more than noise would, one coordinate's variance each, or less than they cost and a
+/// negligible part of the whole: held-out boards gain less than those that take part.
 bool ExplainsNothing(const LensCandidate& richer, const LensCandidate& simpler, double sigma_px) {
-  return GainOver(richer, simpler, sigma_px) <= NumParams(richer) - NumParams(simpler);
+  const double gain = GainOver(richer, simpler, sigma_px);
+  if (gain <= NumParams(richer) - NumParams(simpler)) return true;
+  const std::vector<double> squares = ClusterSquares(simpler.fit, sigma_px);
+  const double all = std::accumulate(squares.begin(), squares.end(), 0.0);
+  return gain <= SchwarzCost(richer) - SchwarzCost(simpler) && gain <= 2 * kNegligibleGain * all;
 }
 
 /// Whether a smoother lens could still explain something: what varies smoothly over a board, in any camera. Boards of few
@@ -172,7 +182,6 @@ class Trials {
 /// Grids from coarse to fine, shared like the best lens, until a finer one explains no more than its numbers cost.
 void TryGrids(const std::vector<LensConfig>& grids, Trials* trials) {
   size_t best = trials->Best();
-  if (!LeavesSmoothErrors(trials->candidates()[best].fit)) return;
   double before = std::numeric_limits<double>::infinity();
   for (const LensConfig& grid : grids) {
     if (grid.shared != trials->candidates()[best].config.shared) continue;
@@ -207,11 +216,14 @@ void HoldOut(const SelectionOptions& options, const BundleOptions& bundle, LensC
 
 std::vector<LensCandidate> TryLenses(const LensPool& pool, const std::vector<LensConfig>& configs,
                                      const SelectionOptions& options, const BundleOptions& bundle, const RunContext& run) {
-  std::vector<LensConfig> formulas, grids;
-  for (const LensConfig& config : configs) (IsGrid(config) ? grids : formulas).push_back(config);
+  std::vector<LensConfig> formulas, curves, grids;
+  const bool standard = std::any_of(configs.begin(), configs.end(), IsStandard);
+  for (const LensConfig& config : configs)
+    (IsGrid(config) ? grids : standard && IsShortCurve(config) ? curves : formulas).push_back(config);
   Trials trials(pool, options, bundle, run);
   const bool asked = formulas.empty() || !options.models.empty();
-  const std::vector<size_t> fitted = trials.Fit(asked ? configs : formulas);
+  std::vector<size_t> fitted = trials.Fit(asked ? configs : formulas);
+  if (fitted.empty() && !asked) fitted = trials.Fit(std::exchange(curves, {}));
   if (fitted.empty()) return {};
   if (asked) {
     trials.HoldOutThese(fitted);
@@ -220,7 +232,9 @@ std::vector<LensCandidate> TryLenses(const LensPool& pool, const std::vector<Len
   const int first = std::max(0, CheapestByEvidence(trials.candidates()));
   trials.HoldOutThese({static_cast<size_t>(first)});
   trials.HoldOutThese(trials.Hopeful(fitted, static_cast<size_t>(first)));
-  if (!grids.empty()) TryGrids(grids, &trials);
+  if ((curves.empty() && grids.empty()) || !LeavesSmoothErrors(trials.candidates()[trials.Best()].fit)) return trials.Take();
+  trials.HoldOutThese(trials.Hopeful(trials.Fit(curves), trials.Best()));
+  TryGrids(grids, &trials);
   return trials.Take();
 }
 
