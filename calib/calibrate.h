@@ -55,6 +55,8 @@ struct CameraReport {
   int num_lost_views = 0;                                      ///< boards all of whose corners were rejected
   double sigma_px = std::numeric_limits<double>::quiet_NaN();  ///< standard deviation per coordinate of its corners
   double repeat_correlation = 0;            ///< correlation of a corner's errors in images of a board that did not move: 0 to 1
+  double aspect_sigma = 0;                  ///< of log(fx / fy) with the boards' cells free; infinite where it is open, 0 where
+                                            ///< nothing makes one ask
   double focal_px = 0, focal_sigma_px = 0;  ///< mean of fx and fy; sigma 0 also where the rig states no covariance of the
                                             ///< lens
   double rms_px = 0;

@@ -192,6 +192,7 @@ void AddUncertainty(const CalibrateInput& input, const CalibrateOptions& options
   const WithOmitted considered = Considered(input, options, work, report->sigma_px);
   const ProjectionUncertainty uncertainty(work.evidence, considered.state, considered.options, report->sigma_px, held);
   report->uncertainty = uncertainty.Summarize();
+  internal::ReportAspect(input.boards, held, work, report);
   constexpr int kCols = 12, kRows = 8;
   for (size_t c = 0; c < report->uncertainty.cameras.size(); ++c) {
     const double range_m = report->uncertainty.cameras[c].range_m;

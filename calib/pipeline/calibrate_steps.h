@@ -181,6 +181,10 @@ struct RigError {
 /// others. `views` are those frames' views; lenses and camera poses are those of `state`.
 std::vector<RigError> RigErrors(const std::vector<View>& views, const RigState& state);
 
+/// How well each camera's fx / fy is known when the cells of the boards need not be square (CameraReport::aspect_sigma), where
+/// pixels or cells seem not to be.
+void ReportAspect(const std::vector<Board>& boards, const HeldCovariance& held, const Work& work, CalibrateReport* report);
+
 /// There is no solution: what is known besides may be why.
 void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report);
 

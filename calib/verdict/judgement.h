@@ -29,6 +29,15 @@ double PixelScale(const CalibrateReport& report, size_t camera);
 /// where corners are nearly perfect, the limit of so many standard deviations is a few hundredths of a pixel.
 double SlightlyRejected(const CalibrateReport& report, int camera_idx);
 
+inline const char* const kTimeHint =
+    "check that frames with the same number were taken at the same time, and that no camera was moved";
+
+/// Whether cells or pixels are not square, where the boards leave it open.
+void JudgeAspect(const CalibrateReport& report, Judgement* out);
+
+/// Lengths on the triangulated boards; `scale` as of PixelScale, the largest.
+void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out);
+
 /// Judges the contradictions of a camera's boards with those of the others, or with each other.
 void JudgeEvidence(const CalibrateReport& report, Judgement* out);
 

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <string>
 #include <vector>
 
 #include "calib/calibrate.h"
@@ -211,6 +213,19 @@ void JudgeRejected(const CalibrateReport& report, Judgement* out) {
   out->Limit(share, kWarnRejected, kFailRejected, "CAL-REJECTED", text, hint);
 }
 
+/// Causes come before what follows from them: 0 the input and the recording, 1 the lenses, 2 errors that either explains, 3
+/// what the result is then worth.
+int Consequence(const std::string& code) {
+  static const std::map<std::string, int> kRanks = {
+      {"CAL-ASSUMED", 1},  {"CAL-FOCAL", 1},       {"CAL-CENTRE", 1},      {"CAL-ASPECT", 1},     {"CAL-FOLD", 1},
+      {"CAL-FEWVIEWS", 1}, {"CAL-NOHOLDOUT", 1},   {"CAL-CONTRADICTS", 2}, {"CAL-NOCORNERS", 2},  {"CAL-REJECTED", 2},
+      {"CAL-LOST", 2},     {"CAL-GROSS", 2},       {"CAL-HOLDOUT", 2},     {"CAL-RIGHOLDOUT", 2}, {"CAL-TRIANGULATED", 2},
+      {"CAL-STRAY", 2},    {"CAL-UNEXPLAINED", 2}, {"CAL-LENGTHS", 3},     {"CAL-UNCERTAIN", 3},  {"CAL-LOWCOV", 3},
+      {"CAL-VOLUME", 3}};
+  const auto found = kRanks.find(code);
+  return found == kRanks.end() ? 0 : found->second;
+}
+
 }  // namespace
 
 Verdict Judge(const CalibrateReport& report) {
@@ -238,6 +253,8 @@ Verdict Judge(const CalibrateReport& report) {
               &judgement);
   JudgeFrames(report, &judgement);
   internal::JudgeEvidence(report, &judgement);
+  std::stable_sort(judgement.verdict.reasons.begin(), judgement.verdict.reasons.end(),
+                   [](const Notice& a, const Notice& b) { return Consequence(a.code) < Consequence(b.code); });
   return judgement.verdict;
 }
 

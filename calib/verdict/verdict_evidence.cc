@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "calib/board/board.h"
 #include "calib/verdict/judgement.h"
 #include "core/format.h"
 #include "core/join.h"
@@ -19,21 +18,10 @@ constexpr double kFailHeldRatio = 3, kFailHeldPx = 0.5;  // of a held lens again
 constexpr double kMinReadoutSigmas = 5, kWarnReadoutPx = 0.3, kFailReadoutPx = 3;
 // Held-out corners beyond 5 px: as for a camera by itself.
 constexpr double kWarnGross = 0.005, kFailGross = 0.05;
-// Of triangulated corners against the pictures they come from, median; and of lengths over the size of the board.
-constexpr double kWarnTriangulatedPx = 1, kFailTriangulatedPx = 5;
-constexpr double kWarnLengths = 0.005, kFailLengths = 0.02;
-constexpr double kWarnStray = 0.02, kFailStray = 0.10;  // of the triangulated corners
-
-const char* const kSyncHint =
-    "check that frames with the same number were taken at the same time, and that no camera was moved";
-
-const char* const kNoiseHint =
-    "the cameras agree with each other, so this is the corners' noise in depth, or a board that is not as described: cameras "
-    "farther apart, nearer boards, sharper images, a measured board";
 
 /// One camera contradicts itself alone: its lens, its board, its images.
 const char* HintFor(bool in_rig) {
-  return in_rig ? kSyncHint
+  return in_rig ? kTimeHint
                 : "look at these images: blur, a hand over the board, corners numbered otherwise, a board that bends";
 }
 
@@ -104,8 +92,8 @@ void JudgeContradiction(const CameraReport& camera, double scale, Judgement* out
   const double excess = camera.rms_px - camera.alone_rms_px, ratio = camera.rms_px / camera.alone_rms_px;
   const std::string text = Format("camera %s: %.2f px in the rig against %.2f px by itself: it contradicts the other cameras",
                                   camera.name.c_str(), camera.rms_px, camera.alone_rms_px);
-  if (ratio > kFailRatio && excess > kFailExcessPx * scale) return out->Fail("CAL-CONTRADICTS", text, kSyncHint);
-  if (ratio > kContradictsRatio && excess > kContradictsPx * scale) out->Warn("CAL-CONTRADICTS", text, kSyncHint);
+  if (ratio > kFailRatio && excess > kFailExcessPx * scale) return out->Fail("CAL-CONTRADICTS", text, kTimeHint);
+  if (ratio > kContradictsRatio && excess > kContradictsPx * scale) out->Warn("CAL-CONTRADICTS", text, kTimeHint);
 }
 
 /// Clocks at different rates are no fault of the solution, which counts them, but of every other recording.
@@ -199,65 +187,7 @@ void JudgeRigHoldout(const CalibrateReport& report, Judgement* out) {
   out->Limit(report.rig_holdout_gross_fraction, kWarnGross, kFailGross, "CAL-RIGHOLDOUT",
              Format("frames held out: %.1f %% of the corners are off by more than 5 px, most in camera %s (%.0f %%)",
                     100 * report.rig_holdout_gross_fraction, worst->name.c_str(), 100 * worst->rig_holdout_gross_fraction),
-             kSyncHint);
-}
-
-/// No camera's corners are farther off in the rig than by themselves: time and motion are not in doubt.
-bool CamerasAgree(const CalibrateReport& report) {
-  constexpr double kAgrees = 1.1, kSlackPx = 0.02;
-  return report.frames_doubt.empty() &&
-         std::all_of(report.cameras.begin(), report.cameras.end(), [&](const CameraReport& camera) {
-           return camera.rms_px <= kAgrees * camera.alone_rms_px + kSlackPx && camera.num_lost_views == 0;
-         });
-}
-
-/// The cells of a board are not as high as wide, by more than printers and paper make of squares.
-bool CellsNotSquare(const geometry::RigBoard& board) { return std::abs(board.stretch.y()) > 0.005; }
-
-std::string CellsText(const geometry::RigBoard& shape) {
-  const double ratio = (1 - shape.stretch.y()) / (1 + shape.stretch.y());
-  return Format("the cells of board %s are not squares, they are %.1f %% %s than wide", shape.board.c_str(),
-                100 * std::abs(ratio - 1), ratio > 1 ? "higher" : "less high");
-}
-
-/// The images give the ratio of height to width alone, so one of the two must be as stated.
-std::string CellsHint(const geometry::RigBoard& shape) {
-  if (shape.board.rfind("points:", 0) == 0) return "measure them";
-  const Board board = ParseBoard(shape.board);
-  const double ratio = (1 - shape.stretch.y()) / (1 + shape.stretch.y());
-  const double width_mm = 1e3 * board.square_m, height_mm = 1e3 * board.row_step();
-  const std::string as_wide = Format("%.4gx%.4gmm", width_mm, height_mm * ratio);
-  const std::string as_high = Format("%.4gx%.4gmm", width_mm / ratio, height_mm);
-  std::string hint = "measure them: " + as_wide + " if they are as wide as stated, " + as_high +
-                     " if they are as high; until then all lengths of the rig may be off by " +
-                     Format("%.1f %%", 100 * std::abs(std::sqrt(ratio) - 1));
-  const size_t cell = shape.board.find(':', shape.board.find(':') + 1);
-  const bool takes_two =
-      board.kind == Board::Kind::kChessboard || board.kind == Board::Kind::kGrid || board.kind == Board::Kind::kCircles;
-  if (takes_two) hint += "; option 'board' " + shape.board.substr(0, cell + 1) + as_wide;
-  return hint;
-}
-
-void JudgeLengths(const CalibrateReport& report, double scale, Judgement* out) {
-  const BoardMetrics& boards = report.board_metrics;
-  out->Limit(boards.reprojection_median_px, kWarnTriangulatedPx * scale, kFailTriangulatedPx * scale, "CAL-TRIANGULATED",
-             Format("triangulated corners lie %.2f px (median) from the images they come from", boards.reprojection_median_px),
-             kSyncHint);
-  if (boards.num_points > 0) {
-    const double stray = static_cast<double>(boards.num_stray_points) / boards.num_points;
-    out->Limit(stray, kWarnStray, kFailStray, "CAL-STRAY",
-               Format("%d of %d triangulated corners lie far from where the others of their board put them",
-                      boards.num_stray_points, boards.num_points),
-               "some corners are detected wrongly, or numbered otherwise in one camera: look at the rejected ones");
-  }
-  const double share = 1e-3 * boards.pair_rms_mm / report.board_size_m;
-  const std::string text = Format("lengths on the triangulated boards are off by %.3g mm, %.1f %% of the board's size",
-                                  boards.pair_rms_mm, 100 * share);
-  const auto cells = std::find_if(report.rig.boards.begin(), report.rig.boards.end(), CellsNotSquare);
-  if (cells == report.rig.boards.end())
-    return out->Limit(share, kWarnLengths, kFailLengths, "CAL-LENGTHS", text, CamerasAgree(report) ? kNoiseHint : kSyncHint);
-  const std::string told = (std::isfinite(share) ? text + ": " : "") + CellsText(*cells);
-  share > kFailLengths ? out->Fail("CAL-LENGTHS", told, CellsHint(*cells)) : out->Warn("CAL-LENGTHS", told, CellsHint(*cells));
+             kTimeHint);
 }
 
 /// Corners just outside the border may be a detector's.
@@ -344,6 +274,7 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
         "look at the boards with the largest residuals: images of another recording, corners numbered otherwise, a board "
         "that bends, cameras that start and stop");
   JudgeMissing(report, out);
+  JudgeAspect(report, out);
   JudgeRigHoldout(report, out);
   JudgeLengths(report, largest, out);
 }
