@@ -8,7 +8,7 @@ namespace mvstudio::cli {
 void RegisterTriangulate(CLI::App& app, Registry& registry) {
   auto options = std::make_shared<stages::TriangulateOptions>();
   CLI::App* sub = app.add_subcommand("triangulate", "2D joints of several cameras -> 3D joints");
-  AddOptions(sub, *options);
+  VisitFields(OptionAdder{sub}, *options);  // --overwrite joins the last subject
   registry.Add(sub, "triangulate", [options, sub](CommandContext& context) {
     options->given = GivenOptions(sub);
     options->file_text = WithFlags;
