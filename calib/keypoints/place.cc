@@ -181,12 +181,13 @@ std::string WhyNoPair(const geometry::Rig& lenses, const Sights& sights, const P
 }
 
 /// Joints that the placed cameras triangulate.
-std::map<Label, Eigen::Vector3d> Triangulated(const geometry::Rig& rig, const std::set<size_t>& placed, const Sights& sights) {
+std::map<Label, Eigen::Vector3d> Triangulated(const geometry::Rig& rig, const std::set<size_t>& placed,
+                                              const Sights& seen_joints) {
   const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
   std::map<Label, std::vector<triangulate::Observation>> seen;
   for (const size_t c : placed) {
-    for (const auto& [label, sight] : sights.of_camera[c])
-      seen[label].push_back({static_cast<int>(c), sight.px, sights.sigma_px[c], 1});
+    for (const auto& [label, sight] : seen_joints.of_camera[c])
+      seen[label].push_back({static_cast<int>(c), sight.px, seen_joints.sigma_px[c], 1});
   }
   std::map<Label, Eigen::Vector3d> points;
   for (const auto& [label, observations] : seen) {
@@ -197,11 +198,11 @@ std::map<Label, Eigen::Vector3d> Triangulated(const geometry::Rig& rig, const st
   return points;
 }
 
-PointResection Resect(const geometry::RigCamera& camera, const std::map<Label, Sight>& sights, double sigma_px,
+PointResection Resect(const geometry::RigCamera& camera, const std::map<Label, Sight>& seen_joints, double sigma_px,
                       const std::map<Label, Eigen::Vector3d>& points) {
   std::vector<Label> labels;
   for (const auto& [label, x] : points) {
-    if (sights.count(label)) labels.push_back(label);
+    if (seen_joints.count(label)) labels.push_back(label);
   }
   PointResection none;
   none.status = Status::kTooFewViews;
@@ -211,7 +212,7 @@ PointResection Resect(const geometry::RigCamera& camera, const std::map<Label, S
   std::vector<PointClick> clicks;
   Eigen::Matrix3Xd x(3, static_cast<Eigen::Index>(labels.size()));
   for (size_t i = 0; i < labels.size(); ++i) {
-    clicks.push_back({0, static_cast<int>(i), sights.at(labels[i]).px});
+    clicks.push_back({0, static_cast<int>(i), seen_joints.at(labels[i]).px});
     x.col(static_cast<Eigen::Index>(i)) = points.at(labels[i]);
   }
   PointResectionOptions options;

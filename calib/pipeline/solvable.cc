@@ -60,7 +60,6 @@ void NameLeftOut(const std::vector<LeftOutCamera>& left_out, Verdict* verdict) {
   if (left_out.empty()) return;
   std::vector<std::string> names;
   for (const LeftOutCamera& camera : left_out) names.push_back(camera.name);
-  if (verdict->status == "pass") verdict->status = "warn";
   const std::string what = left_out.size() == 1 ? "camera " + names[0] + " is" : "cameras " + Join(names, ", ") + " are";
   verdict->reasons.insert(verdict->reasons.begin(), {"CAL-LEFTOUT", what + " left out: the verdict is of the others", ""});
 }

@@ -21,30 +21,30 @@ constexpr double kNoiseFloor = 0.003;  // of the board's distance
 constexpr double kNone = std::numeric_limits<double>::infinity();
 
 /// A frame of b and the poses that a has at each shift; null where it has none.
-struct Instant {
+struct TimeStep {
   int64_t frame = 0;
   const Rigid3* b_from_board = nullptr;
   std::vector<const Rigid3*> a_from_board;
 };
 
-std::vector<Instant> InstantsOf(const BoardPoses& a, const BoardPoses& b, int64_t base_shift, int reach) {
-  std::vector<Instant> all;
+std::vector<TimeStep> TimeStepsOf(const BoardPoses& a, const BoardPoses& b, int64_t base_shift, int reach) {
+  std::vector<TimeStep> all;
   for (const auto& [key, pose] : b) {
-    Instant instant{key.first, &pose, {}};
+    TimeStep time_step{key.first, &pose, {}};
     bool any = false;
     for (int64_t shift = base_shift - reach; shift <= base_shift + reach; ++shift) {
       const auto found = a.find({key.first + shift, key.second});
-      instant.a_from_board.push_back(found == a.end() ? nullptr : &found->second);
+      time_step.a_from_board.push_back(found == a.end() ? nullptr : &found->second);
       any |= found != a.end();
     }
-    if (any) all.push_back(std::move(instant));
+    if (any) all.push_back(std::move(time_step));
   }
   return all;
 }
 
-std::vector<Instant> ThinnedInstants(const std::vector<Instant>& all) {
+std::vector<TimeStep> ThinnedTimeSteps(const std::vector<TimeStep>& all) {
   if (all.size() <= kMaxFrames) return all;
-  std::vector<Instant> thin;
+  std::vector<TimeStep> thin;
   for (size_t i = 0; i < kMaxFrames; ++i) thin.push_back(all[i * all.size() / kMaxFrames]);
   return thin;
 }
@@ -54,14 +54,14 @@ double DistanceUnder(const Rigid3& a_from_b, const Rigid3& b_from_board, const R
 }
 
 /// Distance between the board and its transferred place over its distance; kNone where a has no pose. A row a shift.
-Eigen::MatrixXd DistancesUnder(const Rigid3& a_from_b, const std::vector<Instant>& instants) {
-  const auto shifts = static_cast<Eigen::Index>(instants.front().a_from_board.size());
-  Eigen::MatrixXd distances(shifts, static_cast<Eigen::Index>(instants.size()));
+Eigen::MatrixXd DistancesUnder(const Rigid3& a_from_b, const std::vector<TimeStep>& time_steps) {
+  const auto shifts = static_cast<Eigen::Index>(time_steps.front().a_from_board.size());
+  Eigen::MatrixXd distances(shifts, static_cast<Eigen::Index>(time_steps.size()));
   for (Eigen::Index i = 0; i < distances.cols(); ++i) {
-    const Instant& instant = instants[static_cast<size_t>(i)];
+    const TimeStep& time_step = time_steps[static_cast<size_t>(i)];
     for (Eigen::Index s = 0; s < shifts; ++s) {
-      const Rigid3* const a = instant.a_from_board[static_cast<size_t>(s)];
-      distances(s, i) = a ? DistanceUnder(a_from_b, *instant.b_from_board, *a) : kNone;
+      const Rigid3* const a = time_step.a_from_board[static_cast<size_t>(s)];
+      distances(s, i) = a ? DistanceUnder(a_from_b, *time_step.b_from_board, *a) : kNone;
     }
   }
   return distances;
@@ -73,19 +73,20 @@ struct StepCandidate {
   double nats = 0;
 };
 
-void AddCandidates(const std::vector<Instant>& instants, size_t s, const BoardTurns& turns, std::vector<StepCandidate>* all) {
+void AddCandidates(const std::vector<TimeStep>& time_steps, size_t s, const BoardTurns& turns,
+                   std::vector<StepCandidate>* all) {
   constexpr double kRoughly = 0.01;
-  std::vector<const Instant*> with;
-  for (const Instant& instant : instants) {
-    if (instant.a_from_board[s]) with.push_back(&instant);
+  std::vector<const TimeStep*> with;
+  for (const TimeStep& time_step : time_steps) {
+    if (time_step.a_from_board[s]) with.push_back(&time_step);
   }
   const size_t n = std::min(kCandidatesPerShift, with.size());
-  const auto missing = static_cast<double>(instants.size() - with.size());
+  const auto missing = static_cast<double>(time_steps.size() - with.size());
   for (size_t k = 0; k < n; ++k) {
-    const Instant& one = *with[k * with.size() / n];
+    const TimeStep& one = *with[k * with.size() / n];
     for (int turn = 0; turn < turns.num; ++turn) {
       StepCandidate candidate{turns.RelativePose(*one.a_from_board[s], *one.b_from_board, turn), kMissingNats * missing};
-      for (const Instant* i : with)
+      for (const TimeStep* i : with)
         candidate.nats += RobustNats(DistanceUnder(candidate.a_from_b, *i->b_from_board, *i->a_from_board[s]), kRoughly);
       all->push_back(candidate);
     }
@@ -93,9 +94,9 @@ void AddCandidates(const std::vector<Instant>& instants, size_t s, const BoardTu
 }
 
 /// The likeliest ones where there are many.
-std::vector<StepCandidate> StepCandidates(const std::vector<Instant>& instants, const BoardTurns& turns) {
+std::vector<StepCandidate> StepCandidates(const std::vector<TimeStep>& time_steps, const BoardTurns& turns) {
   std::vector<StepCandidate> all;
-  for (size_t s = 0; s < instants.front().a_from_board.size(); ++s) AddCandidates(instants, s, turns, &all);
+  for (size_t s = 0; s < time_steps.front().a_from_board.size(); ++s) AddCandidates(time_steps, s, turns, &all);
   const size_t most = kMostCandidates * static_cast<size_t>(turns.num);
   if (all.size() <= most) return all;
   std::stable_sort(all.begin(), all.end(), [](const StepCandidate& x, const StepCandidate& y) { return x.nats < y.nats; });
@@ -130,14 +131,14 @@ size_t SureEdge(const Eigen::MatrixXd& nats, const std::vector<int>& state, size
   return end;
 }
 
-void CountAgreeing(const Eigen::MatrixXd& distances, double sigma, const std::vector<Instant>& instants,
+void CountAgreeing(const Eigen::MatrixXd& distances, double sigma, const std::vector<TimeStep>& time_steps,
                    const std::vector<int>& state, std::vector<FrameStep>* steps) {
   constexpr double kAgree = 4;  // standard deviations
   for (size_t k = 0; k < steps->size(); ++k) {
     FrameStep& step = (*steps)[k];
     const int64_t end = k + 1 < steps->size() ? (*steps)[k + 1].last_before + 1 : std::numeric_limits<int64_t>::max();
-    for (size_t i = 0; i < instants.size(); ++i) {
-      if (instants[i].frame < step.frame || instants[i].frame >= end) continue;
+    for (size_t i = 0; i < time_steps.size(); ++i) {
+      if (time_steps[i].frame < step.frame || time_steps[i].frame >= end) continue;
       ++step.num_frames;
       step.num_agreeing += distances(state[i], static_cast<Eigen::Index>(i)) < kAgree * sigma;
     }
@@ -145,23 +146,23 @@ void CountAgreeing(const Eigen::MatrixXd& distances, double sigma, const std::ve
 }
 
 FrameSteps StepsOf(const CheapestPath& path, const Eigen::MatrixXd& distances, double sigma,
-                   const std::vector<Instant>& instants, int64_t first_shift) {
+                   const std::vector<TimeStep>& time_steps, int64_t first_shift) {
   const Eigen::MatrixXd nats = NatsOf(distances, sigma);
   FrameSteps found;
   std::vector<double> kept;
-  for (size_t i = 0; i < instants.size(); ++i) {
+  for (size_t i = 0; i < time_steps.size(); ++i) {
     kept.push_back(distances(path.state[i], static_cast<Eigen::Index>(i)));
     if (i > 0 && path.state[i] == path.state[i - 1]) continue;
-    FrameStep step{instants[i].frame, first_shift + path.state[i], instants[i].frame};
+    FrameStep step{time_steps[i].frame, first_shift + path.state[i], time_steps[i].frame};
     if (i > 0) {
       const size_t low = SureEdge(nats, path.state, i, -1), high = SureEdge(nats, path.state, i, 1);
-      step.last_before = instants[low > 0 ? low - 1 : 0].frame;
-      step.frame = instants[std::min(high, instants.size() - 1)].frame;
+      step.last_before = time_steps[low > 0 ? low - 1 : 0].frame;
+      step.frame = time_steps[std::min(high, time_steps.size() - 1)].frame;
     }
     found.steps.push_back(step);
   }
   found.most = UpperQuantile(std::move(kept), 0.9);
-  CountAgreeing(distances, sigma, instants, path.state, &found.steps);
+  CountAgreeing(distances, sigma, time_steps, path.state, &found.steps);
   return found;
 }
 
@@ -190,13 +191,13 @@ bool FrameSteps::Supported() const {
 }
 
 FrameSteps FindFrameSteps(const BoardPoses& a, const BoardPoses& b, int64_t base_shift, const BoardTurns& turns, int reach) {
-  const std::vector<Instant> all = InstantsOf(a, b, base_shift, reach);
+  const std::vector<TimeStep> all = TimeStepsOf(a, b, base_shift, reach);
   if (all.size() < kMinFrames) return {};
-  const std::vector<Instant> instants = ThinnedInstants(all);
+  const std::vector<TimeStep> time_steps = ThinnedTimeSteps(all);
   std::vector<std::pair<Rigid3, Eigen::MatrixXd>> trials;  // a_from_b and the distances under it
   double sigma = kNone;
-  for (const StepCandidate& candidate : StepCandidates(instants, turns)) {
-    trials.emplace_back(candidate.a_from_b, DistancesUnder(candidate.a_from_b, instants));
+  for (const StepCandidate& candidate : StepCandidates(time_steps, turns)) {
+    trials.emplace_back(candidate.a_from_b, DistancesUnder(candidate.a_from_b, time_steps));
     sigma = std::min(sigma, LeastMedian(trials.back().second));
   }
   sigma = std::max(kNoiseFloor, sigma);

@@ -18,7 +18,7 @@ const char* const kNoiseHint =
     "the cameras agree with each other, so this is the corners' noise in depth, or a board that is not as described: cameras "
     "farther apart, nearer boards, sharper images, a measured board";
 
-/// No camera's corners are farther off in the rig than by themselves: time and motion are not in doubt.
+/// No camera's corners are farther off in the rig than by themselves: time and motion are not the cause.
 bool CamerasAgree(const CalibrateReport& report) {
   constexpr double kAgrees = 1.1, kSlackPx = 0.02;
   return report.frames_doubt.empty() &&
@@ -65,7 +65,7 @@ std::string LensStillOpen(const CalibrateReport& report) {
   return "";
 }
 
-/// Pixels that are not square and cells that are not look alike on boards that are never turned.
+/// Pixels that are not square and cells that are not look alike on boards that are never rotated.
 bool AspectIsOpen(const CalibrateReport& report, size_t c) {
   constexpr double kSigmas = 4, kSquareAspect = 0.005;
   const CameraReport& camera = report.cameras[c];
@@ -97,7 +97,7 @@ void JudgeAspect(const CalibrateReport& report, Judgement* out) {
               Format("camera %s: whether its pixels are not square (fx / fy %.4g) or the cells of the board are not is "
                      "undetermined%s",
                      camera.name.c_str(), lens.fx() / lens.fy(), known.c_str()),
-              "measure the board's cells along both sides, or film the board turned by a quarter in half of the images");
+              "measure the board's cells along both sides, or film the board rotated by a quarter turn in half of the images");
   }
 }
 

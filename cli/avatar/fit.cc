@@ -30,7 +30,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   avatar::PersonFitOptions options = arguments.options;
   options.templates = stages::TemplatesOf(arguments.body_template);
   const OutputFolder place(arguments.out, {arguments.dataset}, BodyFolder::Names());
-  const std::vector<Notice> doubts = stages::CheckTrainingImages(data, split, context.run);
+  const std::vector<Notice> notices = stages::CheckTrainingImages(data, split, context.run);
   const BodyFolder folder(arguments.out, arguments.overwrite);
   const avatar::PersonFit fit = stages::FitToSplit(data, split, person, arguments.pose_by, options, context.run);
   CommandResult result;
@@ -40,7 +40,7 @@ CommandResult RunFit(const FitArguments& arguments, CommandContext& context) {
   folder.Write(fit.result, arguments.frame_rate_hz, &result);
   result.text = stages::ToTable(fit);
   stages::AddFitWarnings(fit, &result);
-  result.warnings.insert(result.warnings.end(), doubts.begin(), doubts.end());
+  result.warnings.insert(result.warnings.end(), notices.begin(), notices.end());
   stages::TellMasks(data.Masks(), arguments.dataset + "/masks", &result);
   return result;
 }

@@ -253,6 +253,14 @@ std::vector<std::string> InputsOf(const Arguments& arguments) {
   return Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners, arguments.start, arguments.scene.from_scene});
 }
 
+/// Cameras of the session whose footage is to be calibrated that the board's take lacks.
+std::vector<calib::LeftOutCamera> NotFilmed(const Arguments& arguments) {
+  std::vector<calib::LeftOutCamera> cameras;
+  if (arguments.session.session.empty() || !arguments.corners.cameras.empty() || !arguments.corners.corners.empty()) return {};
+  for (const std::string& name : stages::CamerasWithoutBoard(arguments.session)) cameras.push_back({name, kNotFilmed});
+  return cameras;
+}
+
 CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   if (arguments.out.empty() && !arguments.session.session.empty()) arguments.out = arguments.session.session + "/calib";
   if (arguments.out.empty()) throw UsageError("--out is required, or a --session to write to");
@@ -262,13 +270,9 @@ CommandResult RunCalibrate(Arguments arguments, CommandContext& context) {
   const bool from_points = FindsLenses(arguments);
   if (UsesScene(arguments.scene) && !from_points) return RunOnScene(arguments, context);
   CommandResult result;
-  const bool from_session =
-      !arguments.session.session.empty() && arguments.corners.cameras.empty() && arguments.corners.corners.empty();
+  const std::vector<calib::LeftOutCamera> not_filmed = NotFilmed(arguments);
   if (!from_points) stages::FillCorners(arguments.session, &arguments.corners, &result);
   stages::FillTimeline(&arguments.corners, &result);
-  std::vector<calib::LeftOutCamera> not_filmed;
-  for (const std::string& name : from_session ? stages::CamerasWithoutBoard(arguments.session) : std::vector<std::string>{})
-    not_filmed.push_back({name, kNotFilmed});
   arguments.corners.footage.all_cameras = false;
   const auto start = std::chrono::steady_clock::now();
   stages::CornerInput corners =

@@ -49,7 +49,7 @@ TrackedPoints ReadDeepLabCutCsv(const std::string& path, const std::string& came
       csv.RequireCells(header.width);
       const int frame = FrameOf(csv, cells[header.num_index - 1]);
       for (size_t c = 0; c < row.size(); ++c)
-        row[c] = IsCoordinate(columns[c]) ? NumberOf(csv, cells[header.num_index + c]) : std::nan("");
+        row[c] = IsCoordinate(header.columns[c]) ? NumberOf(csv, cells[header.num_index + c]) : std::nan("");
       table.Add(frame, row, csv.Where());
     });
   }

@@ -97,15 +97,15 @@ TEST(CalibrateSolvable, ACameraThatAnOptionNamesIsNotLeftOut) {
 TEST(NameLeftOut, TheVerdictSaysWhoIsMissing) {
   Verdict verdict;
   NameLeftOut({}, &verdict);
-  EXPECT_EQ(verdict.status, "pass");
+  EXPECT_EQ(verdict.outcome(), Outcome::kPass);
   NameLeftOut({{"cam2", "no corners"}, {"cam3", "no link"}}, &verdict);
-  EXPECT_EQ(verdict.status, "warn");
+  EXPECT_EQ(verdict.outcome(), Outcome::kWarn);
   ASSERT_EQ(verdict.reasons.size(), 1u);
   EXPECT_EQ(verdict.reasons[0].code, "CAL-LEFTOUT");
   EXPECT_EQ(verdict.reasons[0].text, "cameras cam2, cam3 are left out: the verdict is of the others");
-  verdict = {"fail", {{"CAL-VOLUME", "x", "", true}}};
+  verdict = {{{"CAL-VOLUME", "x", "", true}}};
   NameLeftOut({{"cam2", "no corners"}}, &verdict);
-  EXPECT_EQ(verdict.status, "fail") << "a gate that failed counts more";
+  EXPECT_EQ(verdict.outcome(), Outcome::kFail) << "a gate that failed counts more";
   EXPECT_EQ(verdict.reasons[0].text, "camera cam2 is left out: the verdict is of the others");
 }
 
