@@ -122,7 +122,7 @@ TEST_F(Markers, UnitsAndUpAxisComeFromTheFile) {
   sample.units = "";
   EXPECT_THAT(Message(sample.Bytes()), AllOf(HasSubstr("POINT:UNITS: is missing"), HasSubstr("'marker-unit'")));
   EXPECT_NEAR(Read(sample.Bytes(), "mm").pose.rows[0].x_in_world.y(), 1, 1e-6);
-  EXPECT_THAT(MessageOf<UsageError>([&] { Read(sample.Bytes(), "ell"); }), HasSubstr("expected m, cm, mm or in"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { Read(sample.Bytes(), "ell"); }), HasSubstr("expected m, cm, mm, in"));
 }
 
 TEST_F(Markers, SubjectsBecomePersonsAndNamesStayDistinct) {

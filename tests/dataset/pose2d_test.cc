@@ -150,7 +150,7 @@ TEST_F(Pose2d, DamagedContentIsRefused) {
   Put("1.json", "{\"people\": [ } ");
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("damaged"));
   Put("1.json", "[1, 2]");
-  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("people"));
+  EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("[0]: is not an object"));
   Put("1.json", "{\"people\":[{\"pose_keypoints_2d\":\"x\"}]}");
   EXPECT_THAT(MessageOf<FormatError>(), HasSubstr("people[0].pose_keypoints_2d"));
   Put("1.json", "{\"people\":[{\"pose_keypoints_2d\":[1e999]}]}");
