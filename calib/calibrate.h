@@ -113,6 +113,7 @@ struct CalibrateReport {
   double holdout_rms_px = 0, holdout_median_px = 0, holdout_gross_fraction = 0;
   std::vector<SelectionRow> selection;
   std::string warp_reason, stretch_reason, time_reason;
+  bool stretch_untried = false;        ///< too few views to tell boards' cells from squares
   std::vector<int64_t> frame_shift;    ///< per camera, added to the frame numbers so that equal numbers are one time step;
                                        ///< empty: none
   std::vector<FrameRate> frame_rates;  ///< per camera, how its frame numbers were changed; empty: not

@@ -3,11 +3,12 @@
 #include <string>
 
 #include "geometry/lens/camera.h"
+#include "geometry/rig/plausible.h"
 
 /// What the verdict accepts of a lens where no board was.
 namespace mvstudio::calib {
 
-inline constexpr double kFoldSlack = 0.02;  ///< of the image: four folded corners are less
+using geometry::kFoldSlack;
 
 /// Limits of a camera's projection uncertainty, px.
 struct PixelLimits {

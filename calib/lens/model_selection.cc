@@ -154,6 +154,7 @@ ShapeChoice ChooseShape(const LensPool& pool, const LensConfig& without, const L
   both.models = {without, with};
   std::vector<LensCandidate> candidates = TryLenses(pool, both.models, both, bundle, run);
   if (candidates.size() < 2) return choice;
+  choice.untried = false;
   choice.pays = JudgeLenses(&candidates, static_cast<int>(pool.state.cameras.size()), &choice.reason) == 1;
   choice.error_without = candidates[0].relative_error;
   choice.error_with = candidates[1].relative_error;

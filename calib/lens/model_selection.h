@@ -62,6 +62,7 @@ std::vector<LensConfig> SplinedConfigs(const LensPool& pool);
 
 /// Whether two parameters per board pay off, tested with and without them as for lenses; `reason` says why.
 struct ShapeChoice {
+  bool untried = true;  ///< too few views
   bool pays = false;
   double error_without = 0, error_with = 0;  ///< relative, as in LensCandidate
   std::string reason;

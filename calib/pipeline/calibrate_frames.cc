@@ -19,7 +19,14 @@ bool AllExplained(const CalibrateReport& report) {
   });
 }
 
-double MeanCapped(const CalibrateReport& report, const CalibrateReport& plain) {
+/// Of the cameras that lost frames: another may have moved.
+double MeanCapped(CalibrateReport report, const CalibrateReport& plain, const std::vector<FrameDrop>& drops) {
+  const auto of_others = [&](const CornerResidual& corner) {
+    return std::none_of(drops.begin(), drops.end(),
+                        [&](const FrameDrop& drop) { return drop.camera_idx == corner.camera_idx; });
+  };
+  auto& residuals = report.residuals;
+  residuals.erase(std::remove_if(residuals.begin(), residuals.end(), of_others), residuals.end());
   return CappedSquares(report, plain, 0) / static_cast<double>(std::max<size_t>(1, report.residuals.size()));
 }
 
@@ -78,7 +85,7 @@ bool NumbersPay(const CalibrateReport& found, const CalibrateReport& again, cons
   if (std::any_of(drops.begin(), drops.end(), single) && !AllExplained(again)) return false;
   if (again.status != Status::kOk || plain.status != Status::kOk) return again.status == Status::kOk;
   if (drops.empty()) return again.rms_px <= kClearly * plain.rms_px;
-  return MeanCapped(again, plain) <= kClearly * MeanCapped(plain, plain);
+  return MeanCapped(again, plain, drops) <= kClearly * MeanCapped(plain, plain, drops);
 }
 
 void StateNumbers(const CalibrateReport& found, CalibrateReport* again) {

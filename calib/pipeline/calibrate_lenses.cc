@@ -282,7 +282,12 @@ BoardShape JudgeBoards(const CalibrateOptions& options, const RunContext& run, s
   const bool mrcal = options.engine == Engine::kMrcal;
   const bool unable = mrcal || (options.stretch == AutoOnOff::kAuto && pool.config.model == LensModel::kSplined);
   shape.stretched = Decide(
-      unable ? AutoOnOff::kOff : options.stretch, [&] { return ChooseStretch(pool, selection, options.bundle, run); },
+      unable ? AutoOnOff::kOff : options.stretch,
+      [&] {
+        const ShapeChoice choice = ChooseStretch(pool, selection, options.bundle, run);
+        report->stretch_untried = choice.untried;
+        return choice;
+      },
       &report->stretch_reason);
   if (unable) report->stretch_reason = "not judged with " + (mrcal ? "libmrcal" : ToString(pool.config));
   return shape;

@@ -48,6 +48,15 @@ int Votes(const std::vector<Cause>& causes, const FrameDrop& drop) {
   return static_cast<int>(others.size());
 }
 
+/// Pairs of the camera that speak of frame numbers: each of them must show what happened to its own.
+int NumSpeaking(const FrameOffsets& offsets, int camera_idx) {
+  return static_cast<int>(std::count_if(offsets.pairs.begin(), offsets.pairs.end(), [&](const FramePair& pair) {
+    const bool undecided =
+        pair.kind == FramePair::Kind::kUndecided || (pair.kind == FramePair::Kind::kInconsistent && !pair.steps_supported);
+    return !undecided && (pair.a == camera_idx || pair.b == camera_idx);
+  }));
+}
+
 /// The narrowest place that all pairs allow.
 FrameDrop Merged(const std::vector<Cause>& causes, FrameDrop drop) {
   for (const Cause& cause : causes) {
@@ -72,9 +81,15 @@ std::vector<FrameDrop> FindFrameDrops(const FrameOffsets& offsets) {
   constexpr size_t kMost = 8;
   while (!causes.empty()) {
     if (drops.size() == kMost) return {};
-    const auto rank = [&](const Cause& cause) { return std::tuple(Votes(causes, cause.drop), cause.drop.count > 0); };
+    const auto by_most = [&](const Cause& cause) {
+      return 2 * Votes(causes, cause.drop) > NumSpeaking(offsets, cause.drop.camera_idx);
+    };
+    const auto rank = [&](const Cause& cause) {
+      return std::tuple(by_most(cause), Votes(causes, cause.drop), cause.drop.count > 0);
+    };
     const auto best =
         std::max_element(causes.begin(), causes.end(), [&](const Cause& x, const Cause& y) { return rank(x) < rank(y); });
+    if (!by_most(*best)) break;
     const FrameDrop drop = best->drop;
     drops.push_back(Merged(causes, drop));
     std::set<size_t> explained;

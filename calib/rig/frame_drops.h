@@ -20,7 +20,7 @@ struct FrameDrop {
 
 /// Drops, by camera and frame, that explain the steps of the pairs whose frames do not belong together, as far as frames bear
 /// these out (FrameSteps::Supported). The cause of a step is the one that most pairs share; of two alike, frames that were
-/// lost. None where there would be more than eight: that is no loss of frames.
+/// lost. A step that most pairs of neither camera show is no loss: a camera that moved can look so to one other. None where there would be more than eight: that is no loss of frames.
 std::vector<FrameDrop> FindFrameDrops(const FrameOffsets& offsets);
 
 /// "frames with the same number were not taken at the same time: cam_03 lost 5 frames after frame 239"; empty without drops.

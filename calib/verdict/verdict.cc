@@ -199,8 +199,8 @@ void JudgeData(const CalibrateReport& report, size_t c, Judgement* out) {
         "CAL-FOLD",
         Format(
             "camera %s: its lens (%s) folds over in %.0f %% of the image: no rays in %s, from %.0f px off the principal point",
-            name, std::string(geometry::ToString(camera.model)).c_str(), 100 * camera.folds.share, camera.folds.where.c_str(),
-            camera.folds.nearest_px),
+            name, std::string(geometry::ToString(camera.model)).c_str(), 100 * ShareWithoutRay(report.rig.cameras[c].camera),
+            camera.folds.where.c_str(), camera.folds.nearest_px),
         "choose a simpler option 'model' or show the board there" +
             (camera.lens_beyond.empty() ? "" : "; " + camera.lens_beyond));
   }

@@ -74,8 +74,8 @@ bool AspectIsOpen(const CalibrateReport& report, size_t c) {
   double aspect = std::abs(std::log(lens.fx() / lens.fy()));
   for (const geometry::RigBoard& board : report.rig.boards) aspect = std::max(aspect, 2 * std::abs(board.stretch.y()));
   // Cells that were never tried leave everything to the pixels.
-  const bool tried = !report.board_stretch.empty() || report.stretch_reason.rfind("too few views", 0) != 0;
-  return tried ? aspect < kSigmas * camera.aspect_sigma : aspect > kSquareAspect;
+  const bool untried = report.board_stretch.empty() && report.stretch_untried;
+  return untried ? aspect > kSquareAspect : aspect < kSigmas * camera.aspect_sigma;
 }
 
 bool AnyAspectOpen(const CalibrateReport& report) {

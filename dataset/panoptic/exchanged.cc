@@ -148,8 +148,7 @@ PairGain GainOf(const Fits& fits, size_t a, size_t b) {
 std::string ExchangedCameras::Text(const std::string& name_a, const std::string& name_b) const {
   return Format(
       "the footage of %s and %s seems to be exchanged: what moves in their images lies %.1f and %.1f times as much on the "
-      "joints "
-      "as the other camera sees them (%d frames)",
+      "joints as the other camera sees them (%d frames)",
       name_a.c_str(), name_b.c_str(), times_a, times_b, frames);
 }
 

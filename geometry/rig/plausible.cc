@@ -223,10 +223,9 @@ std::vector<TermOrder> OtherTermOrders(const Camera& camera) {
 }
 
 bool FoldsInside(const Camera& camera) {
-  constexpr double kSlack = 0.02;                         // of the image: four folded corners are less
   if (camera.model == LensModel::kSplined) return false;  // a control grid that leaves the corners out folds nowhere
   if (IsWide(camera.model) && ValidRadius(camera) > kMaxFoldOfWideLens) return false;
-  return ShareWithoutRay(camera) > kSlack;
+  return ShareWithoutRay(camera) > kFoldSlack;
 }
 
 double ShareWithoutRay(const Camera& camera) {

@@ -43,6 +43,7 @@ double ShareWithoutRay(const Camera& camera);
 /// Whether the projection is not monotone in more than 2 % of the image. A wide lens may leave corners dark, so only its folds
 /// less than 60 degrees off the axis count; splined lenses are exempt.
 bool FoldsInside(const Camera& camera);
+inline constexpr double kFoldSlack = 0.02;  ///< of the image: four folded corners are less
 
 /// Why a file's rotation matrix is not a rotation (a reflection, not orthogonal, not finite); empty if it is one.
 /// `tolerance` is on the Frobenius norm of M M^T - I.
