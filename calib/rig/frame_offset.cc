@@ -65,12 +65,13 @@ std::optional<Curve> MeasureCurve(const Poses& a, const Poses& b, RelativePoses 
   return curve;
 }
 
-/// With one relative pose; with several where that alone makes nine of ten frames agree.
+/// With one relative pose; with several where that makes nine of ten frames agree far better: a small motion can look like
+/// another shift.
 std::optional<Curve> MeasurePair(const std::vector<Poses>& poses, int a, int b, const FrameOffsetOptions& options) {
   const Poses &in_a = poses[static_cast<size_t>(a)], &in_b = poses[static_cast<size_t>(b)];
   auto curve = MeasureCurve(in_a, in_b, RelativePoses::kOne, options);
   if (!curve) return std::nullopt;
-  if (!curve->fits()) {
+  if (!curve->fits() || curve->most() > kStill) {
     const auto moved = MeasureCurve(in_a, in_b, RelativePoses::kSeveral, options);
     if (moved->fits() && moved->most() < kMuchBetter * curve->most()) curve = moved;
   }
