@@ -21,6 +21,10 @@ class ExchangedFootageTest : public ::testing::TestWithParam<const char*> {
     };
     return FindExchanged(data_.rig, data_.poses, image, {});
   }
+  /// In the right order, too, what moves in these two lies as much on the joints of the other.
+  static bool SeeAlike(const std::string& a, const std::string& b) {
+    return std::string(GetParam()) == "person_a" && std::minmax(a, b) == std::minmax<std::string>("00_01", "00_08");
+  }
   PanopticDataset data_;
 };
 
@@ -29,18 +33,18 @@ TEST_P(ExchangedFootageTest, IsFoundAndARightTakeHasNone) {
   data_ = OpenPanopticDataset(DataFolder(GetParam()));
   EXPECT_TRUE(Found({}).empty());
   const size_t n = data_.rig.cameras.size();
-  size_t num_silent = 0;  // two cameras that see the person alike from one side
   for (size_t i = 0; i < n; i += 2) {
     const std::string a = data_.rig.cameras[i].camera.name, b = data_.rig.cameras[(i + 3) % n].camera.name;
     const std::vector<ExchangedCameras> found = Found({{a, b}, {b, a}});
-    ASSERT_LE(found.size(), 1u) << a << " " << b;
-    num_silent += found.empty();
-    if (found.empty()) continue;
+    if (SeeAlike(a, b)) {
+      EXPECT_TRUE(found.empty());
+      continue;
+    }
+    ASSERT_EQ(found.size(), 1u) << a << " " << b;
     EXPECT_EQ(std::min(found[0].a, found[0].b), std::min(a, b));
     EXPECT_EQ(std::max(found[0].a, found[0].b), std::max(a, b));
     EXPECT_GT(found[0].times_a * found[0].times_b, 1.25);
   }
-  EXPECT_LE(num_silent, 1u);
   const std::string first = data_.rig.cameras[0].camera.name, last = data_.rig.cameras[n - 1].camera.name;
   EXPECT_TRUE(Found({{last, first}}).empty()) << "one camera's images twice are no exchange";
 }
