@@ -23,7 +23,7 @@ endfunction()
 function(mvstudio_add_tests module)
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${module}/*_test.cc)
   if(NOT MVSTUDIO_AVATAR)
-    list(FILTER sources EXCLUDE REGEX "/cli/(avatar|demo|mask|metrics|models|pose2d)_[a-z_0-9]*\\.cc$|/stages/nets_[a-z_0-9]*\\.cc$")  # need libtorch
+    list(FILTER sources EXCLUDE REGEX "/cli/(avatar|demo|mask|run_session|metrics|models|pose2d)_[a-z_0-9]*\\.cc$|/stages/nets_[a-z_0-9]*\\.cc$")  # need libtorch
   endif()
   set(target test_${module})
   add_executable(${target} ${sources})
@@ -52,9 +52,9 @@ function(mvstudio_add_tests module)
   endforeach()
 endfunction()
 
-# mvstudio_plan_tests(FILE): what a run of all tests should know of the long ones. Lines "NAME SECONDS [nightly] [threads] [alone] [memory]":
+# mvstudio_plan_tests(FILE): what a run of all tests should know of the long ones. Lines "NAME SECONDS [nightly] [threads] [alone]":
 # long tests start first; `nightly` ones are left to `scripts/test nightly`; those with `threads` keep all processors busy and those that
-# need the machine `alone` run by themselves. Those with `memory` write thousands of files: their temporary folders lie in memory.
+# need the machine `alone` run by themselves.
 function(mvstudio_plan_tests file)
   set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${file})
   file(STRINGS ${file} lines REGEX "^[^#]")
@@ -70,9 +70,6 @@ function(mvstudio_plan_tests file)
     endif()
     if(threads IN_LIST words)
       set_tests_properties(${name} PROPERTIES PROCESSORS 2)
-    endif()
-    if(memory IN_LIST words AND IS_DIRECTORY /dev/shm)
-      set_tests_properties(${name} PROPERTIES ENVIRONMENT_MODIFICATION TMPDIR=set:/dev/shm)
     endif()
     if(alone IN_LIST words)
       set_tests_properties(${name} PROPERTIES RUN_SERIAL TRUE)
