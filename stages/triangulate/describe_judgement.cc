@@ -14,7 +14,9 @@ void WarnOfUnfit(const triangulate::CameraDiagnosis& camera, std::vector<Notice>
   notices->push_back({"TRI-CAMERA-LEFTOUT",
                       Format("%s: %d of its %d detections fit no point of the other cameras", camera.name.c_str(),
                              camera.num_rejected, camera.num_detections),
-                      "look at its keypoints; check its timing (`mvstudio sync`) and that it did not move"});
+                      "look at its keypoints; check its timing (`mvstudio sync`) and that it did not move; option "
+                      "'without-camera' " +
+                          camera.name + " goes on without it"});
 }
 
 constexpr const char* kOffHint =
@@ -23,10 +25,11 @@ constexpr const char* kOffHint =
 
 /// Cameras whose detections are off: one line each, or one for all where most are.
 void WarnOfOff(const std::vector<triangulate::CameraDiagnosis>& cameras, std::vector<Notice>* notices) {
-  std::vector<std::string> off, lines;
+  std::vector<std::string> names, off, lines;
   for (const triangulate::CameraDiagnosis& camera : cameras) {
     if (!camera.off) continue;
     const Eigen::Vector2d& px = camera.mean_residual_px;
+    names.push_back(camera.name);
     off.push_back(camera.name + Format(" (%+.1f, %+.1f)", px.x(), px.y()));
     lines.push_back(camera.message);
   }
@@ -34,7 +37,10 @@ void WarnOfOff(const std::vector<triangulate::CameraDiagnosis>& cameras, std::ve
     lines = {Format("detections of %zu of %zu cameras are off on average, px: ", off.size(), cameras.size()) + Join(off, ", ") +
              "; no single camera is to blame, the rig does not quite fit this take"};
   }
-  for (size_t i = 0; i < lines.size(); ++i) notices->push_back({"TRI-CAMERA-OFF", lines[i], i == 0 ? kOffHint : "as above"});
+  std::string hint = kOffHint;
+  if (names.size() + 2 <= cameras.size() && lines.size() == names.size())
+    hint += "; until then, option 'without-camera' " + Join(names, ",") + " goes on with the others";
+  for (size_t i = 0; i < lines.size(); ++i) notices->push_back({"TRI-CAMERA-OFF", lines[i], i == 0 ? hint : "as above"});
 }
 
 std::string ScoresText(const Loss& loss, double min_score) {
