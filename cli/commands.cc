@@ -33,6 +33,7 @@ constexpr Command kCommands[] = {
     {"demo", MVSTUDIO_NEEDS_TORCH(RegisterDemo)},
     {"synth", RegisterSynth},
     {"session", RegisterSession},
+    {"run", MVSTUDIO_NEEDS_TORCH_IF_BUILT(RegisterRun)},
     {"board", RegisterBoard},
     {"calibrate", RegisterCalibrate},
     {"calib", RegisterCalib},
@@ -105,7 +106,7 @@ CLI::App* ParentOf(const std::string& name, CLI::App& app) {
 
 bool Runs(char** argv) {
   if (MVSTUDIO_ALL_COMMANDS || !MVSTUDIO_HAS_AVATAR) return true;
-  bool runs = false;
+  bool runs = *argv && argv[1] && !argv[2] && std::strcmp(argv[1], "--version") == 0;
   for (const Command& command : kCommands) runs = runs || (!command.needs_torch && *argv && Begins(argv + 1, command.name));
   return runs;
 }

@@ -143,6 +143,7 @@ MAY_INCLUDE |= {
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/pipeline": WITHOUT_TORCH | {"stages"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},

@@ -41,6 +41,7 @@ void RegisterAvatarSurface(CLI::App& avatar, Registry& registry);
 void RegisterMetrics(CLI::App& app, Registry& registry);
 void RegisterReport(CLI::App& app, Registry& registry);
 void RegisterSession(CLI::App& app, Registry& registry);
+void RegisterRun(CLI::App& app, Registry& registry);
 void RegisterDoctor(CLI::App& app, Registry& registry);
 void RegisterVersion(CLI::App& app, Registry& registry);
 

@@ -280,6 +280,38 @@ void ReadLists(TableView& top, Session* session) {
   }
 }
 
+std::string SettingText(const TableView& view, const std::string& key, const toml::node& node) {
+  if (const auto text = node.value_exact<std::string>()) return *text;
+  if (const auto whole = node.value_exact<int64_t>()) return std::to_string(*whole);
+  const auto number = node.value<double>();
+  if (!node.is_number() || !number || !std::isfinite(*number))
+    view.Fail(key, "must be a text, a number, true, or an array of these");
+  return internal::NumberText(*number);
+}
+
+/// [run.STAGE]: flags of the stage's command line.
+void ReadSettings(TableView& top, Session* session) {
+  const toml::node* node = top.Get("run");
+  if (!node) return;
+  if (!node->is_table()) top.Fail("run", "must hold tables: [run.calibrate]");
+  for (const auto& [stage, table] : *node->as_table()) {
+    const std::string name(stage.str());
+    if (!table.is_table()) top.Fail("run", "must hold tables: [run." + name + "]");
+    const TableView view = top.Table("run." + name, *table.as_table());
+    std::vector<SessionSetting>& settings = session->settings[name];
+    for (const auto& [key, value] : *table.as_table()) {
+      SessionSetting setting{std::string(key.str()), {}};
+      if (value.is_array()) {
+        for (const toml::node& entry : *value.as_array()) setting.values.push_back(SettingText(view, setting.key, entry));
+      } else if (!value.is_boolean()) {
+        setting.values.push_back(SettingText(view, setting.key, value));
+      }
+      const bool off = value.is_boolean() ? !*value.value<bool>() : setting.values.empty();
+      if (!off) settings.push_back(std::move(setting));
+    }
+  }
+}
+
 toml::table Parse(const std::string& path) {
   std::error_code error;
   RequireRegularFile(path);
@@ -335,6 +367,7 @@ Session ReadSession(const std::string& folder_or_file, bool allow_outside) {
   TableView top(path, table, "", &session.warnings);
   ReadHead(top, &session);
   ReadLists(top, &session);
+  ReadSettings(top, &session);
   top.WarnOfOthers();
   return session;
 }

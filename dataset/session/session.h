@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -37,6 +38,12 @@ struct SessionTake {
   std::vector<SessionFootage> footage;  ///< at most one per camera, in the cameras' order
 };
 
+/// A flag of a command line, without its dashes. No value: a switch; several: it is given several times.
+struct SessionSetting {
+  std::string key;
+  std::vector<std::string> values;
+};
+
 struct Session {
   std::string folder;            ///< folder of mvstudio.toml
   std::string units;             ///< "m", "cm" or "mm"
@@ -47,6 +54,8 @@ struct Session {
   bool allow_outside = false;    ///< the caller allows paths outside the folder; the session file itself cannot
   std::vector<SessionCamera> cameras;
   std::vector<SessionTake> takes;
+  std::map<std::string, std::vector<SessionSetting>>
+      settings;                       ///< [run.STAGE]: what `mvstudio run` adds to a stage's command line
   std::vector<std::string> warnings;  ///< one line each, with the place in the file: unknown keys and the like
 
   double metres_per_unit() const;

@@ -104,6 +104,24 @@ void WriteTake(const SessionTake& take, bool first, Lines* lines) {
   }
 }
 
+void WriteSettings(const Session& session, bool comments, Lines* lines) {
+  if (comments && session.settings.empty()) {
+    lines->Raw("");
+    lines->Comment("[run.STAGE]: flags that mvstudio run adds to a stage's command line");
+    lines->Comment("[run.avatar]");
+    lines->Comment("steps = 2000");
+  }
+  for (const auto& [stage, settings] : session.settings) {
+    lines->Raw("\n[run." + Quoted(stage) + "]");
+    for (const SessionSetting& setting : settings) {
+      std::string values;
+      for (const std::string& value : setting.values) values += (values.empty() ? "" : ", ") + Quoted(value);
+      const bool several = setting.values.size() > 1;
+      lines->Value(Quoted(setting.key), setting.values.empty() ? "true" : several ? "[" + values + "]" : values, "");
+    }
+  }
+}
+
 }  // namespace
 
 std::string SessionText(const Session& session, bool comments) {
@@ -117,6 +135,7 @@ std::string SessionText(const Session& session, bool comments) {
   lines.Number("fps_hz", session.fps_hz, "30", "of footage that does not say it itself, such as folders of images");
   for (size_t i = 0; i < session.cameras.size(); ++i) WriteCamera(session.cameras[i], i == 0, &lines);
   for (size_t i = 0; i < session.takes.size(); ++i) WriteTake(session.takes[i], i == 0, &lines);
+  WriteSettings(session, comments, &lines);
   return lines.str();
 }
 

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "dataset/session/session.h"
+#include "stages/pipeline/options.h"
+
+namespace mvstudio::stages {
+
+/// One stage of one session: the command line that does it, what it reads and what it writes. Paths begin as the session's.
+struct PipelineStage {
+  StageKind kind = StageKind::kCalibrate;
+  std::string take;                 ///< empty: of the whole session
+  std::vector<std::string> words;   ///< of the command line, without the program's name
+  std::vector<std::string> inputs;  ///< files, folders and patterns; one that is missing is no input
+  std::string output;               ///< a file or a folder
+  std::string left_out;             ///< why this session does not need it; empty: it does
+  bool may_fail = false;            ///< the others go on without its result
+
+  std::string name() const;  ///< "calibrate", "triangulate take1"
+};
+
+/// All stages of a session, those that it does not need with the reason, each after those whose outputs it reads. What stands
+/// under [run.STAGE] in mvstudio.toml is added to their command lines. Throws FormatError for a path that leaves the session or
+/// a stage that is not known, UsageError for an unknown take, and for a session with neither a board nor a calibration.
+std::vector<PipelineStage> PipelineOf(const dataset::Session& session, const PipelineOptions& options);
+
+/// Whether `from`, `to` and `only` ask for the stage. Throws UsageError for an unknown word, and when `to` is before `from`.
+bool IsAskedFor(const PipelineStage& stage, const PipelineOptions& options);
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "stages/fingerprint.h"
+#include "stages/pipeline/pipeline.h"
+
+namespace mvstudio::stages {
+
+/// What `run` knows of a stage that it has done, or has found done.
+struct StageRecord {
+  std::string version;  ///< of mvstudio
+  std::vector<std::string> words;
+  int exit = 0;
+  std::vector<std::string> accepted;  ///< codes of errors that were accepted
+  double seconds = 0;
+  bool found = false;  ///< made by other means than `run`, and newer than what it is made of
+  std::vector<Fingerprint> inputs;
+  Fingerprint output;
+};
+
+using StageRecords = std::map<std::string, StageRecord>;  ///< by PipelineStage::name()
+
+/// SESSION/run.json; empty when it is not there. Throws FormatError.
+StageRecords ReadStageRecords(const std::string& path);
+void WriteStageRecords(const std::string& path, const StageRecords& records);
+
+/// A stage as it is now. `earlier` saves reading what was not touched since.
+StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier);
+
+/// Why a stage has to be done, in one line: never done, other flags, another input, no output, ended with an error, another
+/// version. Empty: what is there is what the stage would make.
+std::string WhyStale(const PipelineStage& stage, const StageRecord& now, const StageRecord* earlier);
+
+/// Whether there is an output that is newer than everything that the stage reads.
+bool IsNewerThanInputs(const PipelineStage& stage);
+
+}  // namespace mvstudio::stages
