@@ -91,6 +91,17 @@ std::string LookAtCentre(const Camera& camera) {
          std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px";
 }
 
+/// The principal point is the middle of an image of the other shape, and not of this one.
+std::string LookAtSides(const Camera& camera) {
+  constexpr double kNear = 0.1, kFar = 0.15, kClearly = 4;  // shares of the shorter side; how much nearer the other middle is
+  const Eigen::Vector2d sides(camera.width_px, camera.height_px), at(camera.cx() + 0.5, camera.cy() + 0.5);
+  const double off = (at - sides / 2).norm(), turned_off = (at - sides.reverse() / 2).norm(), side = sides.minCoeff();
+  if (turned_off > kNear * side || off < kFar * side || off < kClearly * turned_off) return "";
+  return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") is the middle of an image of " +
+         std::to_string(camera.height_px) + " x " + std::to_string(camera.width_px) + " px, not of " +
+         std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + ": width and height are exchanged";
+}
+
 std::string LookAtFocal(const Camera& camera) {
   const double diagonal = std::hypot(camera.width_px, camera.height_px);
   const double low = std::min(camera.fx(), camera.fy()), high = std::max(camera.fx(), camera.fy());
@@ -254,6 +265,9 @@ std::vector<Notice> DoubtsAbout(const Rig& rig) {
          &doubts);
   Report(rig, "CAL-CENTRE", "check the size of the images and of the calibration, and that cx, cy are pixels", LookAtCentre,
          &doubts);
+  Report(rig, "CAL-SIDES",
+         "exchange them in the file: NumPy and MATLAB state rows (the height) first; of photos turned by EXIF, calibrate anew",
+         LookAtSides, &doubts);
   Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the image, and the size",
          LookAtFocal, &doubts);
   if (rig.gauge != kLensesOnly) LookAtDistances(rig, &doubts);  // nobody stated the poses
