@@ -15,16 +15,16 @@
 namespace mvstudio::calib::internal {
 namespace {
 
-std::string Trimmed(const std::string& text) {
+std::string Bare(const std::string& text) {
   constexpr char kAround[] = " \t\r\"'{}";
   const size_t first = text.find_first_not_of(kAround);
   return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(kAround) - first + 1);
 }
 
 /// The keys of a flat table, and those that nobody asked for.
-class Target {
+class KalibrTarget {
  public:
-  explicit Target(const std::string& path) : path_(path) {
+  explicit KalibrTarget(const std::string& path) : path_(path) {
     std::istringstream lines(ReadFile(path));
     for (std::string line; std::getline(lines, line);) {
       std::istringstream pairs(line.substr(0, line.find('#')));
@@ -73,16 +73,16 @@ class Target {
  private:
   void Add(const std::string& pair) {
     const size_t colon = pair.find(':');
-    const std::string key = Trimmed(pair.substr(0, colon));
+    const std::string key = Bare(pair.substr(0, colon));
     if (colon == std::string::npos || key.empty()) return;
-    if (!values_.emplace(key, Trimmed(pair.substr(colon + 1))).second) Fail(key, "this key is there twice");
+    if (!values_.emplace(key, Bare(pair.substr(colon + 1))).second) Fail(key, "this key is there twice");
   }
 
   std::string path_;
   std::map<std::string, std::string> values_;
 };
 
-std::string CirclesText(Target* target) {
+std::string CirclesText(KalibrTarget* target) {
   bool shifted = false;
   if (target->Has("asymmetricGrid")) {
     const std::string word = PlainWord(target->Word("asymmetricGrid"));
@@ -101,7 +101,7 @@ bool NamesTarget(const std::string& text) {
 }
 
 std::string BoardTextOfTarget(const std::string& path) {
-  Target target(path);
+  KalibrTarget target(path);
   const std::string type = PlainWord(target.Word("target_type"));
   std::string text;
   if (type == "aprilgrid") {

@@ -18,7 +18,7 @@ Entries EntriesOf(const Entry& table) {
   return entries;
 }
 
-const Entry& Needed(const Entries& entries, const Entry& table, const std::string& key, const char* shown) {
+const Entry& NeededIn(const Entries& entries, const Entry& table, const std::string& key, const char* shown) {
   if (const Entry* const entry = FindEntry(entries, key)) return *entry;
   throw FormatError(table.place.path, table.place.where, "the key '" + std::string(shown) + "' is missing");
 }
@@ -29,17 +29,17 @@ bool IsCameraOfMcCalib(const std::string& key, const Entry& entry) {
 
 geometry::RigCamera McCalibCamera(const Entry& table, const ReadOptions& options, std::vector<Notice>* notes) {
   const Entries own = EntriesOf(table);
-  const double type = ReadNumber(Needed(own, table, "distortiontype", "distortion_type"));
+  const double type = ReadNumber(NeededIn(own, table, "distortiontype", "distortion_type"));
   if (type != 0 && type != 1)
     throw FormatError(table.place.path, table.place.where + ".distortion_type",
                       NumberText(type) + " is not known here: 0 (Brown) and 1 (Kannala, fisheye) are");
-  const Eigen::Vector2d size(ReadNumber(Needed(own, table, "imgwidth", "img_width")),
-                             ReadNumber(Needed(own, table, "imgheight", "img_height")));
-  const Entry& terms = Needed(own, table, "distortionvector", "distortion_vector");
-  const Entry& lens = Needed(own, table, "cameramatrix", "camera_matrix");
+  const Eigen::Vector2d size(ReadNumber(NeededIn(own, table, "imgwidth", "img_width")),
+                             ReadNumber(NeededIn(own, table, "imgheight", "img_height")));
+  const Entry& terms = NeededIn(own, table, "distortionvector", "distortion_vector");
+  const Entry& lens = NeededIn(own, table, "cameramatrix", "camera_matrix");
   geometry::RigCamera camera =
       MakeRigCamera(table.place.where, size, ReadMatrix3(lens), ReadDistortion(&terms), type == 1, options, lens.place, notes);
-  const Entry& pose = Needed(own, table, "cameraposematrix", "camera_pose_matrix");
+  const Entry& pose = NeededIn(own, table, "cameraposematrix", "camera_pose_matrix");
   const Eigen::MatrixXd matrix = ReadMatrix(pose);
   if (matrix.rows() != 4 || matrix.cols() != 4)
     throw FormatError(pose.place.path, pose.place.where, "a 4x4 matrix was expected");
@@ -50,7 +50,7 @@ geometry::RigCamera McCalibCamera(const Entry& table, const ReadOptions& options
 }
 
 /// Number of coefficients of multical's dist, a list or a list of one row.
-Eigen::VectorXd TermsOf(const ValueView& dist) {
+Eigen::VectorXd MulticalTerms(const ValueView& dist) {
   const bool rows = dist.ListSize() == 1 && dist.value().items[0].kind == Value::Kind::kList;
   return rows ? dist[0].Vector() : dist.Vector();
 }
@@ -151,7 +151,7 @@ ImportedRig ReadMultical(const std::string& path, const ReadOptions& options) {
     if (view["model"].Text() == "fisheye") words.Add(path, view.where() + ".model", "lens", "fisheye");
     const bool fisheye = LensKindOf(words, options, view.place()) == geometry::LensKind::kFisheye;
     geometry::RigCamera camera = MakeRigCamera(name, view["image_size"].Vector(2), view["K"].Matrix(3, 3),
-                                               TermsOf(view["dist"]), fisheye, options, view.place(), &imported.notes);
+                                               MulticalTerms(view["dist"]), fisheye, options, view.place(), &imported.notes);
     std::string key = name;
     for (const auto& [other, pose] : poses.value().entries) {
       if (other.rfind(name + "_to_", 0) == 0) key = other;

@@ -28,7 +28,7 @@ Eigen::VectorXd NumbersBy(const ValueView& table, std::initializer_list<const ch
   return numbers;
 }
 
-NamedLens Joined(LensModel model, const Eigen::VectorXd& focal, const Eigen::VectorXd& terms) {
+NamedLens LensFrom(LensModel model, const Eigen::VectorXd& focal, const Eigen::VectorXd& terms) {
   NamedLens lens{model, Eigen::VectorXd(4 + terms.size())};
   lens.params << focal, terms;
   return lens;
@@ -37,11 +37,11 @@ NamedLens Joined(LensModel model, const Eigen::VectorXd& focal, const Eigen::Vec
 /// Brown's lens of these terms in OpenCV's order; none of them: a pinhole.
 NamedLens BrownLens(const Eigen::VectorXd& focal, const Eigen::VectorXd& terms) {
   if (terms.isZero(0)) return {LensModel::kPinhole, focal};
-  if (terms.size() == 5 && terms[4] == 0) return Joined(LensModel::kBrown4, focal, terms.head(4));
-  return Joined(terms.size() == 8   ? LensModel::kRational8
-                : terms.size() == 5 ? LensModel::kBrown5
-                                    : LensModel::kBrown4,
-                focal, terms);
+  if (terms.size() == 5 && terms[4] == 0) return LensFrom(LensModel::kBrown4, focal, terms.head(4));
+  return LensFrom(terms.size() == 8   ? LensModel::kRational8
+                  : terms.size() == 5 ? LensModel::kBrown5
+                                      : LensModel::kBrown4,
+                  focal, terms);
 }
 
 const Entry& NeededEntry(const Entries& entries, const std::string& path, const std::string& key, const char* shown) {
@@ -56,7 +56,7 @@ std::string WordOf(const Entries& entries, const std::string& key) {
   return entry ? TextOf(entry->value) : "";
 }
 
-Eigen::Vector2d SizeOf(const Entry* width, const Entry* height, const std::string& path, const ReadOptions& options) {
+Eigen::Vector2d StatedSize(const Entry* width, const Entry* height, const std::string& path, const ReadOptions& options) {
   if (width && height) return {ReadNumber(*width), ReadNumber(*height)};
   if (options.width_px <= 0 || options.height_px <= 0)
     throw UsageError(path + ": the file does not give the image size; pass option 'size' WIDTHxHEIGHT");
@@ -64,7 +64,7 @@ Eigen::Vector2d SizeOf(const Entry* width, const Entry* height, const std::strin
 }
 
 /// A 3x4 or 4x4 matrix [R t; 0 1].
-geometry::Rigid3 PoseOf(const Entry& entry, const ReadOptions& options) {
+geometry::Rigid3 PoseIn4x4(const Entry& entry, const ReadOptions& options) {
   const Eigen::MatrixXd matrix = ReadMatrix(entry);
   if (matrix.cols() != 4 || matrix.rows() < 3 || matrix.rows() > 4)
     throw FormatError(entry.place.path, entry.place.where, "a 4x4 matrix [R t; 0 1] was expected");
@@ -83,7 +83,7 @@ NamedLens MeiLens(const Entries& entries, const std::string& path, const ValueVi
   Eigen::VectorXd own(plain ? 1 : 3);
   own[0] = mirror["xi"].Number();
   if (!plain) own.tail<2>() = terms.tail<2>();
-  return Joined(plain ? LensModel::kUcm : LensModel::kUcmP, NumbersBy(projection, {"gamma1", "gamma2", "u0", "v0"}), own);
+  return LensFrom(plain ? LensModel::kUcm : LensModel::kUcmP, NumbersBy(projection, {"gamma1", "gamma2", "u0", "v0"}), own);
 }
 
 NamedLens VinsLens(const Entries& entries, const std::string& path) {
@@ -91,8 +91,8 @@ NamedLens VinsLens(const Entries& entries, const std::string& path) {
   const std::string model = geometry::PlainKey(TextOf(word.value));
   const ValueView projection = ViewOf(NeededEntry(entries, path, "projectionparameters", "projection_parameters"));
   if (model == "kannalabrandt")
-    return Joined(LensModel::kKannalaBrandt4, NumbersBy(projection, {"mu", "mv", "u0", "v0"}),
-                  NumbersBy(projection, {"k2", "k3", "k4", "k5"}));
+    return LensFrom(LensModel::kKannalaBrandt4, NumbersBy(projection, {"mu", "mv", "u0", "v0"}),
+                    NumbersBy(projection, {"k2", "k3", "k4", "k5"}));
   const ValueView distortion = ViewOf(NeededEntry(entries, path, "distortionparameters", "distortion_parameters"));
   if (model == "mei") return MeiLens(entries, path, projection, distortion);
   if (model == "pinhole" || model == "pinholefull")
@@ -111,7 +111,7 @@ geometry::Camera VinsCamera(const Entries& entries, const std::string& name, con
                       "SCARAMUZZA's polynomial is no lens model here (PINHOLE, PINHOLE_FULL, KANNALA_BRANDT, MEI are); "
                       "calibrate as one of these");
   const NamedLens lens = VinsLens(entries, path);
-  const Eigen::Vector2d size = SizeOf(FindEntry(entries, "imagewidth"), FindEntry(entries, "imageheight"), path, options);
+  const Eigen::Vector2d size = StatedSize(FindEntry(entries, "imagewidth"), FindEntry(entries, "imageheight"), path, options);
   return MakeModelCamera(name, size[0], size[1], lens.model, lens.params, {path, "projection_parameters"});
 }
 
@@ -146,7 +146,7 @@ std::vector<Placed> VinsCameras(const std::string& path, const Entries& entries,
     const Entries lens = LensesBeside(path, *named, &lens_path);
     const Entry* const pose = FindEntry(entries, "bodytcam" + std::to_string(n));
     cameras.emplace_back(VinsCamera(lens, "cam" + std::to_string(n), lens_path, options), std::nullopt);
-    if (pose) cameras.back().second = PoseOf(*pose, options);
+    if (pose) cameras.back().second = PoseIn4x4(*pose, options);
   }
   return cameras;
 }
@@ -163,8 +163,8 @@ geometry::Camera OrbCamera(const Entries& entries, const std::string& prefix, co
   const Eigen::Vector4d focal(number("fx", true), number("fy", true), number("cx", true), number("cy", true));
   NamedLens lens;
   if (type == "kannalabrandt8") {
-    lens = Joined(LensModel::kKannalaBrandt4, focal,
-                  Eigen::Vector4d(number("k1", true), number("k2", true), number("k3", true), number("k4", true)));
+    lens = LensFrom(LensModel::kKannalaBrandt4, focal,
+                    Eigen::Vector4d(number("k1", true), number("k2", true), number("k3", true), number("k4", true)));
   } else if (type == "rectified") {
     lens = {LensModel::kPinhole, focal};
   } else if (type.empty() || type == "pinhole") {
@@ -176,7 +176,8 @@ geometry::Camera OrbCamera(const Entries& entries, const std::string& prefix, co
         path, "Camera.type",
         "'" + Printable(WordOf(entries, "camera.type")) + "' is no lens model here (PinHole, KannalaBrandt8, Rectified are)");
   }
-  const Eigen::Vector2d size = SizeOf(FindEntry(entries, "camera.width"), FindEntry(entries, "camera.height"), path, options);
+  const Eigen::Vector2d size =
+      StatedSize(FindEntry(entries, "camera.width"), FindEntry(entries, "camera.height"), path, options);
   return MakeModelCamera(name, size[0], size[1], lens.model, lens.params, {path, prefix + "fx"});
 }
 
@@ -184,9 +185,9 @@ NamedLens BasaltLens(const ValueView& camera) {
   const std::string& type = camera["camera_type"].Text();
   const ValueView numbers = camera["intrinsics"];
   const Eigen::VectorXd focal = NumbersBy(numbers, {"fx", "fy", "cx", "cy"});
-  if (type == "ds") return Joined(LensModel::kDoubleSphere, focal, NumbersBy(numbers, {"xi", "alpha"}));
-  if (type == "eucm") return Joined(LensModel::kEucm, focal, NumbersBy(numbers, {"alpha", "beta"}));
-  if (type == "kb4") return Joined(LensModel::kKannalaBrandt4, focal, NumbersBy(numbers, {"k1", "k2", "k3", "k4"}));
+  if (type == "ds") return LensFrom(LensModel::kDoubleSphere, focal, NumbersBy(numbers, {"xi", "alpha"}));
+  if (type == "eucm") return LensFrom(LensModel::kEucm, focal, NumbersBy(numbers, {"alpha", "beta"}));
+  if (type == "kb4") return LensFrom(LensModel::kKannalaBrandt4, focal, NumbersBy(numbers, {"k1", "k2", "k3", "k4"}));
   if (type == "pinhole") return {LensModel::kPinhole, focal};
   if (type == "pinhole-radtan8") return BrownLens(focal, NumbersBy(numbers, {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"}));
   if (type == "ucm") {  // alpha d + (1 - alpha) z below the line; Mei's is xi d + z
@@ -194,7 +195,7 @@ NamedLens BasaltLens(const ValueView& camera) {
     if (!(alpha >= 0 && alpha < 1)) numbers["alpha"].Fail("must be from 0 to 1");
     Eigen::VectorXd scaled = focal;
     scaled.head<2>() /= 1 - alpha;
-    return Joined(LensModel::kUcm, scaled, Eigen::VectorXd::Constant(1, alpha / (1 - alpha)));
+    return LensFrom(LensModel::kUcm, scaled, Eigen::VectorXd::Constant(1, alpha / (1 - alpha)));
   }
   camera["camera_type"].Fail("'" + Printable(type) +
                              "' is no lens model here (ds, eucm, ucm, kb4, pinhole, pinhole-radtan8 are); calibrate as one");
@@ -246,7 +247,7 @@ ImportedRig ReadOrbSlam(const std::string& path, const Entries& entries, const R
   if (entries.count("camera2.fx")) {
     if (!pose) throw FormatError(path, "Stereo.T_c1_c2", "this key is missing: nothing places Camera2 against Camera1");
     second.camera = OrbCamera(entries, "camera2.", "camera2", path, options);
-    second.cam_from_world = Inverse(PoseOf(*pose, options));
+    second.cam_from_world = Inverse(PoseIn4x4(*pose, options));
   } else if (base) {
     second.camera = first.camera;
     second.camera.name = "camera2";

@@ -12,13 +12,13 @@ namespace {
 using mvstudio::testing::MessageOf;
 using mvstudio::testing::TempDir;
 
-std::string Sample(const std::string& board, const std::string& data) {
+std::string SampleFile(const std::string& board, const std::string& data) {
   return "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n" + board +
          "image_points: !!opencv-matrix\n   rows: 2\n   cols: 6\n   dt: \"2f\"\n   data: [" + data + "]\n";
 }
 
 /// Two views of 3 x 2 corners that lie 20 px apart, the second view 5 px lower.
-std::string Corners() {
+std::string SampleCorners() {
   std::string data;
   for (int i = 0; i < 12; ++i)
     data += (i ? ", " : "") + std::to_string(100 + 20 * (i % 3)) + ", " + std::to_string(50 + 20 * (i % 6 / 3) + 5 * (i / 6));
@@ -34,7 +34,7 @@ TEST(OpenCvSample, ImagePointsRowByRow) {
   };
   CornerFileOptions millimetres;
   millimetres.unit = LengthUnit::kMillimetre;
-  const CornerFile file = read(Sample(board, Corners()), millimetres);
+  const CornerFile file = read(SampleFile(board, SampleCorners()), millimetres);
   ASSERT_EQ(file.detections.size(), 2u);
   EXPECT_EQ(ToString(file.boards[0]), "grid:3x2:25mm");
   EXPECT_EQ(file.cameras[0].width_px, 640);
@@ -42,11 +42,11 @@ TEST(OpenCvSample, ImagePointsRowByRow) {
   EXPECT_EQ(file.detections[1].points_px.col(4), Eigen::Vector2d(120, 75));
   CornerFileOptions given;
   given.board = ParseBoard("chessboard:3x2:30mm");
-  EXPECT_EQ(ToString(read(Sample("", Corners()), given).boards[0]), "chessboard:3x2:30mm");
-  EXPECT_NE(MessageOf<UsageError>([&] { read(Sample("", Corners())); }).find("option 'board'"), std::string::npos);
-  EXPECT_NE(MessageOf<FormatError>([&] { read(Sample(board, "1, 2, 3")); }).find("3 numbers"), std::string::npos);
+  EXPECT_EQ(ToString(read(SampleFile("", SampleCorners()), given).boards[0]), "chessboard:3x2:30mm");
+  EXPECT_NE(MessageOf<UsageError>([&] { read(SampleFile("", SampleCorners())); }).find("option 'board'"), std::string::npos);
+  EXPECT_NE(MessageOf<FormatError>([&] { read(SampleFile(board, "1, 2, 3")); }).find("3 numbers"), std::string::npos);
   given.board = ParseBoard("chessboard:4x2:30mm");
-  EXPECT_NE(MessageOf<FormatError>([&] { read(Sample("", Corners()), given); }).find("has 8"), std::string::npos);
+  EXPECT_NE(MessageOf<FormatError>([&] { read(SampleFile("", SampleCorners()), given); }).find("has 8"), std::string::npos);
 }
 
 /// Tables of others are refused with the header that is read.
