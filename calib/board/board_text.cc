@@ -11,6 +11,7 @@
 #include "calib/board/apriltag.h"
 #include "calib/board/board.h"
 #include "calib/board/board_points.h"
+#include "calib/board/board_target.h"
 #include "calib/board/charuco_layout.h"
 #include "calib/board/circles.h"
 #include "calib/board/sets.h"
@@ -29,7 +30,8 @@ const char* const kBoardForms =
     "tag:FAMILY:ID[-LAST]:SIDE[:border=CELLS] (AprilTags or ArUco markers, each a board of its own), "
     "circles:COLSxROWS:STEP[:DIAMETER][:inverted], acircles:COLSxROWS:STEP[:DIAMETER][:inverted] (OpenCV's asymmetric grid), "
     "grid:COLSxROWS:STEP (points, for corner files) or "
-    "points:FILE (a table id,x,y,z, for corner files); a SQUARE or STEP of two lengths, 22.5x24.5mm, is along the columns and "
+    "points:FILE (a table id,x,y,z, for corner files), or a target FILE.yaml of Kalibr; a SQUARE or STEP of two lengths, "
+    "22.5x24.5mm, is along the columns and "
     "the rows; charuco and aprilgrid with the same print in a mirror on the back: [:two-sided[=THICKNESS]]; "
     "e.g. chessboard:9x6:25mm, charuco:8x6:60mm:45mm:4x4_1000, aprilgrid:6x6:88mm:0.3:36h11, tag:36h11:7:100mm";
 
@@ -341,6 +343,7 @@ double UsualDiameter(const Board& board) {
 }
 
 Board ParseBoard(const std::string& text) {
+  if (internal::NamesTarget(text)) return ParseBoard(internal::BoardTextOfTarget(text));
   const Parts parts = Split(text);
   const Form* const form = FormOf(text);
   if (!form) {

@@ -33,17 +33,30 @@ std::pair<int, int> ParseSize(const std::string& text, const std::string& what) 
 
 namespace {
 
+/// What is known of a file that is none of ours; begins with "; ", or is empty.
+std::string WhatItLooksLike(const std::string& text) {
+  const auto has = [&](const char* piece) { return text.find(piece) != std::string::npos; };
+  if (has("num_corners:") && has("encoding:"))
+    return "; it looks like deltille's .orpc: write its columns as camera,frame,corner,x_px,y_px (docs/corner-files.md)";
+  const std::string line = text.substr(0, text.find('\n'));
+  if (line.find(',') != std::string::npos && (line.find("corner") != std::string::npos || line.find(",x") != std::string::npos))
+    return "; of a table, the header is camera,frame,corner,x_px,y_px (corner: row times columns plus column; "
+           "docs/corner-files.md)";
+  return "";
+}
+
 CornerFormat DetectCornerFormat(const std::string& path) {
   const std::string text = ReadFile(path);
   const auto has = [&](const char* piece) { return text.find(piece) != std::string::npos; };
   if (text.find_first_not_of(" \t\r\n") == std::string::npos) throw FormatError(path, "", "the file is empty");
-  if (has("<opencv_storage>")) return CornerFormat::kOpenCv;
+  if (has("<opencv_storage>") || (text.rfind("%YAML", 0) == 0 && has("mage_points:"))) return CornerFormat::kOpenCv;
   if (has("img_loc_x")) return CornerFormat::kCaliscope;
   if (has("x_px")) return CornerFormat::kCsv;
   if (std::filesystem::path(path).extension() == ".vnl" || has("# filename x y")) return CornerFormat::kVnl;
-  throw FormatError(
-      path, "",
-      "not a corner file that is known here; name its format with option 'corners-format' vnl, caliscope, opencv or csv");
+  throw FormatError(path, "",
+                    "not a corner file that is known here; name its format with option 'corners-format' vnl, caliscope, "
+                    "opencv or csv" +
+                        WhatItLooksLike(text));
 }
 
 void ApplySizes(const CornerFileOptions& options, CornerFile* file) {

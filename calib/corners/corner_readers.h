@@ -23,6 +23,8 @@ void CompareBoard(const std::map<int, Eigen::Vector3d>& stated, const Board& giv
 CornerFile ReadVnl(const std::string& path, const CornerFileOptions& options);
 CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& options);
 CornerFile ReadOpenCvCorners(const std::string& path, const CornerFileOptions& options);
+/// What OpenCV's calibration sample writes beside the lens: `image_points`, a row of corners for each view of one camera.
+CornerFile ReadOpenCvSample(const std::string& path, const CornerFileOptions& options);
 CornerFile ReadCornerCsv(const std::string& path, const CornerFileOptions& options);
 
 }  // namespace mvstudio::calib::internal

@@ -93,8 +93,11 @@ struct ImageList {
 }  // namespace
 
 CornerFile ReadOpenCvCorners(const std::string& path, const CornerFileOptions& options) {
+  const std::string text = ReadFile(path);
+  if (text.find("<objectPoints") == std::string::npos && text.find("mage_points") != std::string::npos)
+    return ReadOpenCvSample(path, options);
   pugi::xml_document document;
-  ParseXml(path, ReadFile(path), &document);
+  ParseXml(path, text, &document);
   const pugi::xml_node root = document.document_element(), objects = root.child("objectPoints");
   if (!objects)
     throw FormatError(path, "", "no <objectPoints> in it; OpenCV's XML with objectPoints and imagePoints was expected");

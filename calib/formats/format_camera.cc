@@ -43,6 +43,10 @@ Eigen::Quaterniond MakeRotation(const Eigen::Matrix3d& matrix, const Place& plac
 geometry::Camera MakeCamera(const std::string& name, double width_px, double height_px, const Eigen::Matrix3d& k,
                             const Eigen::VectorXd& distortion, bool fisheye, const Place& place) {
   const auto fail = [&](const std::string& what) { throw FormatError(place.path, place.where, what); };
+  if (k(0, 2) == 0 && k(1, 2) == 0 && k(2, 0) > 0 && k(2, 1) > 0)
+    fail(
+        "this camera matrix is transposed, as MATLAB writes it (the principal point in its last row, counted from 1): write "
+        "[[fx, 0, cx - 1], [0, fy, cy - 1], [0, 0, 1]]");
   if (k(1, 0) != 0 || k(2, 0) != 0 || k(2, 1) != 0 || k(2, 2) != 1)
     fail("not a camera matrix [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]");
   if (k(0, 1) != 0) fail("the camera matrix has skew " + std::to_string(k(0, 1)) + ", which no lens model here has");

@@ -6,6 +6,8 @@
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 #include "calib/formats/opencv_yaml.h"
+#include "calib/formats/rig_tables.h"
+#include "calib/formats/slam.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
@@ -93,6 +95,10 @@ ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& pat
     case CalibrationFormat::kNerfstudio:
       return ReadNerfstudio(paths[0], options);
     case CalibrationFormat::kKalibr:
+      if (ReadFile(paths[0]).find("\"value0\"") != std::string::npos) {
+        if (paths.size() > 1) throw UsageError(paths[1] + ": Basalt's calibration is one file");
+        return internal::ReadBasalt(paths[0], options);
+      }
       return ReadFile(paths[0]).find("T_BS:") == std::string::npos ? internal::ReadKalibrChains(paths, options)
                                                                    : ReadEuroc(paths, options);
     case CalibrationFormat::kEasyMocap:
@@ -160,17 +166,20 @@ CalibrationFormat DetectFormat(const std::string& path) {
   }
   if (text[start] == '{') {
     if (has("transform_matrix")) return CalibrationFormat::kNerfstudio;
+    if (has("\"value0\"") && has("\"T_imu_cam\"")) return CalibrationFormat::kKalibr;
     if (has("mvstudio.calibration")) return CalibrationFormat::kMvstudio;
+    if (internal::IsMatlab(text) || internal::IsMultical(text)) return CalibrationFormat::kOpenCvYaml;
     if (internal::HoldsCamerasByName(text)) return CalibrationFormat::kOpenCvYaml;
-    if (has("\"camera_matrix\"") || has("\"cameraMatrix\"")) return CalibrationFormat::kOpenCvYaml;
+    if (has("\"camera_matrix") || has("\"cameraMatrix") || has("\"mtx")) return CalibrationFormat::kOpenCvYaml;
     if (geometry::LooksLikePanoptic(text)) return CalibrationFormat::kPanoptic;
     Unknown(path, text);
   }
   if (text[start] == '[' && has("\"img_name\"") && has("\"position\"")) return CalibrationFormat::kNerfstudio;
   if (text[start] == '<' && has("<opencv_storage")) return CalibrationFormat::kOpenCvYaml;
-  if (text[start] == '<' && has("<calibration")) return CalibrationFormat::kQca;
+  if (text[start] == '<' && has("<calibration") && has("<camera") && !geometry::IsMetashape(text))
+    return CalibrationFormat::kQca;
   if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return CalibrationFormat::kColmapText;
-  if (has("camera_matrix:") || internal::IsCameraInfo(text)) return CalibrationFormat::kOpenCvYaml;
+  if (has("camera_matrix:") || has("mtx:") || internal::IsCameraInfo(text)) return CalibrationFormat::kOpenCvYaml;
   if (has("intrinsics:") && (has("T_BS:") || chain)) return CalibrationFormat::kKalibr;
   if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
     return has("[cameras") ? CalibrationFormat::kCaliscope : CalibrationFormat::kToml;

@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "calib/formats/document.h"
 #include "calib/formats/format_camera.h"
@@ -7,6 +9,8 @@
 #include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
+#include "core/units.h"
 
 /// https://github.com/ethz-asl/kalibr/wiki/yaml-formats; radtan's r1, r2 are p1, p2, and omni's radtan acts behind the mirror.
 namespace mvstudio::calib {
@@ -196,18 +200,33 @@ std::vector<ValueView> ChainOf(const ValueView& root) {
 
 bool HasImu(const ValueView& view) { return view.Has("T_cam_imu") || view.Has("T_imu_cam"); }
 
-/// Camera from IMU: Kalibr's T_cam_imu, or OpenVINS's T_imu_cam the other way round.
-geometry::Rigid3 FromImu(const ValueView& view, const ReadOptions& options) {
-  return view.Has("T_cam_imu") ? PoseAt(view, "T_cam_imu", options) : Inverse(PoseAt(view, "T_imu_cam", options));
+/// A pose that the file states twice. Throws FormatError where the two differ by more than hands round.
+void CheckSame(const geometry::Rigid3& a, const geometry::Rigid3& b, const ValueView& view, const std::string& what) {
+  constexpr double kMaxTurn = 0.01, kMaxShift = 0.005, kMaxShare = 0.02;  // rad, m, of the length
+  const double turn = geometry::RotationAngle(a.rotation, b.rotation), shift = (a.translation - b.translation).norm();
+  if (turn <= kMaxTurn && shift <= std::max(kMaxShift, kMaxShare * a.translation.norm())) return;
+  view.Fail(what + Format(" are two different poses, %.3g degrees and %.4g m apart", RadToDeg(turn), shift) +
+            ": one of them was changed or is the other way round; take the wrong one out");
 }
 
-/// Pose against the camera before: T_cn_cnm1, else by the IMU that both name.
-geometry::Rigid3 FromPrevious(const ValueView& previous, const ValueView& view, const ReadOptions& options) {
-  if (view.Has("T_cn_cnm1")) return PoseAt(view, "T_cn_cnm1", options);
-  if (!HasImu(view) || !HasImu(previous))
-    view.Fail("the key 'T_cn_cnm1' is missing: nothing places this camera and those after it against " + previous.where() +
-              "; add it (or T_cam_imu to both), or give the cameras in files of their own for their lenses alone");
-  return FromImu(view, options) * Inverse(FromImu(previous, options));
+/// Camera from IMU: Kalibr's T_cam_imu, or OpenVINS's T_imu_cam the other way round.
+geometry::Rigid3 FromImu(const ValueView& view, const ReadOptions& options) {
+  if (!view.Has("T_imu_cam")) return PoseAt(view, "T_cam_imu", options);
+  const geometry::Rigid3 inverted = Inverse(PoseAt(view, "T_imu_cam", options));
+  if (!view.Has("T_cam_imu")) return inverted;
+  const geometry::Rigid3 stated = PoseAt(view, "T_cam_imu", options);
+  CheckSame(stated, inverted, view, "T_cam_imu and the inverse of T_imu_cam");
+  return stated;
+}
+
+/// Pose against the camera before: T_cn_cnm1, else by the IMU that both name; nothing where the file has neither.
+std::optional<geometry::Rigid3> FromPrevious(const ValueView& previous, const ValueView& view, const ReadOptions& options) {
+  std::optional<geometry::Rigid3> by_chain, by_imu;
+  if (view.Has("T_cn_cnm1")) by_chain = PoseAt(view, "T_cn_cnm1", options);
+  if (HasImu(view) && HasImu(previous)) by_imu = FromImu(view, options) * Inverse(FromImu(previous, options));
+  if (by_chain && by_imu)
+    CheckSame(*by_chain, *by_imu, view, "T_cn_cnm1 and that by T_cam_imu of this camera and the one before");
+  return by_chain ? by_chain : by_imu;
 }
 
 void AddChain(const std::vector<ValueView>& chain, bool by_imu, bool placed, bool several, const ReadOptions& options,
@@ -220,10 +239,15 @@ void AddChain(const std::vector<ValueView>& chain, bool by_imu, bool placed, boo
     camera.camera = ReadLens(view, ReadName(view, !several           ? view.where()
                                                   : chain.size() > 1 ? stem + "_" + view.where()
                                                                      : stem));
+    const auto from_previous = i > 0 ? FromPrevious(chain[i - 1], view, options) : std::nullopt;
     if (by_imu) {
       camera.cam_from_world = FromImu(view, options);
     } else if (placed && i > 0) {
-      camera.cam_from_world = FromPrevious(chain[i - 1], view, options) * imported->rig.cameras.back().cam_from_world;
+      if (!from_previous)
+        view.Fail("the key 'T_cn_cnm1' is missing: nothing places this camera and those after it against " +
+                  chain[i - 1].where() +
+                  "; add it (or T_cam_imu to both), or give the cameras in files of their own for their lenses alone");
+      camera.cam_from_world = *from_previous * imported->rig.cameras.back().cam_from_world;
     }
     internal::AddCamera(std::move(camera), view.place(), &imported->rig);
   }

@@ -6,6 +6,8 @@
 #include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
 #include "calib/formats/opencv_yaml.h"
+#include "calib/formats/rig_tables.h"
+#include "calib/formats/slam.h"
 #include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
@@ -18,8 +20,41 @@ using internal::Entry;
 using internal::FindEntry;
 using internal::FindFirst;
 
-constexpr std::initializer_list<const char*> kMatrixKeys = {"cameramatrix", "k"};
-constexpr std::initializer_list<const char*> kDistortionKeys = {"distortioncoefficients", "distcoeffs", "distortion", "d"};
+constexpr std::initializer_list<const char*> kMatrixKeys = {"cameramatrix", "k", "mtx"};
+constexpr std::initializer_list<const char*> kDistortionKeys = {
+    "distortioncoefficients", "distcoeffs", "distcoeff", "distortion", "d", "dist", "distortionvector", "coeffs"};
+
+/// Names of the matrices and coefficients of both cameras: OpenCV's sample, and those of its functions' arguments.
+struct StereoKeys {
+  const char *matrix1, *distortion1, *matrix2, *distortion2;
+};
+constexpr StereoKeys kStereoKeys[] = {{"m1", "d1", "m2", "d2"},
+                                      {"k1", "d1", "k2", "d2"},
+                                      {"cameramatrix1", "distcoeffs1", "cameramatrix2", "distcoeffs2"},
+                                      {"cameramatrix1", "dist1", "cameramatrix2", "dist2"},
+                                      {"cameramatrixleft", "distcoeffsleft", "cameramatrixright", "distcoeffsright"},
+                                      {"cameramatrixl", "distcoeffsl", "cameramatrixr", "distcoeffsr"},
+                                      {"mtx1", "dist1", "mtx2", "dist2"},
+                                      {"mtxl", "distl", "mtxr", "distr"},
+                                      {"kl", "dl", "kr", "dr"}};
+
+/// Those that the entries have: both matrices, which a number of that name (a lens's k1) is not.
+const StereoKeys* StereoKeysOf(const Entries& entries) {
+  const auto is_matrix = [&](const char* key) {
+    const auto found = entries.find(key);
+    return found != entries.end() && (found->second.value.kind == internal::Value::Kind::kTable ||
+                                      found->second.value.kind == internal::Value::Kind::kList);
+  };
+  const auto has = [&](const StereoKeys& keys, bool distorted) {
+    return is_matrix(keys.matrix1) && is_matrix(keys.matrix2) && (!distorted || is_matrix(keys.distortion1));
+  };
+  for (const bool distorted : {true, false}) {
+    for (const StereoKeys& keys : kStereoKeys) {
+      if (has(keys, distorted)) return &keys;
+    }
+  }
+  return nullptr;
+}
 
 Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const ReadOptions& options) {
   const Entry* width = FindFirst(entries, {"imagewidth", "width"});
@@ -70,13 +105,14 @@ geometry::Rigid3 ReadPose(const Entry& rotation, const Entry& translation, doubl
   return pose;
 }
 
-void AddStereo(const Entries& entries, const Eigen::Vector2d& size, const ReadOptions& options, ImportedRig* imported) {
+void AddStereo(const Entries& entries, const StereoKeys& keys, const Eigen::Vector2d& size, const ReadOptions& options,
+               ImportedRig* imported) {
   geometry::Rig& rig = imported->rig;
   rig.gauge = geometry::RigGauge::OfCamera("left");
-  rig.cameras.push_back(
-      ReadCamera(entries, "left", *FindEntry(entries, "m1"), FindEntry(entries, "d1"), size, options, &imported->notes));
-  rig.cameras.push_back(
-      ReadCamera(entries, "right", *FindEntry(entries, "m2"), FindEntry(entries, "d2"), size, options, &imported->notes));
+  rig.cameras.push_back(ReadCamera(entries, "left", *FindEntry(entries, keys.matrix1), FindEntry(entries, keys.distortion1),
+                                   size, options, &imported->notes));
+  rig.cameras.push_back(ReadCamera(entries, "right", *FindEntry(entries, keys.matrix2), FindEntry(entries, keys.distortion2),
+                                   size, options, &imported->notes));
   const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
   if (rotation && translation) {
     geometry::Rigid3& right = rig.cameras[1].cam_from_world;
@@ -93,10 +129,12 @@ bool IsOpenPose(const Entries& entries) {
   return entries.count("intrinsics") && matrix != entries.end() && internal::ReadMatrix(matrix->second).cols() == 4;
 }
 
-/// The camera's pose, camera from world, if the entries have one: R and T, or OpenPose's 3x4 `CameraMatrix`.
+/// The camera's pose, camera from world, if the entries have one: R and T, rvec and tvec, or OpenPose's 3x4 `CameraMatrix`.
 std::optional<geometry::Rigid3> FindPose(const Entries& entries, double metres_per_unit) {
-  const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
-  if (rotation && translation) return ReadPose(*rotation, *translation, metres_per_unit);
+  for (const auto& [turn, shift] : {std::pair("r", "t"), std::pair("rvec", "tvec"), std::pair("r", "tvec")}) {
+    const Entry *rotation = FindEntry(entries, turn), *translation = FindEntry(entries, shift);
+    if (rotation && translation) return ReadPose(*rotation, *translation, metres_per_unit);
+  }
   if (!IsOpenPose(entries)) return std::nullopt;
   const Entry& both = *FindEntry(entries, "cameramatrix");
   const Eigen::MatrixXd matrix = internal::ReadMatrix(both);
@@ -255,24 +293,33 @@ ImportedRig ReadByName(const std::string& path, const internal::Value& document,
 
 ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOptions& options) {
   if (paths.empty()) throw UsageError("no OpenCV file given");
-  if (const std::string text = paths.size() == 1 ? ReadFile(paths[0]) : ""; internal::HoldsCamerasByName(text))
-    return ReadByName(paths[0], internal::ParseLiteral(paths[0], text), options);
+  if (const std::string text = paths.size() == 1 ? ReadFile(paths[0]) : ""; !text.empty()) {
+    if (internal::HoldsCamerasByName(text)) return ReadByName(paths[0], internal::ParseLiteral(paths[0], text), options);
+    if (internal::IsMatlab(text)) return internal::ReadMatlab(paths[0], options);
+    if (internal::IsMultical(text)) return internal::ReadMultical(paths[0], options);
+  }
   std::vector<Entries> files(paths.size());
   for (size_t i = 0; i < paths.size(); ++i) internal::ReadEntries(paths[i], true, &files[i]);
+  if (std::all_of(files.begin(), files.end(), internal::IsVins)) return internal::ReadVins(paths, files, options);
+  if (paths.size() == 1 && internal::IsOrbSlam(files[0])) return internal::ReadOrbSlam(paths[0], files[0], options);
   const bool one_each =
       std::all_of(files.begin(), files.end(), [](const Entries& entries) { return FindFirst(entries, kMatrixKeys); });
   if (paths.size() > 1 && one_each) return ReadMany(paths, files, options);
+  if (paths.size() == 1 && internal::IsMcCalib(files[0])) return internal::ReadMcCalib(paths[0], files[0], options);
   ImportedRig imported;
   const Entries entries = Together(files);
-  if (entries.count("m1") && entries.count("m2")) {
-    AddStereo(entries, ReadSize(entries, paths.front(), options), options, &imported);
+  if (const StereoKeys* const stereo = StereoKeysOf(entries)) {
+    AddStereo(entries, *stereo, ReadSize(entries, paths.front(), options), options, &imported);
   } else if (FindFirst(entries, kMatrixKeys)) {
     const bool placed = AddSingle(entries, "camera", paths.front(), options, &imported);
     imported.rig.gauge =
         placed ? geometry::RigGauge{geometry::RigGauge::Kind::kImported} : geometry::RigGauge::OfCamera("camera");
     if (placed) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   } else {
-    throw FormatError(paths.front(), "", "no calibration in it: neither camera_matrix nor M1 and M2");
+    throw FormatError(
+        paths.front(), "",
+        "no calibration in it: neither camera_matrix (cameraMatrix, K, mtx) nor M1 and M2 (K1 and K2, cameraMatrix1 and "
+        "cameraMatrix2)");
   }
   AddUnusedNote(paths, {entries}, options, &imported);
   return imported;

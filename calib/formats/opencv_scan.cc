@@ -52,8 +52,9 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   const std::string text = ReadFile(path);
   const bool is_xml = text.find("<opencv_storage") != std::string::npos;
   // ROS's camera_info and files written from Python have no head, but OpenCV's keys.
-  const bool ros = normalised && (text.find("camera_matrix") != std::string::npos ||
-                                  text.find("cameraMatrix") != std::string::npos || IsCameraInfo(text));
+  const bool ros =
+      normalised && (text.find("camera_matrix") != std::string::npos || text.find("cameraMatrix") != std::string::npos ||
+                     text.find("mtx") != std::string::npos || IsCameraInfo(text));
   if (text.compare(0, 5, "%YAML") != 0 && !ros && !is_xml)
     throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
   Value root = is_xml ? ParseOpenCvXml(path, text) : ParseYaml(path, text);

@@ -32,7 +32,6 @@ std::string ForeignLayout(std::string_view text) {
       {"AvatarReX's calibration_full.json", {"\"distCoeff\"", "\"imgSize\""}},
       {"Human3.6M's camera-parameters.json", {"\"calibration_matrix\"", "\"extrinsics\""}},
       {"Dynamic 3D Gaussians' meta file", {"\"w2c\"", "\"k\"", "\"cam_id\""}},
-      {"Basalt's calibration.json", {"\"value0\"", "\"T_imu_cam\""}},
       {"Fit3D's camera parameters", {"\"intrinsics_w_distortion\"", "\"extrinsics\""}},
       {"poses without lenses of camera-intrinsic-calibration-rs", {"\"rtvecs\"", "\"tvec\""}},
       {"ROS's .ini (convert it to .yaml with camera_calibration_parsers)", {"[image]", "camera matrix", "projection"}},
@@ -43,7 +42,22 @@ std::string ForeignLayout(std::string_view text) {
       {"a session or result of mvstudio, no calibration", {"\"exit_code\"", "\"metrics\""}},
       {"cameras of VoxelPose or Campus and Shelf", {"\"R\"", "\"fx\"", "\"fy\"", "\"cx\""}},
       {"cameras by K, R and T (HuMMan and others)", {"\"K\"", "\"R\"", "\"T\""}},
-      {"Metashape's XML", {"<document", "<chunk"}},
+      {"Metashape's XML (File > Export > Export Cameras writes it for COLMAP, too)", {"<document", "<chunk"}},
+      {"Metashape's XML of one lens (its Tools > Camera Calibration saves it for OpenCV, too)",
+       {"<projection>", "<calibration"}},
+      {"Vicon's .xcp", {"<Camera", "PRINCIPAL_POINT"}},
+      {"OptiTrack's profile", {"<Profile"}},
+      {"Pix4D's calibrated camera parameters", {"fileName imageWidth imageHeight", "camera matrix K"}},
+      {"a RealSense lens (its Inverse Brown-Conrady terms go from distorted to undistorted)",
+       {"\"ppx\"", "\"ppy\"", "\"coeffs\""}},
+      {"Azure Kinect's calibration", {"\"CalibrationInformation\"", "\"ModelParameters\""}},
+      {"ZED's .conf (write its fx fy cx cy k1 k2 p1 p2 k3 as OpenCV's camera_matrix and distortion_coefficients)",
+       {"_CAM_", "fx", "[STEREO]"}},
+      {"Bouguet's toolbox for MATLAB (pixels from 0: write fc, cc and kc as OpenCV's camera_matrix and "
+       "distortion_coefficients)",
+       {"fc =", "cc =", "kc ="}},
+      {"MultiCamSelfCal's .rad (write K and kc as OpenCV's camera_matrix and distortion_coefficients)", {"K11 =", "kc1 ="}},
+      {"XMALab's MayaCam file (its y axis points up)", {"camera matrix", "rotation", "translation"}},
       {"EuRoC's sensor.yaml of another sensor than a camera", {"sensor_type:", "T_BS:"}},
   };
   for (const Layout& layout : kLayouts) {
@@ -51,6 +65,8 @@ std::string ForeignLayout(std::string_view text) {
   }
   return "";
 }
+
+bool IsMetashape(std::string_view text) { return HasAll(text, {"<document", "<chunk"}); }
 
 bool LooksLikePanoptic(std::string_view json) {
   return HasAll(json, {"\"cameras\""}) && !HasAll(json, {"\"asset\"", "\"nodes\""});

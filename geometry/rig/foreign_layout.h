@@ -9,6 +9,9 @@ namespace mvstudio::geometry {
 /// are not read here: "Human3.6M's camera-parameters.json". Empty for others.
 std::string ForeignLayout(std::string_view text);
 
+/// Whether an XML text is Metashape's project or export of cameras.
+bool IsMetashape(std::string_view text);
+
 /// Whether a JSON text has a list `cameras`, as Panoptic's calibrations have.
 bool LooksLikePanoptic(std::string_view json);
 

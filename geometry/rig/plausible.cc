@@ -56,7 +56,7 @@ std::string BetterOrder(const Camera& camera) {
 using Look = std::function<std::string(const Camera&)>;
 
 /// One line for all cameras: the words of the first that is doubtful, the others by name.
-void Report(const Rig& rig, const std::string& code, const std::string& hint, const Look& look, std::vector<Notice>* doubts) {
+void Report(const Rig& rig, const std::string& code, const std::string& hint, const Look& look, std::vector<Notice>* found) {
   std::vector<std::string> names;
   std::string first;
   for (const RigCamera& camera : rig.cameras) {
@@ -67,7 +67,7 @@ void Report(const Rig& rig, const std::string& code, const std::string& hint, co
   }
   if (names.empty()) return;
   const std::string whose = names.size() > 1 ? " (camera " + names[0] + ")" : "";
-  doubts->push_back({code, Listed(names) + ": " + first + whose, hint});
+  found->push_back({code, Listed(names) + ": " + first + whose, hint});
 }
 
 std::string LookAtDecentring(const Camera& camera) {
@@ -89,6 +89,17 @@ std::string LookAtCentre(const Camera& camera) {
   if (std::max(outside(camera.cx(), camera.width_px), outside(camera.cy(), camera.height_px)) <= kMaxOutside) return "";
   return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") lies far outside the image of " +
          std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + " px";
+}
+
+/// The principal point is the middle of an image of the other shape, and not of this one.
+std::string ExchangedSides(const Camera& camera) {
+  constexpr double kNear = 0.1, kFar = 0.15, kClearly = 4;  // shares of the shorter side; how much nearer the other middle is
+  const Eigen::Vector2d sides(camera.width_px, camera.height_px), at(camera.cx() + 0.5, camera.cy() + 0.5);
+  const double off = (at - sides / 2).norm(), turned_off = (at - sides.reverse() / 2).norm(), side = sides.minCoeff();
+  if (turned_off > kNear * side || off < kFar * side || off < kClearly * turned_off) return "";
+  return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") is the middle of an image of " +
+         std::to_string(camera.height_px) + " x " + std::to_string(camera.width_px) + " px, not of " +
+         std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + ": width and height are exchanged";
 }
 
 std::string LookAtFocal(const Camera& camera) {
@@ -254,6 +265,9 @@ std::vector<Notice> DoubtsAbout(const Rig& rig) {
          &doubts);
   Report(rig, "CAL-CENTRE", "check the size of the images and of the calibration, and that cx, cy are pixels", LookAtCentre,
          &doubts);
+  Report(rig, "CAL-SIDES",
+         "exchange them in the file: NumPy and MATLAB state rows (the height) first; of photos rotated by EXIF, calibrate anew",
+         ExchangedSides, &doubts);
   Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the image, and the size",
          LookAtFocal, &doubts);
   if (rig.gauge != kLensesOnly) LookAtDistances(rig, &doubts);  // nobody stated the poses

@@ -15,6 +15,7 @@ namespace mvstudio::geometry {
 ///   - CAL-TERMORDER: the distortion is plausible in another order of its terms (OtherTermOrders).
 ///   - CAL-FOLD: FoldsInside.
 ///   - CAL-CENTRE: the principal point is more than 30 % of a side outside the image. Crops usually stay within that.
+///   - CAL-SIDES: the principal point is the middle of an image whose width and height are exchanged.
 ///   - CAL-FOCALSIZE: the focal length is below 0.15 or above 30 diagonals (147 and 2 degrees corner to corner; of a
 ///     wide lens below 0.05, px per radian). Or fx and fy differ by more than a fourth, as when width and height are
 ///     exchanged.

@@ -6,6 +6,7 @@
 #include "calib/board/print.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio::calib {
@@ -136,6 +137,39 @@ TEST(ParseBoard, PointsComeFromAFile) {
                           "id,x,y,z\n0,0,0,a\n1,1,0,0\n2,1,1,0\n3,1,1,1\n"})
     EXPECT_THROW(points(bad), FormatError) << bad;
   EXPECT_THROW(ParseBoard("points:" + (folder / "none.csv")), IoError);
+}
+
+/// Kalibr's lengths are metres; its checkerboards count inner corners, its rows lie rowSpacingMeters apart.
+TEST(ParseBoard, TargetsOfKalibr) {
+  const mvstudio::testing::TempDir folder;
+  const auto read = [&](const std::string& text, const char* name = "target.yaml") {
+    WriteFileAtomic(folder / name, text);
+    return ToString(ParseBoard(folder / name));
+  };
+  const std::string tags =
+      "target_type: 'aprilgrid' #gridtype\ntagCols: 6   # tags: per row\ntagRows: 5\ntagSize: 0.088\ntagSpacing: 0.3\n";
+  EXPECT_EQ(read(tags), "aprilgrid:6x5:88mm:0.3:36h11");
+  EXPECT_EQ(read("{\"target_type\": \"aprilgrid\", \"tagCols\": 6, \"tagRows\": 5,\n \"tagSize\": 0.088, \"tagSpacing\": 0.3}",
+                 "board.json"),
+            "aprilgrid:6x5:88mm:0.3:36h11");
+  const std::string chess =
+      "target_type: 'checkerboard'\ntargetCols: 6\ntargetRows: 7\ncolSpacingMeters: 0.05\nrowSpacingMeters: ";
+  EXPECT_EQ(read(chess + "0.05\n"), "chessboard:6x7:50mm");
+  const Board oblong = ParseBoard((read(chess + "0.06\n"), folder / "target.yaml"));
+  EXPECT_EQ(CornersInBoard(oblong).col(7), Eigen::Vector3d(0.05, 0.06, 0));
+  const std::string circles = "target_type: circlegrid\ntargetCols: 4\ntargetRows: 11\nspacingMeters: 0.02\nasymmetricGrid: ";
+  EXPECT_EQ(read(circles + "False\n"), "circles:4x11:20mm");
+  EXPECT_EQ(read(circles + "True\n"), "acircles:4x11:20mm");
+  const std::pair<std::string, const char*> wrong[] = {{tags + "tagFamily: 25h9\n", "tagFamily"},
+                                                       {"target_type: aprilgrid\ntagCols: 6\n", "tagRows"},
+                                                       {chess + "50\n", "metres"},
+                                                       {"target_type: star\n", "'star'"},
+                                                       {circles + "maybe\n", "asymmetricGrid"},
+                                                       {tags + "tagRows: 6\n", "twice"},
+                                                       {"cam0:\n  camera_model: pinhole\n", "target_type"}};
+  for (const auto& [text, words] : wrong)
+    EXPECT_NE(mvstudio::testing::MessageOf<FormatError>([&] { read(text); }).find(words), std::string::npos) << words;
+  EXPECT_THROW(ParseBoard(folder / "none.yaml"), IoError);
 }
 
 std::string Refusal(const std::string& text) {

@@ -259,6 +259,12 @@ TEST(ReadKalibr, PosesAndLensesThatTheFileDoesNotHold) {
   EXPECT_EQ(DetectFormat(a), CalibrationFormat::kKalibr);
   EXPECT_LT((open_vins.cameras[0].CenterInWorld() - Eigen::Vector3d(-0.5, 0, 0)).norm(), 1e-12);
   EXPECT_LT((open_vins.cameras[1].CenterInWorld() - Eigen::Vector3d(-0.2, 0, 0)).norm(), 1e-12);
+  // A pose that stands there twice, two ways.
+  const std::string other = pose("T_imu_cam", "-0.5"), same = pose("T_imu_cam", "0.5"), back = pose("T_cn_cnm1", "0.3");
+  EXPECT_EQ(read(camera("0", imu0 + other) + camera("1", imu1)).rig.cameras.size(), 2u);
+  EXPECT_THAT(refused(camera("0", imu0 + same) + camera("1", imu1)), HasSubstr("T_imu_cam are two different poses"));
+  EXPECT_THAT(refused(camera("0", imu0) + camera("1", imu1 + back)), HasSubstr("T_cn_cnm1 and that by T_cam_imu"));
+  EXPECT_EQ(read(camera("0", imu0) + camera("1", imu1 + pose("T_cn_cnm1", "-0.302"))).rig.cameras.size(), 2u);
   // Several chains: placed by one IMU, or lenses alone, or not one rig.
   const auto of_imu = read(camera("0", imu0) + camera("1", imu1), camera("0", imu0)).rig;
   EXPECT_EQ(GaugeText(of_imu.gauge), "Kalibr's IMU");

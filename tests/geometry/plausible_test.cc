@@ -48,6 +48,22 @@ TEST(Plausible, NothingIsSaidOfOrdinaryRigs) {
   EXPECT_THAT(CodesOf(far), IsEmpty());
 }
 
+TEST(Plausible, WidthAndHeightExchanged) {
+  for (const auto& [width, height] : {std::pair(1920, 1080), std::pair(640, 480), std::pair(1280, 1024)}) {
+    Rig rig;
+    rig.cameras.emplace_back().camera = MakePinhole("a", width, height, 1.2 * width);
+    EXPECT_THAT(CodesOf(rig), IsEmpty()) << width;
+    Camera& camera = rig.cameras[0].camera;
+    camera.params[2] += 0.01 * width, camera.params[3] -= 0.01 * height;
+    std::swap(camera.width_px, camera.height_px);
+    EXPECT_THAT(CodesOf(rig), ElementsAre("CAL-SIDES")) << width;
+  }
+  Rig cropped;  // the middle of the lens is that of neither shape
+  cropped.cameras.emplace_back().camera = MakePinhole("a", 1080, 1080, 1400);
+  cropped.cameras[0].camera.params[2] = 959.5;
+  EXPECT_THAT(CodesOf(cropped), IsEmpty());
+}
+
 TEST(Plausible, DecentringBeyondAnyLens) {
   Rig rig = Ordinary();
   rig.cameras[1].camera.params.tail<5>() << -0.05, 0.02, 6.459, 0.01, 0.3;

@@ -1,0 +1,15 @@
+// Private: for board_text.cc.
+#pragma once
+
+#include <string>
+
+namespace mvstudio::calib::internal {
+
+/// Whether a board's text is the name of such a file: it ends in .yaml, .yml or .json.
+bool NamesTarget(const std::string& text);
+
+/// The text of the board that a target file of Kalibr (YAML) or Basalt (JSON) describes: aprilgrid, checkerboard, circlegrid.
+/// Throws FormatError with the key, IoError.
+std::string BoardTextOfTarget(const std::string& path);
+
+}  // namespace mvstudio::calib::internal
