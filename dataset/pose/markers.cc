@@ -57,7 +57,8 @@ std::set<int> FramesAroundOrigin(const Pose3d& pose) {
   return frames;
 }
 
-/// Markers that are 0 0 0 wherever they have a place. Points relative to one of them, as a skeleton's to its hip, lie around
+/// Markers that are 0 0 0 wherever they have a place, of files of several frames: surveyed points have one, and may have their
+/// origin among them. Points relative to one of them, as a skeleton's to its hip, lie around
 /// it in every frame: then that is its place.
 std::set<std::pair<int, std::string>> AlwaysZero(const Pose3d& pose) {
   std::set<std::pair<int, std::string>> zero, placed;
@@ -65,7 +66,8 @@ std::set<std::pair<int, std::string>> AlwaysZero(const Pose3d& pose) {
     if (row.status == Status::kOk) (row.x_in_world.isZero(0) ? zero : placed).emplace(row.person, row.joint);
   }
   for (const auto& key : placed) zero.erase(key);
-  if (placed.empty() || zero.empty()) return {};
+  const auto other_frame = [&](const JointRow& row) { return row.frame != pose.rows.front().frame; };
+  if (placed.empty() || zero.empty() || std::none_of(pose.rows.begin(), pose.rows.end(), other_frame)) return {};
   const std::set<int> around = FramesAroundOrigin(pose);
   const bool relative = std::all_of(pose.rows.begin(), pose.rows.end(), [&](const JointRow& row) {
     return row.status != Status::kOk || zero.count({row.person, row.joint}) == 0 || around.count(row.frame) > 0;
