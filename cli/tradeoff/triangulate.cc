@@ -34,7 +34,7 @@ struct Arguments {
                                      ByPoint(PointMethod::kMidpoint), ByPoint(PointMethod::kDlt)};
   std::vector<std::string> precisions{"double", "float"};
   std::vector<int> views{0, 4, 3, 2}, threads{1, 2};
-  std::string out, truth;
+  std::string out, truth, marker_unit;
   bool align_truth = false;
 };
 
@@ -184,8 +184,8 @@ Trial Run(const Arguments& arguments, const stages::PoseInput& input, const tria
   trial.limb_std_mm = 1000 * MeanLimbStd(MeasureLimbs(take.points, input.limbs));
   trial.holdout = HoldOut(problem, solve, arguments.take.holdout_points, trial.threads).all;
   if (!arguments.truth.empty()) {
-    const stages::TruthComparison truth =
-        stages::CompareWithTruth(stages::ToPose3d(take, input.skeleton), arguments.truth, {arguments.align_truth});
+    const stages::TruthComparison truth = stages::CompareWithTruth(stages::ToPose3d(take, input.skeleton), arguments.truth,
+                                                                   {arguments.align_truth, arguments.marker_unit});
     if (truth.comparison.num > 0) trial.truth_mm = truth.comparison.median_mm;
     trial.why_no_truth = truth.comparison.why_none;
   }
@@ -319,7 +319,9 @@ void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry) {
       ->capture_default_str();
   AddOption(sub, "--views", arguments->views, "views a point uses at most; 0: all")->delimiter(',')->capture_default_str();
   AddOption(sub, "--threads-list", arguments->threads, "numbers of threads")->delimiter(',')->capture_default_str();
-  AddOption(sub, "--truth", arguments->truth, "a folder of body3DScene files or a points.csv");
+  AddOption(sub, "--truth", arguments->truth, "a folder of body3DScene files, or points as `markers convert` takes them");
+  AddOption(sub, "--marker-unit", arguments->marker_unit,
+            "m, cm, mm, in or the length of one unit, e.g. 25mm: of a file of markers, instead of what it states");
   AddFlag(sub, "--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
   AddOption(sub, "--sigma-px", arguments->take.sigma_px, "px; standard deviation of a detection; 0 estimates it")
       ->capture_default_str();

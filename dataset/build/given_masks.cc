@@ -35,21 +35,39 @@ void AddFiles(const std::string& folder, GivenMasks* masks) {
   }
 }
 
+[[noreturn]] void FailWithoutMasks(const BuildInputs& inputs) {
+  for (const CameraFootage& footage : inputs.footage) {
+    const fs::path folder = fs::path(inputs.masks) / footage.camera;
+    std::error_code error;
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+      throw IoError(folder.string(), "holds `" + entry.path().filename().string().substr(0, 80) +
+                                         "` and no mask: give one .png or .jpg a frame in it, the objects of a frame in one "
+                                         "image");
+    }
+  }
+  throw IoError(inputs.masks, "holds masks of none of the cameras; it must have a folder for each: " +
+                                  Join(inputs.footage, ", ", &CameraFootage::camera));
+}
+
 }  // namespace
 
 std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs) {
   std::map<std::string, GivenMasks> all;
   if (inputs.masks.empty()) return all;
-  if (!fs::is_directory(inputs.masks)) throw IoError(inputs.masks, "no such folder of masks");
+  if (!fs::is_directory(inputs.masks)) {
+    throw IoError(inputs.masks,
+                  fs::exists(inputs.masks)
+                      ? "is a file; masks are images, FOLDER/CAMERA/FRAME.png: write those of COCO's RLE, of arrays "
+                        "and of videos as PNG, 0 and 255"
+                      : "no such folder of masks");
+  }
   std::vector<std::string> paths;
   for (const CameraFootage& footage : inputs.footage) {
     GivenMasks& masks = all[footage.camera];
     AddFiles(inputs.masks + "/" + footage.camera, &masks);
     for (const auto& [frame, path] : masks.files) paths.push_back(path);
   }
-  if (paths.empty())
-    throw IoError(inputs.masks, "holds masks of none of the cameras; it must have a folder for each: " +
-                                    Join(inputs.footage, ", ", &CameraFootage::camera));
+  if (paths.empty()) FailWithoutMasks(inputs);
   const MaskMeaning meaning = MeaningOfMasks(paths);
   for (auto& [camera, masks] : all) masks.meaning = meaning;
   return all;
@@ -62,7 +80,8 @@ Image GivenMask(const GivenMasks& masks, int64_t frame, int width, int height) {
   if (mask.width != width || mask.height != height)
     throw FormatError(found->second, "",
                       "is " + std::to_string(mask.width) + "x" + std::to_string(mask.height) + ", the footage is " +
-                          std::to_string(width) + "x" + std::to_string(height));
+                          std::to_string(width) + "x" + std::to_string(height) +
+                          ": write the masks at the size of the images (of labels without smoothing)");
   return mask;
 }
 

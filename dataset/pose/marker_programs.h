@@ -8,7 +8,7 @@
 
 #include "dataset/pose/markers.h"
 
-/// 3D joints of FreeMoCap and of DeepLabCut. `unit` as in ReadMarkers: neither states one.
+/// 3D joints of FreeMoCap and of DeepLabCut, tables of motion capture studios. `unit` as in ReadMarkers: neither states one.
 namespace mvstudio::dataset::internal {
 
 /// DeepLabCut's `*_DLC_3D.h5` and `.csv` (deeplabcut/pose_estimation_3d/triangulation.py): header rows scorer, (individuals,)
@@ -32,6 +32,13 @@ std::string FreeMoCapJoint(const std::string& column);
 double FreeMoCapRate(const std::vector<std::pair<int, double>>& times, std::vector<std::string>* notes);
 /// That no file of FreeMoCap states which axis is up.
 extern const char kFreeMoCapAxes[];
+
+/// True for a CSV of Vicon Nexus (sections with titles) or OptiTrack Motive (`Format Version`).
+bool IsStudioTable(std::string_view text);
+/// Such a CSV: Vicon's section Trajectories, z up, frame 1 is frame 0; Motive's markers, else its bones, y up, frames from 0.
+MarkerFile ReadStudioTable(const std::string& path, const std::string& unit);
+/// Qualisys QTM's .tsv: mm, z up; frame 1 is frame 0 where it numbers its rows.
+MarkerFile ReadTsvMarkers(const std::string& path, const std::string& unit);
 
 /// The file with the 3D joints of a recording of FreeMoCap or of a project of DeepLabCut; empty: the folder is neither. Throws
 /// FormatError where several of DeepLabCut's lie there.

@@ -267,6 +267,7 @@ void CheckSto(const StoHead& head, const std::vector<double>& times, MarkerFile*
 
 MarkerFile ReadCsvMarkers(const std::string& path, const std::string& unit) {
   const std::string text = ReadFile(path);
+  if (IsStudioTable(text)) return ReadStudioTable(path, unit);
   if (IsDeepLabCutTable(text)) return ReadDeepLabCutMarkers(path, unit);
   CsvReader csv(path, text);
   if (!csv.NextLine()) throw FormatError(path, "", "is empty");

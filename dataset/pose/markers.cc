@@ -5,11 +5,13 @@
 #include <cctype>
 #include <filesystem>
 #include <map>
+#include <set>
 #include <vector>
 
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/some_of.h"
 #include "core/statistics.h"
 #include "core/text/number_cell.h"
 #include "dataset/pose/marker_formats.h"
@@ -42,8 +44,47 @@ double SpreadOf(const Pose3d& pose) {
   return UpperMedian(std::move(diagonals), 0.0);
 }
 
+/// The time steps in which the origin lies among the points that are not there themselves.
+std::set<int> FramesAroundOrigin(const Pose3d& pose) {
+  std::map<int, Eigen::AlignedBox3d> boxes;
+  for (const JointRow& row : pose.rows) {
+    if (row.status == Status::kOk && !row.x_in_world.isZero(0)) boxes[row.frame].extend(row.x_in_world);
+  }
+  std::set<int> frames;
+  for (const auto& [frame, box] : boxes) {
+    if (box.contains(Eigen::Vector3d(Eigen::Vector3d::Zero()))) frames.insert(frame);
+  }
+  return frames;
+}
+
+/// Markers that are 0 0 0 wherever they have a place, of files of several frames: surveyed points have one, and may have their
+/// origin among them. Points relative to one of them, as a skeleton's to its hip, lie around
+/// it in every frame: then that is its place.
+std::set<std::pair<int, std::string>> AlwaysZero(const Pose3d& pose) {
+  std::set<std::pair<int, std::string>> zero, placed;
+  for (const JointRow& row : pose.rows) {
+    if (row.status == Status::kOk) (row.x_in_world.isZero(0) ? zero : placed).emplace(row.person, row.joint);
+  }
+  for (const auto& key : placed) zero.erase(key);
+  const auto other_frame = [&](const JointRow& row) { return row.frame != pose.rows.front().frame; };
+  if (placed.empty() || zero.empty() || std::none_of(pose.rows.begin(), pose.rows.end(), other_frame)) return {};
+  const std::set<int> around = FramesAroundOrigin(pose);
+  const bool relative = std::all_of(pose.rows.begin(), pose.rows.end(), [&](const JointRow& row) {
+    return row.status != Status::kOk || zero.count({row.person, row.joint}) == 0 || around.count(row.frame) > 0;
+  });
+  return relative ? std::set<std::pair<int, std::string>>() : zero;
+}
+
 /// Some programs write 0 0 0 where a marker was not seen. Of one that never comes near the origin, that is no place.
 void LeaveOutZeros(MarkerFile* file) {
+  const std::set<std::pair<int, std::string>> never = AlwaysZero(file->pose);
+  std::set<std::string> names;
+  for (JointRow& row : file->pose.rows) {
+    if (row.status != Status::kOk || never.count({row.person, row.joint}) == 0) continue;
+    row.status = Status::kTooFewViews, names.insert(row.joint);
+  }
+  if (!names.empty())
+    file->notes.push_back("0 0 0 in all frames, which is taken as not seen: " + SomeOf({names.begin(), names.end()}));
   constexpr double kNearM = 0.02;
   std::map<std::pair<int, std::string>, double> nearest;
   for (const JointRow& row : file->pose.rows) {
@@ -63,7 +104,7 @@ void LeaveOutZeros(MarkerFile* file) {
   if (count > 0) file->notes.push_back(Format("%zu points are 0 0 0, where their markers never are near: not seen", count));
 }
 
-const std::vector<std::string> kPointFiles = {".trc", ".c3d", ".bvh", ".csv", ".sto", ".npz", ".npy", ".h5"};
+const std::vector<std::string> kPointFiles = {".trc", ".c3d", ".bvh", ".csv", ".tsv", ".sto", ".npz", ".npy", ".h5"};
 
 MarkerFile ReadByExtension(const std::string& path, const std::string& unit) {
   const std::string extension = ExtensionOf(path);
@@ -71,13 +112,19 @@ MarkerFile ReadByExtension(const std::string& path, const std::string& unit) {
   if (extension == ".trc") return ReadTrcMarkers(path, unit);
   if (extension == ".bvh") return internal::ReadBvhMarkers(path, unit);
   if (extension == ".csv") return internal::ReadCsvMarkers(path, unit);
+  if (extension == ".tsv") return internal::ReadTsvMarkers(path, unit);
   if (extension == ".sto") return internal::ReadStoMarkers(path, unit);
   if (extension == ".npz") return internal::ReadNpzMarkers(path, unit);
   if (extension == ".npy") return internal::ReadNpyMarkers(path, unit);
   if (extension == ".h5") return internal::ReadDeepLabCutMarkers(path, unit);
+  if (extension == ".parquet")
+    throw FormatError(path, "",
+                      "Parquet is not read; give FreeMoCap's *_by_trajectory.csv of the same recording, or its folder");
+  if (extension == ".mot")
+    throw FormatError(path, "", "holds joint angles or forces, no positions; give the .trc of the same trial");
   throw FormatError(path, "",
-                    "is no file of 3D points: a folder of triangulate, FreeMoCap or DeepLabCut, .trc, .c3d, .bvh, .csv, .sto, "
-                    ".npz, .npy or .h5");
+                    "is no file of 3D points: a folder of triangulate, FreeMoCap or DeepLabCut, .trc, .c3d, .bvh, .csv, .tsv, "
+                    ".sto, .npz, .npy or .h5");
 }
 
 }  // namespace

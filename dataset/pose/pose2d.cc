@@ -57,6 +57,13 @@ std::map<std::string, std::optional<int>> FramesOfNames(const std::vector<std::s
 
 json ParsePoseJson(const std::string& text, const PoseFile& file) {
   constexpr size_t kMaxDepth = 16;
+  const size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
+  if (first != std::string::npos && std::string_view("{[").find(text[first]) == std::string_view::npos)
+    file.Fail(
+        "", std::string(text[first] == '<' ? "XML" : "a text") +
+                ", no JSON: 2D joints are JSON (OpenPose, COCO, MMPose, AlphaPose), or tables of DeepLabCut, of SLEAP or with "
+                "columns frame, nose_x, nose_y, nose_score, …" +
+                (text[first] == '<' ? "; export from CVAT as COCO Keypoints" : ""));
   json parsed;
   const JsonProblem problem = ParseJsonTree(text, {kMaxDepth, false, true}, &parsed);
   if (problem.kind == JsonProblem::Kind::kNone) return parsed;
@@ -145,6 +152,13 @@ std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string
     if (entry.path().extension() == ".json" && name[0] != '.' && entry.is_regular_file()) files.push_back(entry.path());
   }
   if (error) throw IoError(folder, "camera " + camera + ": cannot be listed: " + error.message());
+  const auto is_label = [](const fs::directory_entry& entry) { return entry.path().extension() == ".txt"; };
+  if (files.empty() && std::any_of(fs::directory_iterator(folder, error), fs::directory_iterator(), is_label)) {
+    throw IoError(folder,
+                  "camera " + camera +
+                      ": holds no .json file but .txt files. YOLO's labels are not read; give one JSON file an image, as "
+                      "to_json() of Ultralytics' results writes them (x, y in px)");
+  }
   if (files.empty()) {
     throw IoError(folder, "camera " + camera + ": the folder holds no .json file; was the pose detector run on this camera?");
   }
@@ -190,15 +204,17 @@ bool HasAnyList(const json& entry) {
 std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
   const json* const list = root.is_array()                                      ? &root
                            : root.is_object() && root.contains("instance_info") ? &root["instance_info"]
+                           : root.is_object() && root.contains("annots")        ? &root["annots"]
                                                                                 : nullptr;
-  if (list && list->is_array()) {  // MMPose, OpenPifPaf
+  if (list && list->is_array()) {  // MMPose, OpenPifPaf, Ultralytics, EasyMocap
     std::vector<Person2d> people;
     for (size_t i = 0; i < list->size(); ++i) internal::AppendPerson((*list)[i], "[" + std::to_string(i) + "]", file, &people);
     return people;
   }
   if (!root.is_object() || !root.contains("people") || !root["people"].is_array()) {
     file.Fail("people",
-              "there is no array \"people\", nor a list of people: neither a file of OpenPose nor of MMPose or OpenPifPaf");
+              "there is no array \"people\", nor a list of people: no file of OpenPose, MMPose, OpenPifPaf, Ultralytics or "
+              "EasyMocap");
   }
   std::vector<Person2d> people;
   for (size_t i = 0; i < root["people"].size(); ++i) {

@@ -23,6 +23,9 @@ namespace {
 
 enum Column { kCamera, kFrame, kPerson, kJoint, kX, kY, kScore, kNumColumns };
 constexpr const char* kNames[kNumColumns] = {"camera", "frame", "person", "joint", "x_px", "y_px", "score"};
+/// The same columns as other programs call them.
+constexpr std::pair<std::string_view, Column> kOtherNames[] = {
+    {"x", kX}, {"y", kY}, {"likelihood", kScore}, {"confidence", kScore}, {"conf", kScore}, {"visibility", kScore}};
 constexpr bool IsOptional(int column) { return column == kPerson || column == kScore; }
 
 bool IsName(std::string_view text) { return WhyNotALabel(text).empty(); }
@@ -80,16 +83,22 @@ class Reader {
          "; give the skeleton that has it by option 'skeleton', or none to take the joints from the file");
   }
 
+  void SetColumn(const std::vector<std::string_view>& fields, std::ptrdiff_t place, size_t i) {
+    int& column = columns_[static_cast<size_t>(place)];
+    if (column >= 0) Fail("two columns are called `" + std::string(fields[i]) + "`");
+    column = static_cast<int>(i);
+  }
+
   void ReadHeader(const std::vector<std::string_view>& fields) {
     columns_.fill(-1);
     num_fields_ = fields.size();
     for (size_t i = 0; i < fields.size(); ++i) {
-      const std::string_view name = fields[i];
-      const auto known = std::find(std::begin(kNames), std::end(kNames), name);
-      if (known == std::end(kNames)) continue;
-      int& column = columns_[static_cast<size_t>(known - std::begin(kNames))];
-      if (column >= 0) Fail("two columns are called `" + std::string(name) + "`");
-      column = static_cast<int>(i);
+      const auto known = std::find(std::begin(kNames), std::end(kNames), fields[i]);
+      if (known != std::end(kNames)) SetColumn(fields, known - std::begin(kNames), i);
+    }
+    for (const auto& [name, column] : kOtherNames) {
+      const auto found = std::find(fields.begin(), fields.end(), name);
+      if (columns_[column] < 0 && found != fields.end()) SetColumn(fields, column, static_cast<size_t>(found - fields.begin()));
     }
     for (int c = 0; c < kNumColumns; ++c) {
       if (columns_[c] >= 0 || IsOptional(c)) continue;

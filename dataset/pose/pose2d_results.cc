@@ -74,9 +74,30 @@ void ReadCocoEntry(const json& entry, const PoseFile& file, const Frames& frames
   track->frames[ReadFrame(entry, "image_id", file, frames)].push_back(std::move(people[0]));
 }
 
+/// Keypoints of three numbers each as one flat list: [[x, y, s], …] of EasyMocap and older MMPose, and of Ultralytics
+/// {"x": […], "y": […], "visible": […]}.
+json FlattenTriples(const json& keypoints, const std::string& list, const PoseFile& file) {
+  json flat = json::array();
+  if (keypoints.is_object()) {
+    const json none = json::array();
+    const json x = keypoints.value("x", none), y = keypoints.value("y", none), s = keypoints.value("visible", none);
+    const bool good =
+        x.is_array() && y.is_array() && s.is_array() && x.size() == y.size() && (s.empty() || s.size() == x.size());
+    if (!good) file.Fail(list, "`x`, `y` and `visible` are not arrays of one length");
+    for (size_t k = 0; k < x.size(); ++k) flat.insert(flat.end(), {x[k], y[k], s.empty() ? json(1) : s[k]});
+    return flat;
+  }
+  for (size_t k = 0; k < keypoints.size(); ++k) {
+    const json& point = keypoints[k];
+    if (!point.is_array() || (point.size() != 3 && point.size() != 2))
+      file.Fail(list + "[" + std::to_string(k) + "]", "is not x, y and a score");
+    flat.insert(flat.end(), {point[0], point[1], point.size() == 3 ? point[2] : json(1)});
+  }
+  return flat;
+}
+
 /// MMPose's `keypoints` [[x, y], …] and `keypoint_scores` [s, …] as one flat list.
 json Flatten(const json& instance, const std::string& where, const PoseFile& file) {
-  if (!instance.is_object()) file.Fail(where, "is not an object");
   const json points = instance.value("keypoints", json::array()), scores = instance.value("keypoint_scores", json::array());
   if (!points.is_array() || !scores.is_array() || points.size() != scores.size()) {
     file.Fail(where, "`keypoints` and `keypoint_scores` are not two arrays of one length");
@@ -117,8 +138,44 @@ struct Results {
   Frames frames;
 };
 
+/// AlphaPose's formats "open" and "cmu" by images' names, {"0.jpg": {"people": […]}} and {"0.jpg": {"bodies": […]}}, as a list
+/// of COCO's kind; null: it is none of them.
+json CocoOfImages(const json& root, const PoseFile& whole) {
+  if (!root.is_object() || root.empty()) return nullptr;
+  json list = json::array();
+  for (const auto& [name, image] : root.items()) {
+    if (!image.is_object()) return nullptr;
+    const bool bodies = image.contains("bodies");
+    const auto people = image.find(bodies ? "bodies" : "people");
+    if (people == image.end() || !people->is_array()) return nullptr;
+    for (const json& person : *people) {
+      const char* const key = bodies ? "joints" : "pose_keypoints_2d";
+      if (!person.is_object() || !person.contains(key))
+        whole.Fail(name.substr(0, 80), std::string("a person has no list ") + key);
+      list.push_back({{"image_id", name}, {"keypoints", person[key]}});
+    }
+  }
+  return list;
+}
+
+/// What an export for labels is, which holds marks without COCO's lists; empty: none that is known.
+std::string LabelProgram(const json& root) {
+  const json& first = root.is_array() && !root.empty() ? root[0] : root;
+  if (!first.is_object()) return "";
+  if (root.contains("_via_img_metadata") || root.contains("_via_settings")) return "a project of VIA";
+  if (first.contains("annotations") && first.contains("data")) return "an export of Label Studio";
+  if (first.contains("shapes") && first.contains("imagePath")) return "a file of LabelMe";
+  if (first.contains("landmarks") || first.contains("pose_landmarks")) return "landmarks of MediaPipe";
+  return "";
+}
+
 Results FindResults(const json& root, const PoseFile& whole) {
   Results results;
+  const std::string program = LabelProgram(root);
+  if (!program.empty())
+    whole.Fail("", program +
+                       ", which is not read; write COCO keypoints (`image_id`, `keypoints` with x, y in px and a score), "
+                       "or a table of this camera with columns frame, nose_x, nose_y, nose_score, …");
   if (root.is_array()) results.list = &root;
   for (const char* key : {"instance_info", "annotations"}) {
     if (root.is_object() && root.contains(key)) results.list = &root[key], results.place = key;
@@ -141,18 +198,23 @@ void internal::AppendPerson(const json& entry, const std::string& where, const P
   if (!entry.is_object()) file.Fail(where, "is not an object");
   const auto keypoints = entry.find("keypoints");
   const std::string list = where + (where.empty() ? "" : ".") + "keypoints";
-  if (keypoints == entry.end() || !keypoints->is_array()) file.Fail(list, "is not there or not an array");
-  const bool flat = !entry.contains("keypoint_scores");
+  const bool scored = entry.contains("keypoint_scores");
+  const bool listed = keypoints != entry.end() && (keypoints->is_array() || (keypoints->is_object() && !scored));
+  if (!listed) file.Fail(list, "is not there or not an array");
+  const bool triples = !scored && (keypoints->is_object() || (!keypoints->empty() && (*keypoints)[0].is_array()));
   Person2d person;
-  internal::AppendKeypoints(flat ? *keypoints : Flatten(entry, where, file), file.skeleton.joints.size(), flat ? list : where,
-                            file, &person);
+  internal::AppendKeypoints(scored    ? Flatten(entry, where, file)
+                            : triples ? FlattenTriples(*keypoints, list, file)
+                                      : *keypoints,
+                            file.skeleton.joints.size(), scored ? where : list, file, &person);
   people->push_back(std::move(person));
 }
 
 Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton) {
   Pose2dTrack track{camera, {}};
   const PoseFile whole{path, "camera " + camera, skeleton};
-  const json root = internal::ParsePoseJson(ReadFile(path), whole);
+  const json read = internal::ParsePoseJson(ReadFile(path), whole), of_images = CocoOfImages(read, whole);
+  const json& root = of_images.is_null() ? read : of_images;
   const Results results = FindResults(root, whole);
   internal::Tolerant tolerant(&track.skipped);
   for (size_t i = 0; i < results.list->size(); ++i) {

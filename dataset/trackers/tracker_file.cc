@@ -43,6 +43,7 @@ TrackerKind DetectTracker(const std::string& path) {
   if (line.compare(0, 6, "scorer") == 0 || line.compare(0, 8, "\"scorer\"") == 0) return TrackerKind::kDeepLabCutCsv;
   if (Holds(line, "frame_idx") && Holds(line, "track")) return TrackerKind::kSleapCsv;
   if (Holds(line, "sync_index") && Holds(line, "img_loc_x")) return TrackerKind::kCaliscopeCsv;
+  if (internal::IsWideCsvHeader(line)) return TrackerKind::kWideCsv;
   return TrackerKind::kNone;
 }
 
@@ -56,6 +57,8 @@ std::string_view ToString(TrackerKind kind) {
       return "DeepLabCut table";
     case TrackerKind::kSleapCsv:
       return "SLEAP table";
+    case TrackerKind::kWideCsv:
+      return "table of 2D joints";
     case TrackerKind::kCaliscopeCsv:
       return "caliscope table";
   }
@@ -82,6 +85,8 @@ TrackedPoints ReadTrackerFile(const std::string& path, const std::string& camera
       return internal::ReadDeepLabCutCsv(path, camera);
     case TrackerKind::kSleapCsv:
       return internal::ReadSleapCsv(path, camera);
+    case TrackerKind::kWideCsv:
+      return internal::ReadWideCsv(path, camera);
     case TrackerKind::kCaliscopeCsv:
       throw FormatError(path, "line 1", "caliscope's table of all cameras, not of one; give it as option 'points2d'");
     case TrackerKind::kNone:

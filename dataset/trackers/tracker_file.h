@@ -16,6 +16,7 @@ enum class TrackerKind {
   kHdf5,           ///< DeepLabCut's .h5 or SLEAP's analysis .h5
   kDeepLabCutCsv,  ///< first line `scorer,…`
   kSleapCsv,       ///< SLEAP's analysis CSV: columns track, frame_idx
+  kWideCsv,        ///< columns NAME_x, NAME_y of each joint, a row a frame
   kCaliscopeCsv    ///< all cameras in one file: columns sync_index, img_loc_x
 };
 
@@ -34,8 +35,8 @@ struct TrackedPoints {
   Pose2dTrack track;
 };
 
-/// Reads a file of the kinds kHdf5, kDeepLabCutCsv and kSleapCsv. Rows of text that cannot be read are left out and listed;
-/// more than half of them are an error. HDF5 files are read in a child process first, because the library may crash on
+/// Reads a file of the kinds kHdf5, kDeepLabCutCsv, kSleapCsv and kWideCsv. Rows of text that cannot be read are left out and
+/// listed; more than half of them are an error. HDF5 files are read in a child process first, because the library may crash on
 /// damaged ones. Throws IoError, or FormatError with the place and what to do; so for SLEAP projects (.slp), tables of 3D
 /// points and labelled images in HDF5.
 TrackedPoints ReadTrackerFile(const std::string& path, const std::string& camera);

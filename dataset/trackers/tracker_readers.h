@@ -23,6 +23,12 @@ TrackedPoints ReadDeepLabCutHdf5(const ForeignHdf5& file, const std::string& cam
 /// (sleap/info/write_tracking_h5.py, sleap_io/io/analysis_h5.py).
 TrackedPoints ReadSleapHdf5(const ForeignHdf5& file, const std::string& camera);
 
+/// A row a frame, for one person: columns NAME_x, NAME_y and perhaps NAME_score (or another word for it) of each joint, and
+/// `frame`; without it rows count from 0.
+TrackedPoints ReadWideCsv(const std::string& path, const std::string& camera);
+/// True for the first line of such a table.
+bool IsWideCsvHeader(std::string_view line);
+
 /// SLEAP: columns track, frame_idx, instance.score and NODE.x, NODE.y, NODE.score.
 TrackedPoints ReadSleapCsv(const std::string& path, const std::string& camera);
 

@@ -362,5 +362,22 @@ TEST(TradeoffTriangulate, ListsEveryWayWithItsErrors) {
   EXPECT_THAT(Slurp(folder / "out/tradeoff-triangulate.html"), HasSubstr("<svg"));
 }
 
+TEST(TradeoffTriangulate, TheUnitOfTheTruthIsWhatIsTyped) {
+  const TempDir folder;
+  const std::vector<std::string> words = Take().Write(folder);
+  ASSERT_EQ(RunCli(Words({"triangulate", "--out", folder / "a", "--to", "trc", "--frame-rate", "50"}, words)).exit, 0);
+  const auto median_mm = [&](const std::vector<std::string>& unit) {
+    const CliRun run =
+        RunCli(Words(Words({"tradeoff", "triangulate", "--methods", "robust", "--precisions", "double", "--views", "0",
+                            "--threads-list", "1", "--truth", folder / "a/markers/person0.trc", "--json"},
+                           words),
+                     unit));
+    return run.exit == 0 ? run.Json()["metrics"]["trials"][0]["truth_median_mm"].get<double>() : -1.0;
+  };
+  const double stated_mm = median_mm({}), wrong_mm = median_mm({"--marker-unit", "cm"});
+  EXPECT_GE(stated_mm, 0);
+  EXPECT_GT(wrong_mm, 100 + stated_mm) << "ten times as far from the origin";
+}
+
 }  // namespace
 }  // namespace mvstudio::testing

@@ -46,7 +46,7 @@ std::string TrcOfTwo(const std::string& unit, double apart) {
   std::string text = "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n60\t60\t3\t2\t" +
                      unit + "\nFrame#\tTime\ta\t\t\tb\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n";
   for (int f = 1; f <= 3; ++f) {
-    text += std::to_string(f) + "\t0\t0\t0\t0\t0\t" + std::to_string(apart) + "\t0\n";
+    text += std::to_string(f) + "\t0\t0\t0.001\t0\t0\t" + std::to_string(apart) + "\t0\n";
   }
   return text;
 }

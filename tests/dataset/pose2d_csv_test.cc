@@ -32,6 +32,15 @@ class Pose2dCsv : public ::testing::Test {
   testing::TempDir folder_;
 };
 
+TEST_F(Pose2dCsv, ColumnsHaveOtherProgramsNames) {
+  const Pose2dSet set = ReadText("camera,frame,joint,x,y,likelihood\na,0,nose,10,20,0.25\nb,0,nose,30,40,0.5\n");
+  EXPECT_EQ(set.tracks.at(0).frames.at(0).at(0).keypoints[0].score, 0.25);
+  EXPECT_EQ(set.tracks.at(1).frames.at(0).at(0).keypoints[0].x_px, 30);
+  const Pose2dSet both = ReadText("camera,frame,joint,x_px,y_px,score,x,confidence\na,0,nose,10,20,0.25,1,1\n");
+  EXPECT_EQ(both.tracks.at(0).frames.at(0).at(0).keypoints[0].x_px, 10) << "our own names come first";
+  EXPECT_EQ(both.tracks.at(0).frames.at(0).at(0).keypoints[0].score, 0.25);
+}
+
 TEST_F(Pose2dCsv, JointsComeFromTheFile) {
   const Pose2dSet set = ReadText(std::string(kHeader) +
                                  "left,3,0,tail,10.5,20,0.9\n"

@@ -119,9 +119,18 @@ TEST_F(Pose2d, ListsAndPeopleOfOtherPrograms) {
   const std::string instances = "[{\"keypoints\":[" + points + "],\"keypoint_scores\":[" + scores + "]}]";
   Put("3.json", instances);                                // MMPose, an image
   Put("4.json", "{\"instance_info\":" + instances + "}");  // the same, Sapiens
+  std::string triples, x, y, seen;
+  for (int k = 0; k < 17; ++k) {
+    const std::string at[] = {std::to_string(3 * k) + ".5", std::to_string(3 * k + 1) + ".5"};
+    triples += (k ? ",[" : "[") + at[0] + "," + at[1] + ",0.5]";
+    x += (k ? "," : "") + at[0], y += (k ? "," : "") + at[1], seen += k ? ",0.5" : "0.5";
+  }
+  Put("6.json", "{\"height\":9,\"annots\":[{\"personID\":0,\"keypoints\":[" + triples + "]}]}");  // EasyMocap
+  Put("7.json",
+      "[{\"name\":\"person\",\"keypoints\":{\"x\":[" + x + "],\"y\":[" + y + "],\"visible\":[" + seen + "]}}]");  // Ultralytics
   const Pose2dTrack track = Read();
   EXPECT_TRUE(track.skipped.empty()) << track.skipped[0];
-  for (const int frame : {1, 2, 3, 4}) {
+  for (const int frame : {1, 2, 3, 4, 6, 7}) {
     ASSERT_EQ(track.frames.at(frame).size(), 1u) << frame;
     EXPECT_EQ(track.frames.at(frame)[0].keypoints[16].y_px, 49.5) << frame;
   }

@@ -1,0 +1,37 @@
+#include "dataset/build/given_masks.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "core/error.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::dataset {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+TEST(GivenMasks, WhatIsNoFolderOfMasksIsSaidByItsKind) {
+  const testing::TempDir folder;
+  BuildInputs inputs;
+  inputs.footage.resize(1);
+  inputs.footage[0].camera = "cam1";
+  const auto message = [&](const std::string& masks) {
+    inputs.masks = masks;
+    return testing::MessageOf<IoError>([&] { internal::FindGivenMasks(inputs); });
+  };
+  EXPECT_THAT(message(folder / "none"), HasSubstr("no such folder"));
+  std::ofstream(folder / "coco.json") << "{}";
+  EXPECT_THAT(message(folder / "coco.json"), AllOf(HasSubstr("is a file"), HasSubstr("COCO's RLE")));
+  EXPECT_THAT(message(folder.path()), AllOf(HasSubstr("none of the cameras"), HasSubstr("cam1")));
+  std::filesystem::create_directories(folder / "cam1/000000");  // a folder of objects for each frame
+  EXPECT_THAT(message(folder.path()), AllOf(HasSubstr("`000000`"), HasSubstr("the objects of a frame in one image")));
+}
+
+}  // namespace
+}  // namespace mvstudio::dataset

@@ -1,0 +1,69 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "core/error.h"
+#include "dataset/pose/pose2d.h"
+#include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
+
+/// 2D joints as further programs write them, and what is said of those that are not read.
+namespace mvstudio::dataset {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class Pose2dPrograms : public ::testing::Test {
+ protected:
+  void Put(const std::string& name, const std::string& content) const { std::ofstream(folder_ / name) << content; }
+  template <class E>
+  std::string Message() const {
+    return testing::MessageOf<E>([&] { ReadOpenPoseFolder(folder_.path(), "cam_03", geometry::SkeletonByName("coco17")); });
+  }
+  Pose2dTrack ReadText(const std::string& text) const {
+    Put("results.json", text);
+    return ReadPose2d(folder_ / "results.json", "cam_03", geometry::SkeletonByName("coco17"));
+  }
+  static std::string Numbers(int count, double first) {
+    std::string text = "[";
+    for (int i = 0; i < count; ++i) text += (i ? "," : "") + std::to_string(first + i);
+    return text + "]";
+  }
+  testing::TempDir folder_;
+};
+
+TEST_F(Pose2dPrograms, FilesOfLabelProgramsAreNamed) {
+  Put("0.txt", "0 0.5 0.5 0.1 0.1 0.2 0.3 2\n");
+  EXPECT_THAT(Message<IoError>(), AllOf(HasSubstr("YOLO"), HasSubstr("to_json()")));
+  Put("1.json", "<annotations/>");
+  EXPECT_THAT(Message<FormatError>(), AllOf(HasSubstr("XML, no JSON"), HasSubstr("COCO Keypoints")));
+  Put("1.json", "frame;nose_x;nose_y\n");
+  EXPECT_THAT(Message<FormatError>(), HasSubstr("a text, no JSON"));
+}
+
+/// {"0007.jpg": {"bodies": […]}} and {"0007.jpg": {"people": […]}}; older MMPose has [[x, y, score], …] for each image.
+TEST_F(Pose2dPrograms, AlphaPosesOtherFormatsAndTriples) {
+  for (const auto& [list, joints] : {std::pair("bodies", "joints"), std::pair("people", "pose_keypoints_2d")}) {
+    const Pose2dTrack track =
+        ReadText(std::string("{\"f_0007.jpg\":{\"") + list + "\":[{\"" + joints + "\":" + Numbers(51, 1) +
+                 "}]},\"f_0008.jpg\":{\"" + list + "\":[{\"" + joints + "\":" + Numbers(51, 100) + "}]}}");
+    ASSERT_EQ(track.frames.size(), 2u) << list;
+    EXPECT_EQ(track.frames.at(7)[0].keypoints[1].x_px, 4);
+    EXPECT_EQ(track.frames.at(8)[0].keypoints[0].y_px, 101);
+  }
+  std::string triples;
+  for (int k = 0; k < 17; ++k) triples += (k ? ",[" : "[") + std::to_string(k) + ",5,0.5]";
+  EXPECT_EQ(ReadText("[{\"image_id\":3,\"keypoints\":[" + triples + "]}]").frames.at(3)[0].keypoints[16].x_px, 16);
+}
+
+TEST_F(Pose2dPrograms, ProjectsOfLabelProgramsAreNamed) {
+  const auto message = [this](const std::string& text) { return testing::MessageOf<FormatError>([&] { ReadText(text); }); };
+  EXPECT_THAT(message(R"({"_via_settings":{},"_via_img_metadata":{}})"), HasSubstr("a project of VIA"));
+  EXPECT_THAT(message(R"([{"id":1,"data":{},"annotations":[]}])"), HasSubstr("Label Studio"));
+  EXPECT_THAT(message(R"([{"frame":0,"landmarks":[]}])"), HasSubstr("MediaPipe"));
+}
+
+}  // namespace
+}  // namespace mvstudio::dataset
