@@ -141,6 +141,7 @@ MAY_INCLUDE |= {
     "stages/click": WITHOUT_TORCH | {"stages"},
     "stages/dataset": WITHOUT_TORCH | {"stages"},
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},

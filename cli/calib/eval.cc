@@ -2,7 +2,6 @@
 #include <cmath>
 #include <optional>
 
-#include "stages/report_fields.h"
 #include "calib/board/sides.h"
 #include "calib/check/rig_check.h"
 #include "cli/calib/calib.h"
@@ -22,6 +21,7 @@
 #include "stages/input/calib_read.h"
 #include "stages/input/corner_input.h"
 #include "stages/input/session_input.h"
+#include "stages/report_fields.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -132,7 +132,7 @@ void Repair(const calib::RigCheck& check, const std::string& path, CommandResult
   }
   geometry::WriteRig(check.repaired, path);
   result->outputs.push_back({path, "calibration"});
-  stages::WarnOfCovariance(check.repaired, result);
+  result->Add(stages::DescribeWrittenCovariance(check.repaired));
 }
 
 /// Refuses corners of which the calibration has no camera. Throws FormatError.
@@ -178,7 +178,9 @@ CommandResult Eval(Arguments arguments, CommandContext& context) {
   const calib::ImportedRig imported = stages::ReadCalibrationFiles({arguments.calibration}, arguments.read);
   stages::AddNotes(imported.notes, &result);
   result.inputs.push_back(arguments.calibration);
-  const calib::CalibrateInput input = stages::ReadCornerInput(arguments.corners, context.run, &result).input;
+  const stages::CornerInput corners = stages::ReadCornerInput(arguments.corners, context.run, &result);
+  const calib::CalibrateInput& input = corners.input;
+  result.text += RemarksOn(corners);
   calib::RequireThickness(input.boards);
   RequireKnownCamera(imported.rig, arguments.calibration, input);
   const calib::RigCheck check = CheckRig(imported.rig, input, arguments.check, context.run);
@@ -205,7 +207,7 @@ void RegisterCalibEval(CLI::App& calib, Registry& registry) {
   CLI::App* sub = calib.add_subcommand(
       "eval", "Check a calibration on new footage of a board: has a camera been bumped, which one, how far");
   AddOption(sub, "CALIB", arguments->calibration, "calibration to check; that of --session unless given");
-  AddCornerArguments(sub, arguments->corners);
+  AddOptions(sub, arguments->corners);
   AddSessionArguments(sub, arguments->session, "calibration, board and footage", "a board");
   StartGroup(sub, "Output");
   AddOutput(sub, "--repair", arguments->repair, OutputKind::kFile,

@@ -4,11 +4,9 @@
 #include <cmath>
 #include <optional>
 
-#include "stages/report_fields.h"
 #include "calib/calibrate.h"
 #include "calib/keypoints/moments.h"
 #include "calib/keypoints/place.h"
-#include "cli/calib/stated_lengths.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
@@ -19,11 +17,13 @@
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/calib/calibration_use.h"
+#include "stages/calib/stated_lengths.h"
 #include "stages/input/calib_read.h"
 #include "stages/input/pose_input.h"
 #include "stages/people/apply_sync.h"
 #include "stages/people/known_lengths.h"
 #include "stages/people/likely_cause.h"
+#include "stages/report_fields.h"
 
 namespace mvstudio::cli {
 namespace {
@@ -273,7 +273,7 @@ bool ScaleByLengths(const std::vector<calib::StatedLength>& lengths, const std::
                     CommandResult* result) {
   const auto moments = MomentsOf(adjusted, posed.frames, joints, arguments.options);
   const calib::LengthScale scale = ScaleFromLengths(lengths, moments);
-  DescribeLengths(scale, result);
+  result->Add(stages::DescribeLengths(scale));
   if (scale.status != Status::kOk) return false;
   *rig = geometry::InWorld(*rig, {}, scale.scale);
   rig->gauge.stated_lengths = true;
@@ -336,7 +336,7 @@ void AddKeypointArguments(CLI::App* sub, KeypointArguments& arguments) {
             "--from-keypoints: START:STEP; frames to adjust to, the others (or --test-frames) only measure the result; "
             "without both, each half of the take measures what was adjusted to the other, and the rig is adjusted to all");
   AddOption(sub, "--test-frames", arguments.test_frames, "--from-keypoints: START:STEP; frames that measure the result");
-  AddOption(sub, "--length", arguments.lengths, std::string("--from-keypoints: ") + kLengthHelp)->take_all();
+  AddOption(sub, "--length", arguments.lengths, std::string("--from-keypoints: ") + stages::kLengthHelp)->take_all();
   AddOption(sub, "--person-height", arguments.person_height_m,
             "metres; --from-keypoints with lenses that have no poses: the cameras are placed by the person, whose height gives "
             "the rig's size; 1.7 is assumed; own skeletons state lengths instead")
@@ -387,7 +387,7 @@ CommandResult RunKeypoints(const KeypointArguments& arguments, const std::string
   result.text = Summary(report) + result.text;
   if (lenses_only)
     result.text += "all frames placed the cameras first: the figures above are held out from the adjustment alone\n";
-  stages::WarnOfCovariance(written, &result);
+  result.Add(stages::DescribeWrittenCovariance(written));
   return result;
 }
 

@@ -1,4 +1,4 @@
-#include "cli/program/fingerprint.h"
+#include "stages/input/fingerprint.h"
 
 #include <unistd.h>
 
@@ -13,7 +13,7 @@
 #include "core/disk/paths.h"
 #include "core/hash/sha256.h"
 
-namespace mvstudio::cli {
+namespace mvstudio::stages {
 namespace fs = std::filesystem;
 namespace {
 
@@ -130,4 +130,4 @@ Json Fingerprint(const std::string& path) {
   return item;
 }
 
-}  // namespace mvstudio::cli
+}  // namespace mvstudio::stages
