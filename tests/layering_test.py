@@ -142,6 +142,8 @@ MAY_INCLUDE |= {
     "stages/dataset": WITHOUT_TORCH | {"stages"},
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/eval": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib"},
+    "stages/refine": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
