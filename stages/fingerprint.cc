@@ -149,4 +149,12 @@ Fingerprint FingerprintOf(const std::string& path, const Fingerprint* earlier) {
   return print;
 }
 
+nlohmann::ordered_json FingerprintJson(const std::string& path) {
+  const Fingerprint print = FingerprintOf(path);
+  nlohmann::ordered_json item = {{"path", print.path}, {"files", print.files}, {"bytes", print.bytes}};
+  if (!print.error.empty()) item["error"] = print.error;
+  if (!print.sha256.empty()) item[print.files == 1 ? "sha256" : "sha256_of_list"] = print.sha256;
+  return item;
+}
+
 }  // namespace mvstudio::stages

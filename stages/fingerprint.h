@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <nlohmann/json.hpp>
 #include <string>
 
 namespace mvstudio::stages {
@@ -20,5 +21,8 @@ struct Fingerprint {
 
 /// Never throws. The content is not read where the stamp is that of `earlier`.
 Fingerprint FingerprintOf(const std::string& path, const Fingerprint* earlier = nullptr);
+
+/// Number, size and digest, or the error, for provenance. Never throws.
+nlohmann::ordered_json FingerprintJson(const std::string& path);
 
 }  // namespace mvstudio::stages

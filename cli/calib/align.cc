@@ -9,7 +9,6 @@
 #include "calib/keypoints/moments.h"
 #include "calib/points/align_rig.h"
 #include "cli/calib/calib.h"
-#include "cli/calib/stated_lengths.h"
 #include "cli/program/arguments.h"
 #include "cli/program/input_flags.h"
 #include "cli/program/options.h"
@@ -21,6 +20,7 @@
 #include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/calib/calibration_use.h"
+#include "stages/calib/stated_lengths.h"
 #include "stages/input/calib_read.h"
 #include "stages/input/corner_input.h"
 #include "stages/input/session_input.h"
@@ -63,14 +63,15 @@ void SayFound(const calib::CornerFindings& found, CommandResult* result) {
     result->warnings.push_back(
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"});
   if (!found.numbers_text.empty())
-    result->warnings.push_back({"CAL-FRAMES", found.numbers_text,
-                                "number the frames by their time stamps, or give them as --timestamps FILE"});
+    result->warnings.push_back(
+        {"CAL-FRAMES", found.numbers_text, "number the frames by their time stamps, or give them as --timestamps FILE"});
 }
 
 RigAlignment ByBoard(const geometry::Rig& rig, Arguments arguments, CommandContext& context, CommandResult* result) {
   stages::FillCorners(arguments.session, &arguments.corners, result);
   stages::FillTimeline(&arguments.corners, result);
   const stages::CornerInput corners = stages::ReadCornerInput(arguments.corners, context.run, result);
+  result->text += RemarksOn(corners);
   calib::RequireThickness(corners.input.boards);
   calib::CornerFindings found;
   const calib::CalibrateInput seen = SeenCorners(rig, corners.input, calib::CameraParts::kByFrame, &found);
@@ -150,7 +151,7 @@ RigAlignment ByLengths(const geometry::Rig& rig, const Arguments& arguments, Com
   out.status = scale.status, out.message = scale.message;
   out.num_points = static_cast<int>(names.size());
   if (out.status != Status::kOk) return out;
-  DescribeLengths(scale, result);
+  result->Add(stages::DescribeLengths(scale));
   out.num_used = static_cast<int>(scale.rows.size()), out.scale = scale.scale;
   out.rig = geometry::InWorld(rig, {}, scale.scale);
   out.rig.gauge.stated_lengths = true;
@@ -233,7 +234,7 @@ CommandResult Align(const Arguments& arguments, CommandContext& context) {
   DescribeHeights(found.rig, arguments.points.empty(), &result);
   geometry::WriteRig(found.rig, arguments.out);
   result.outputs.push_back({arguments.out, "calibration"});
-  stages::WarnOfCovariance(found.rig, &result, found.unknown);
+  result.Add(stages::DescribeWrittenCovariance(found.rig, found.unknown));
   return result;
 }
 
@@ -255,14 +256,14 @@ void RegisterCalibAlign(CLI::App& calib, Registry& registry) {
             "and camera,point,x_px,y_px, in one file or two")
       ->take_all();
   AddOption(sub, "--length", arguments->lengths,
-            std::string(kLengthHelp) + "; --points is then the take, a folder or table of triangulate")
+            std::string(stages::kLengthHelp) + "; --points is then the take, a folder or table of triangulate")
       ->take_all();
   AddOption(sub, "--marker-unit", arguments->marker_unit,
             "m, cm, mm, in or the length of one unit, e.g. 25mm: of joints in a file of another program");
   AddFlag(sub, "--scale", arguments->scale, "--points: also change the rig's scale");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFile, "file to write")->required();
   AddSessionArguments(sub, arguments->session, "board and footage", "a board");
-  AddCornerArguments(sub, arguments->corners);
+  AddOptions(sub, arguments->corners);
   AddOption(sub, "--click-sigma-px", arguments->clicks.click_sigma_px,
             "px; expected standard deviation of a marked point, per coordinate")
       ->capture_default_str()

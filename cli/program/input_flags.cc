@@ -67,20 +67,4 @@ void AddPoseArguments(CLI::App* sub, stages::PoseArguments& arguments) {
   sub->get_option("--calib")->required();
 }
 
-void AddCornerArguments(CLI::App* sub, stages::CornerArguments& arguments) {
-  const GroupScope boards(sub, "Boards and footage");
-  AddChoices(sub, "--board", arguments.boards,
-             "chessboard:COLSxROWS:SQUARE (inner corners), charuco:COLSxROWS:SQUARE:MARKER[:DICT], aprilgrid:…, tag:… or "
-             "grid:… (docs/boards.md); repeat for boards that are fixed to each other");
-  AddChoices(sub, "--camera", arguments.cameras, "NAME=PATH: a video, a folder or a pattern in quotes; repeat for each camera");
-  AddOption(sub, "--corners", arguments.corners, "a file of corners found before, instead of footage (docs/corner-files.md)");
-  AddOption(sub, "--mirrored", arguments.mirrored,
-            "names of cameras, with commas, whose images are flipped left-right: they are calibrated as if they were not")
-      ->delimiter(',');
-  AddOption(sub, "--timestamps", arguments.timestamps,
-            "table of the frames' times on one clock (CSV, docs/formats.md): boards are paired by time, not by number");
-  AddOptions(sub, arguments.footage);
-  AddOptions(sub, arguments.corner_files);
-}
-
 }  // namespace mvstudio::cli

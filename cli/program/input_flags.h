@@ -3,7 +3,6 @@
 #include <string>
 
 #include "stages/input/calib_read.h"
-#include "stages/input/corner_input.h"
 #include "stages/input/pose_input.h"
 #include "stages/input/session_input.h"
 #include "stages/input/take_input.h"
@@ -34,7 +33,5 @@ void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& 
 
 /// Adds --calib, which is required, --pose2d, --points2d, --skeleton and the changes.
 void AddPoseArguments(CLI::App* sub, stages::PoseArguments& arguments);
-
-void AddCornerArguments(CLI::App* sub, stages::CornerArguments& arguments);
 
 }  // namespace mvstudio::cli

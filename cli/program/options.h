@@ -119,6 +119,7 @@ struct OptionAdder {
       CLI::Option* option = AddOption(sub, FlagsOf(name), value, WithFlags(help));
       if (style == OptionStyle::kList) option->delimiter(',');
       if (style == OptionStyle::kFolder) NameOutput(option, OutputKind::kFolder);
+      if (style == OptionStyle::kFile) NameOutput(option, OutputKind::kFile);
     }
   }
   void StartGroup(const char* subject) const { cli::StartGroup(sub, subject); }

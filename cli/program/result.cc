@@ -11,7 +11,6 @@
 #include <new>
 #include <system_error>
 
-#include "cli/program/fingerprint.h"
 #include "cli/program/interrupt.h"
 #include "cli/program/redact.h"
 #include "core/choice/frame_choice.h"
@@ -19,6 +18,7 @@
 #include "core/disk/lock.h"
 #include "core/disk/temporary.h"
 #include "core/error.h"
+#include "stages/fingerprint.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;
@@ -105,8 +105,8 @@ Json ProvenanceLine(const std::string& command, const CommandResult& result, con
   Json line = {{"time", UtcNow()}, {"command", command}, {"version", MVSTUDIO_VERSION}, {"argv", argv}, {"exit", result.exit}};
   line["inputs"] = Json::array();
   line["outputs"] = Json::array();
-  for (const std::string& input : result.inputs) line["inputs"].push_back(Fingerprint(input));
-  for (const auto& output : result.outputs) line["outputs"].push_back(Fingerprint(output.path));
+  for (const std::string& input : result.inputs) line["inputs"].push_back(stages::FingerprintJson(input));
+  for (const auto& output : result.outputs) line["outputs"].push_back(stages::FingerprintJson(output.path));
   line["wall_s"] = json["timing"]["wall_s"];
   return line;
 }

@@ -109,9 +109,10 @@ std::vector<Source> Sources(const Arguments& arguments, CommandContext& context,
     corners.footage.cache.kind = calib::CachePlace::Kind::kOff;
     if (!file) FromString(detector, &corners.footage.detect.detector);
     const double start = Now();
-    calib::CalibrateInput input = stages::ReadCornerInput(corners, context.run, result).input;
-    calib::PartSides(&input);
-    sources.push_back({detector, std::move(input), file ? 0 : Now() - start});
+    stages::CornerInput found = stages::ReadCornerInput(corners, context.run, result);
+    result->text += RemarksOn(found);
+    calib::PartSides(&found.input);
+    sources.push_back({detector, std::move(found.input), file ? 0 : Now() - start});
   }
   return sources;
 }
@@ -150,8 +151,8 @@ CommandResult RunTradeoff(const Arguments& arguments, CommandContext& context) {
   }
   CommandResult result;
   std::vector<Trial> trials;
-  const std::unique_ptr<OutputFolder> place = stages::TradeoffPlace(
-      arguments.out, "calibrate", Joined(PathsIn(arguments.corners.cameras), {arguments.corners.corners}));
+  const std::unique_ptr<OutputFolder> place =
+      stages::TradeoffPlace(arguments.out, "calibrate", stages::CornerPaths(arguments.corners));
   const std::vector<Source> sources = Sources(arguments, context, &result);
   ProgressStage stage(
       context.run, "tradeoff",
@@ -194,7 +195,7 @@ void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry) {
   const auto arguments = std::make_shared<Arguments>();
   CLI::App* sub = tradeoff.add_subcommand(
       "calibrate", "Detector x number of boards x lens model x engine: seconds, held-out px, mm, and the Pareto front");
-  AddCornerArguments(sub, arguments->corners);
+  AddOptions(sub, arguments->corners);
   AddOption(sub, "--detectors", arguments->detectors, "to compare")->delimiter(',')->capture_default_str();
   AddOption(sub, "--views", arguments->views, "time steps used; 0: all")->delimiter(',')->capture_default_str();
   AddOption(sub, "--models", arguments->models, "lens models, or auto")->delimiter(',')->capture_default_str();

@@ -13,6 +13,7 @@ enum class OptionStyle {
   kRepeated,  ///< choices: several may follow the option's name
   kCameras,   ///< cameras' names with commas, or nothing for all
   kFolder,    ///< text: a folder that is written
+  kFile,      ///< text: a file that is written
 };
 
 template <class Visitor, class Value, class = void>

@@ -186,17 +186,23 @@ ordered_json BoardViewsJson(const calib::CalibrateReport& report, const std::vec
   return json;
 }
 
-void AddBoardViews(const CornerArguments& arguments, const calib::CalibrateReport& report, const std::vector<int>& kept,
-                   const std::string& out, const RunContext& run, CommandResult* result) {
+WrittenBoardViews WriteBoardViews(const CornerArguments& arguments, const calib::CalibrateReport& report,
+                                  const std::vector<int>& kept, const std::string& out, const RunContext& run) {
   const FrameNumbers numbers(arguments, report, kept);
-  const std::vector<BoardView> views =
-      ChooseBoardViews(report, [&](int camera, int64_t frame_idx) { return numbers.Of(camera, frame_idx); });
-  const std::vector<std::string> paths =
-      WritePictures(ReadPictures(arguments, report, views, kept, run), NamesOf(views), out + "/" + kBoardViewsFolder);
-  result->metrics["board_views"] = BoardViewsJson(report, views, paths);
-  for (const std::string& path : paths) {
-    if (!path.empty()) result->outputs.push_back({path, "board-view"});
+  WrittenBoardViews written;
+  written.views = ChooseBoardViews(report, [&](int camera, int64_t frame_idx) { return numbers.Of(camera, frame_idx); });
+  written.paths = WritePictures(ReadPictures(arguments, report, written.views, kept, run), NamesOf(written.views),
+                                out + "/" + kBoardViewsFolder);
+  return written;
+}
+
+CommandResult DescribeBoardViews(const calib::CalibrateReport& report, const WrittenBoardViews& written) {
+  CommandResult result;
+  result.metrics["board_views"] = BoardViewsJson(report, written.views, written.paths);
+  for (const std::string& path : written.paths) {
+    if (!path.empty()) result.outputs.push_back({path, "board-view"});
   }
+  return result;
 }
 
 }  // namespace mvstudio::stages

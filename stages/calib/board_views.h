@@ -38,10 +38,17 @@ std::vector<BoardView> ChooseBoardViews(const calib::CalibrateReport& report,
 nlohmann::ordered_json BoardViewsJson(const calib::CalibrateReport& report, const std::vector<BoardView>& views,
                                       const std::vector<std::string>& pictures);
 
-/// Writes small images of chosen views into the folder kBoardViewsFolder of `out`, in place of an earlier run's, and adds
-/// "board_views" to the metrics. What cannot be read again has corners alone. `kept`: the report's cameras as indices of the
-/// footage.
-void AddBoardViews(const CornerArguments& arguments, const calib::CalibrateReport& report, const std::vector<int>& kept,
-                   const std::string& out, const RunContext& run, CommandResult* result);
+struct WrittenBoardViews {
+  std::vector<BoardView> views;
+  std::vector<std::string> paths;  ///< one a view; empty where its image cannot be read again
+};
+
+/// Writes small images of chosen views into the folder kBoardViewsFolder of `out`, in place of an earlier run's. `kept`: the
+/// report's cameras as indices of the footage.
+WrittenBoardViews WriteBoardViews(const CornerArguments& arguments, const calib::CalibrateReport& report,
+                                  const std::vector<int>& kept, const std::string& out, const RunContext& run);
+
+/// "board_views" in the metrics, and the images as outputs.
+CommandResult DescribeBoardViews(const calib::CalibrateReport& report, const WrittenBoardViews& written);
 
 }  // namespace mvstudio::stages

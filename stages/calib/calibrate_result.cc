@@ -5,13 +5,12 @@
 #include <map>
 #include <set>
 
-#include "stages/report_fields.h"
 #include "calib/verdict/film_next.h"
 #include "core/format.h"
 #include "core/statistics.h"
 #include "core/units.h"
-#include "stages/calib/film_gain.h"
 #include "stages/input/calib_read.h"
+#include "stages/report_fields.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -173,10 +172,8 @@ void FillBoards(const calib::CalibrateReport& report, ordered_json* metrics) {
 
 }  // namespace
 
-void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
-                          ordered_json* metrics) {
-  ordered_json& m = *metrics;
-  AddFields(report, metrics);
+ordered_json CalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found) {
+  ordered_json m = FieldsJson(report);
   if (report.rig.cameras.size() == 2) m["baseline_mm"] = FiniteOrNull(BaselineMm(report.rig));
   m["solve_s"] = FiniteOrNull(report.solve_s);
   m["num_frames"] = report.num_frames;
@@ -189,32 +186,35 @@ void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vecto
   if (!report.turned.empty()) m["turned_views"] = ordered_json::object();
   for (const calib::TurnedCamera& camera : report.turned) m["turned_views"][camera.camera] = camera.num_turned;
   m["film_next"] = FilmHints(report);
-  FillBoards(report, metrics);
+  FillBoards(report, &m);
   m["model_selection"] = RowsJson(report.selection);
   m["cameras"] = ordered_json::array();
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     m["cameras"].push_back(CameraMetrics(report.cameras[c], c < found.size() ? &found[c] : nullptr));
     if (!LensSigmaKnown(report, c)) m["cameras"].back()["focal_sigma_px"] = nullptr;
   }
-  AddCoverage(report, metrics);
-  AddMaps(report, metrics);
+  AddCoverage(report, &m);
+  AddMaps(report, &m);
   if (report.cameras.size() > 1) m["covisibility"] = Covisibility(report);
   m["residuals"] = ResidualSamples(report);
+  return m;
 }
 
-void AddFilmGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards, CommandResult* result) {
-  ordered_json& rows = result->metrics["film_gain"] = ordered_json::array();
-  for (const FilmGain& gain : PredictGain(report, boards)) {
+CommandResult DescribeFilmGain(const calib::CalibrateReport& report, const std::vector<FilmGain>& gains) {
+  CommandResult result;
+  ordered_json& rows = result.metrics["film_gain"] = ordered_json::array();
+  for (const FilmGain& gain : gains) {
     const std::string& name = report.cameras[static_cast<size_t>(gain.camera_idx)].name;
     rows.push_back({{"camera", name},
                     {"num_boards", gain.cam_from_board.size()},
                     {"corner_before_px", FiniteOrNull(gain.before_px)},
                     {"corner_after_px", FiniteOrNull(gain.after_px)}});
-    result->text += Format(
+    result.text += Format(
         "%s: %zu more boards, tilted, where its images lack corners would lower the uncertainty in their "
         "corners from %.2f to %.2f px\n",
         name.c_str(), gain.cam_from_board.size(), gain.before_px, gain.after_px);
   }
+  return result;
 }
 
 ordered_json VerdictJson(const calib::Verdict& verdict) {

@@ -5,17 +5,17 @@
 
 #include "calib/calibrate.h"
 #include "calib/detect/detect_footage.h"
+#include "stages/calib/film_gain.h"
 #include "stages/result.h"
 
 namespace mvstudio::stages {
 
 /// Metrics of `calibrate` and `calib refine`. `found` is empty for corner files.
-void FillCalibrateMetrics(const calib::CalibrateReport& report, const std::vector<calib::FootageDetections>& found,
-                          nlohmann::ordered_json* metrics);
+nlohmann::ordered_json CalibrateMetrics(const calib::CalibrateReport& report,
+                                        const std::vector<calib::FootageDetections>& found);
 
-/// What six more boards would be worth to cameras that lack corners (PredictGain): "film_gain" in the metrics, and a
-/// line of text for each.
-void AddFilmGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards, CommandResult* result);
+/// "film_gain" in the metrics, and a line of text for each.
+CommandResult DescribeFilmGain(const calib::CalibrateReport& report, const std::vector<FilmGain>& gains);
 
 /// Summary for the terminal.
 std::string CalibrateSummary(const calib::CalibrateReport& report);

@@ -77,22 +77,24 @@ CommandResult DescribeCovarianceUse(const geometry::Rig& rig, const std::vector<
   return result;
 }
 
-void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std::vector<std::string>& also) {
+CommandResult DescribeWrittenCovariance(const geometry::Rig& rig, const std::vector<std::string>& also) {
+  CommandResult result;
   std::vector<std::string> missing = geometry::CamerasWithoutCovariance(rig);
   for (const std::string& name : also) {
     if (std::find(missing.begin(), missing.end(), name) == missing.end()) missing.push_back(name);
   }
-  result->metrics["covariance_missing"] = missing;
+  result.metrics["covariance_missing"] = missing;
   if (!missing.empty()) {
-    result->warnings.push_back({"CAL-COVARIANCE-MISSING",
-                                "the covariance of " + Join(missing, ", ") +
-                                    " is unknown, in whole or in part: what was solved from it does not hold its part",
-                                "start from a calibration that states covariances"});
+    result.warnings.push_back({"CAL-COVARIANCE-MISSING",
+                               "the covariance of " + Join(missing, ", ") +
+                                   " is unknown, in whole or in part: what was solved from it does not hold its part",
+                               "start from a calibration that states covariances"});
   }
   const std::string why = geometry::WhyJointCovarianceLeftOut(rig);
-  result->metrics["joint_covariance_written"] = geometry::HasJointCovariance(rig) && why.empty();
+  result.metrics["joint_covariance_written"] = geometry::HasJointCovariance(rig) && why.empty();
   if (!why.empty())
-    result->warnings.push_back({"CAL-COVARIANCE-SIZE", why, "a leaner lens (option 'model') has fewer unknowns"});
+    result.warnings.push_back({"CAL-COVARIANCE-SIZE", why, "a leaner lens (option 'model') has fewer unknowns"});
+  return result;
 }
 
 std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig) {

@@ -20,15 +20,15 @@ namespace mvstudio::stages {
 /// stated.
 std::string CovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras, const std::string& unused_because);
 
-/// Same as metrics["calibration_covariance"] (used, reason, known, missing, correlated, assumed) and as a line of text, with the
-/// warning CAL-COVARIANCE-MISSING when some of `cameras` have a covariance and others do not.
+/// Same as metrics["calibration_covariance"] (used, reason, known, missing, correlated, assumed) and as a line of text, with
+/// the warning CAL-COVARIANCE-MISSING when some of `cameras` have a covariance and others do not.
 CommandResult DescribeCovarianceUse(const geometry::Rig& rig, const std::vector<std::string>& cameras,
                                     const std::string& unused_because);
 
 /// For a rig that a command wrote: metrics["covariance_missing"], a warning for cameras whose covariance is unknown, and a
 /// warning when the joint covariance is too large for the file. `also`: more cameras whose errors were unknown to the
 /// command.
-void WarnOfCovariance(const geometry::Rig& rig, CommandResult* result, const std::vector<std::string>& also = {});
+CommandResult DescribeWrittenCovariance(const geometry::Rig& rig, const std::vector<std::string>& also = {});
 
 /// Time offsets of the calibration in the rig's order, 0 where a camera has none; empty when no camera has a relevant one.
 std::vector<double> OffsetsOfCalibration(const geometry::Rig& rig);

@@ -54,7 +54,7 @@ std::vector<size_t> WithoutNumber(const dataset::FrameNumbers& numbers) {
 }
 
 /// Positions of images that are not the camera's, or belong to no time step.
-std::set<int64_t> LeftOut(const NamedPath& camera, bool alone, CommandResult* result) {
+std::set<int64_t> LeftOut(const NamedPath& camera, bool alone, InputNotes* notes) {
   const dataset::FootageFiles files = dataset::ListFootage(camera.path);
   if (files.is_video) return {};
   std::set<int64_t> left_out;
@@ -65,10 +65,10 @@ std::set<int64_t> LeftOut(const NamedPath& camera, bool alone, CommandResult* re
       left_out.insert(static_cast<int64_t>(i));
       names.push_back(std::filesystem::path(files.paths[i]).filename().string());
     }
-    result->warnings.push_back({"CAL-UNUSED",
-                                Format("camera %s: %zu of %zu images ", camera.name.c_str(), names.size(), files.paths.size()) +
-                                    why + " and are left out: " + SomeOf(names),
-                                hint});
+    notes->warnings.push_back({"CAL-UNUSED",
+                               Format("camera %s: %zu of %zu images ", camera.name.c_str(), names.size(), files.paths.size()) +
+                                   why + " and are left out: " + SomeOf(names),
+                               hint});
   };
   std::string sizes;
   const std::vector<size_t> others = OfOtherSize(files.paths, &sizes);
@@ -78,13 +78,13 @@ std::set<int64_t> LeftOut(const NamedPath& camera, bool alone, CommandResult* re
   return left_out;
 }
 
-calib::Footage OpenOne(const NamedPath& camera, bool alone, CommandResult* result) {
+calib::Footage OpenOne(const NamedPath& camera, bool alone, InputNotes* notes) {
   const std::shared_ptr<dataset::FrameSource> source = dataset::OpenFrames(camera.path, {false, true, true});
   calib::Footage footage;
   footage.camera = camera.name;
   footage.path = camera.path;
   footage.num_frames = source->num_frames();
-  footage.next = [source, left_out = LeftOut(camera, alone, result)]() -> std::optional<calib::FootageFrame> {
+  footage.next = [source, left_out = LeftOut(camera, alone, notes)]() -> std::optional<calib::FootageFrame> {
     auto frame = source->Advance();
     while (frame && left_out.count(frame->frame_idx) > 0) frame = source->Advance();
     if (!frame) return std::nullopt;
@@ -95,14 +95,14 @@ calib::Footage OpenOne(const NamedPath& camera, bool alone, CommandResult* resul
 
 }  // namespace
 
-std::vector<calib::Footage> OpenFootage(const std::vector<NamedPath>& cameras, CommandResult* result) {
+std::vector<calib::Footage> OpenFootage(const std::vector<NamedPath>& cameras, InputNotes* notes) {
   if (cameras.empty()) throw UsageError("option 'camera' NAME=PATH is needed at least once");
   std::vector<calib::Footage> footage;
   std::set<std::string> names;
   for (const NamedPath& camera : cameras) {
     if (!names.insert(camera.name).second) throw UsageError("option 'camera' " + camera.name + " is given twice");
-    footage.push_back(OpenOne(camera, cameras.size() == 1, result));
-    result->inputs.push_back(camera.path);
+    footage.push_back(OpenOne(camera, cameras.size() == 1, notes));
+    notes->inputs.push_back(camera.path);
   }
   RefuseSameFootage(cameras, false);
   return footage;

@@ -21,13 +21,13 @@ std::string ClockText(dataset::TimelineClock clock) {
 
 }  // namespace
 
-void PairByTime(const dataset::Timeline& timeline, std::vector<calib::Footage>* footage, CommandResult* result) {
+void PairByTime(const dataset::Timeline& timeline, std::vector<calib::Footage>* footage, InputNotes* notes) {
   for (calib::Footage& f : *footage) {
     const dataset::CameraTimeline* camera = timeline.Find(f.camera);
     if (camera) f.step_of_frame = dataset::InstantOfEachFrame(*camera);
     if (!f.step_of_frame.empty()) continue;
     const std::string why = camera ? std::string(ToString(camera->status)) : "not listed";
-    result->warnings.push_back(
+    notes->warnings.push_back(
         {"CAL-PAIRING",
          "camera " + f.camera + " has no place in the timeline (" + why + "): its boards are paired by frame number",
          "run mvstudio session timeline for this take, or sync it first"});

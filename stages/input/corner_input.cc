@@ -46,10 +46,10 @@ void FlipCorners(const std::vector<std::string>& mirrored, calib::CalibrateInput
 }
 
 /// What the mirrored cameras' calibration is for.
-void SayMirrored(const std::vector<std::string>& mirrored, CommandResult* result) {
+void SayMirrored(const std::vector<std::string>& mirrored, InputNotes* notes) {
   if (mirrored.empty()) return;
-  result->warnings.push_back({"CAL-MIRRORED", "calibrated as images that are not flipped: " + Join(mirrored, ", "),
-                              "flip their footage left-right before other commands read it"});
+  notes->warnings.push_back({"CAL-MIRRORED", "calibrated as images that are not flipped: " + Join(mirrored, ", "),
+                             "flip their footage left-right before other commands read it"});
 }
 
 /// Two boards with a mark in common cannot be told apart.
@@ -87,19 +87,20 @@ std::string UnusedImages(const calib::FootageDetections& camera, const Counts& c
          " images are not used (" + Join(parts, "; ") + ")";
 }
 
-/// Images without a board, where they are more than a tenth. A board that one of several cameras does not see at all is in most
-/// rigs in the sight of others: said, and no warning.
-void SayUnused(const calib::FootageDetections& camera, bool alone, CommandResult* result) {
+/// Images that should show a board and do not, where they are more than a tenth. One of several cameras need not see it.
+void SayUnused(const calib::FootageDetections& camera, bool alone, InputNotes* notes) {
   if (!camera.failure.empty()) return;
   const std::string doubtful = UnusedImages(camera, [&](const std::string& reason) { return alone || !ShowsNothing(reason); });
   if (!doubtful.empty())
-    result->warnings.push_back({"CAL-UNUSED", doubtful, "look at some of them: the board whole, sharp and large enough"});
-  const std::string unseen = alone ? "" : UnusedImages(camera, ShowsNothing);
-  if (!unseen.empty()) result->text += unseen + "\n";
+    notes->warnings.push_back({"CAL-UNUSED", doubtful, "look at some of them: the board whole, sharp and large enough"});
+}
+
+std::string SoftText(const calib::FootageDetections& camera, const calib::SoftBoards& soft) {
+  return "camera " + camera.camera.name + ": " + soft.text;
 }
 
 /// The timeline of a table of times, in place of what a session says.
-dataset::Timeline TimelineOfTable(const CornerArguments& arguments, CommandResult* result) {
+dataset::Timeline TimelineOfTable(const CornerArguments& arguments, InputNotes* notes) {
   constexpr double kPictureRateHz = 30;  // the table's times replace it
   std::vector<dataset::SessionCamera> cameras;
   std::vector<dataset::CameraTimes> times;
@@ -108,22 +109,22 @@ dataset::Timeline TimelineOfTable(const CornerArguments& arguments, CommandResul
     times.push_back(dataset::ReadFootageTimes(camera.name, camera.path, kPictureRateHz));
   }
   for (const std::string& note : dataset::ReadTimestamps(arguments.timestamps, cameras, &times))
-    result->warnings.push_back({"SES-TIMELINE", note, "see docs/formats.md for the columns of time stamps"});
-  result->inputs.push_back(arguments.timestamps);
+    notes->warnings.push_back({"SES-TIMELINE", note, "see docs/formats.md for the columns of time stamps"});
+  notes->inputs.push_back(arguments.timestamps);
   return dataset::BuildTimeline(times, dataset::TimelineClock::kCommon, nullptr);
 }
 
-CornerInput Detect(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
+CornerInput Detect(const CornerArguments& arguments, const RunContext& run, InputNotes* notes) {
   if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
   const std::vector<calib::Board>& boards = arguments.boards;
   RequireDistinct(boards);
-  std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, result);
-  if (arguments.timeline) PairByTime(*arguments.timeline, &footage, result);
+  std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, notes);
+  if (arguments.timeline) PairByTime(*arguments.timeline, &footage, notes);
   MarkMirrored(arguments.mirrored, &footage);
   for (const calib::Board& board : boards) {
     const int turns = calib::NumLikeTurns(board);
     if (turns == 1 || footage.size() * boards.size() < 2) continue;
-    result->warnings.push_back(
+    notes->warnings.push_back(
         {"CAL-AMBIGUOUS",
          "the board " + calib::ToString(board) + " looks the same after " + (turns == 4 ? "a quarter turn" : "half a turn"),
          "use a chessboard with one odd and one even number of corners, or ChArUco"});
@@ -131,14 +132,13 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Comm
   CornerInput corners;
   corners.found = calib::DetectFootage(boards, footage, arguments.footage, run);
   for (const calib::FootageDetections& camera : corners.found) {
-    SayUnused(camera, corners.found.size() == 1, result);
+    SayUnused(camera, corners.found.size() == 1, notes);
     for (const calib::SoftBoards& soft : camera.soft) {
-      const std::string text = "camera " + camera.camera.name + ": " + soft.text;
-      if (soft.many) result->warnings.push_back({"CAL-SOFT", text, "focus, light and a still board make corners sharp"});
-      if (!soft.many) result->text += text + "\n";
+      if (soft.many)
+        notes->warnings.push_back({"CAL-SOFT", SoftText(camera, soft), "focus, light and a still board make corners sharp"});
     }
     for (const std::string& note : camera.notes) {
-      result->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
+      notes->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
     }
   }
   corners.input = calib::ToCalibrateInput(boards, corners.found);
@@ -152,22 +152,42 @@ void RequireOwnFootage(const calib::CalibrateInput& input) {
 
 }  // namespace
 
-void FillTimeline(CornerArguments* arguments, CommandResult* result) {
+std::vector<std::string> CornerPaths(const CornerArguments& arguments) {
+  std::vector<std::string> paths;
+  for (const NamedPath& camera : arguments.cameras) paths.push_back(camera.path);
+  if (!arguments.corners.empty()) paths.push_back(arguments.corners);
+  return paths;
+}
+
+std::string RemarksOn(const CornerInput& corners) {
+  std::string text;
+  for (const calib::FootageDetections& camera : corners.found) {
+    const bool unused = corners.found.size() > 1 && camera.failure.empty();
+    const std::string unseen = unused ? UnusedImages(camera, ShowsNothing) : "";
+    if (!unseen.empty()) text += unseen + "\n";
+    for (const calib::SoftBoards& soft : camera.soft) {
+      if (!soft.many) text += SoftText(camera, soft) + "\n";
+    }
+  }
+  return text;
+}
+
+void FillTimeline(CornerArguments* arguments, InputNotes* notes) {
   if (arguments->timestamps.empty()) return;
   if (arguments->cameras.empty())
     throw UsageError("option 'timestamps' pairs footage: it needs option 'camera' or option 'session'");
-  arguments->timeline = std::make_shared<const dataset::Timeline>(TimelineOfTable(*arguments, result));
+  arguments->timeline = std::make_shared<const dataset::Timeline>(TimelineOfTable(*arguments, notes));
 }
 
-CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, CommandResult* result) {
+CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, InputNotes* notes) {
   if (!arguments.timestamps.empty() && !arguments.timeline) {
     CornerArguments timed = arguments;
-    FillTimeline(&timed, result);
-    return ReadCornerInput(timed, run, result);
+    FillTimeline(&timed, notes);
+    return ReadCornerInput(timed, run, notes);
   }
-  SayMirrored(arguments.mirrored, result);
+  SayMirrored(arguments.mirrored, notes);
   if (arguments.corners.empty()) {
-    CornerInput detected = Detect(arguments, run, result);
+    CornerInput detected = Detect(arguments, run, notes);
     RequireOwnFootage(detected.input);
     return detected;
   }
@@ -177,8 +197,8 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
   calib::CornerFileOptions options = arguments.corner_files;
   if (!arguments.boards.empty()) options.board = arguments.boards[0];
   const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);
-  result->inputs.push_back(arguments.corners);
-  Append(file.notes, &result->warnings);
+  notes->inputs.push_back(arguments.corners);
+  Append(file.notes, &notes->warnings);
   CornerInput corners;
   corners.input.boards = file.boards;
   corners.input.cameras = file.cameras;

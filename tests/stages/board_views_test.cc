@@ -98,8 +98,8 @@ TEST(BoardViews, ImagesOfTheShiftedFramesFlippedWhereTheCameraIs) {
   CornerArguments arguments;
   arguments.cameras = {{"unused", folder / "b"}, {"cam_0", folder / "a"}};
   arguments.mirrored = {"cam_0"};
-  CommandResult result;
-  AddBoardViews(arguments, report, {1}, folder / "out", {}, &result);
+  const auto written = [&] { return DescribeBoardViews(report, WriteBoardViews(arguments, report, {1}, folder / "out", {})); };
+  const CommandResult result = written();
   ASSERT_EQ(result.outputs.size(), 1u);
   EXPECT_EQ(result.metrics["board_views"][0]["frame"], 2);
   EXPECT_EQ(result.metrics["board_views"][0]["picture"], result.outputs[0].path);
@@ -108,9 +108,8 @@ TEST(BoardViews, ImagesOfTheShiftedFramesFlippedWhereTheCameraIs) {
   EXPECT_NEAR(*image.Pixel(60, 20), 120, 4);
   EXPECT_NEAR(*image.Pixel(4, 20), 0, 4);
 
-  CommandResult again;
   std::filesystem::remove_all(folder / "a");
-  AddBoardViews(arguments, report, {1}, folder / "out", {}, &again);
+  const CommandResult again = written();
   EXPECT_TRUE(again.outputs.empty());
   EXPECT_EQ(again.metrics["board_views"][0]["picture"], nullptr);
   EXPECT_EQ(again.metrics["board_views"][0]["corners"].size(), 40u);
@@ -120,8 +119,7 @@ TEST(BoardViews, CornersOfAFileHaveNoImages) {
   TempDir folder;
   calib::CalibrateReport report = ReportOf(2);
   AddView(1, 5, 9, 0.1, &report);
-  CommandResult result;
-  AddBoardViews({}, report, {0, 1}, folder / "out", {}, &result);
+  const CommandResult result = DescribeBoardViews(report, WriteBoardViews({}, report, {0, 1}, folder / "out", {}));
   EXPECT_TRUE(result.outputs.empty());
   EXPECT_EQ(result.metrics["board_views"][0]["camera"], "cam_1");
 }

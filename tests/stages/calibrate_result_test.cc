@@ -34,9 +34,7 @@ TEST(CalibrateResult, ASigmaThatIsNotKnownIsNeitherShownNorZero) {
     report.cameras.push_back(camera);
   }
   report.rig.cameras[0].params_covariance = Eigen::MatrixXd::Identity(4, 4);
-  nlohmann::ordered_json metrics = nlohmann::ordered_json::object();
-  FillCalibrateMetrics(report, {}, &metrics);
-  const nlohmann::json json = nlohmann::json::parse(metrics.dump());
+  const nlohmann::json json = nlohmann::json::parse(CalibrateMetrics(report, {}).dump());
   EXPECT_NEAR(json["baseline_mm"].get<double>(), 1500, 1e-9);
   EXPECT_EQ(json["cameras"][0]["focal_sigma_px"], 0.25);
   EXPECT_TRUE(json["cameras"][1]["focal_sigma_px"].is_null());

@@ -181,11 +181,10 @@ TEST(ApplyCalibrationOffsets, OnAndOffAskNobody) {
 }
 
 TEST(CalibrationUse, ARigThatIsWrittenNamesCamerasWithoutCovariance) {
-  CommandResult known, partly;
-  WarnOfCovariance(Known(), &known);
+  const CommandResult known = DescribeWrittenCovariance(Known());
   EXPECT_EQ(known.metrics["covariance_missing"], nlohmann::ordered_json::array());
   EXPECT_THAT(known.warnings, IsEmpty());
-  WarnOfCovariance(Partly(), &partly, {"c", "d"});
+  const CommandResult partly = DescribeWrittenCovariance(Partly(), {"c", "d"});
   EXPECT_EQ(partly.metrics["covariance_missing"], nlohmann::ordered_json::array({"b", "c", "d"})) << "c once";
   EXPECT_EQ(partly.metrics["joint_covariance_written"], false);
   ASSERT_EQ(partly.warnings.size(), 1u);

@@ -1,14 +1,15 @@
-#include "cli/calib/earlier_world.h"
+#include "stages/calib/earlier_world.h"
 
 #include <algorithm>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "cli/program/fingerprint.h"
 #include "core/disk/files.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/fingerprint.h"
 
-namespace mvstudio::cli {
+namespace mvstudio::stages {
 namespace {
 
 using nlohmann::ordered_json;
@@ -40,7 +41,7 @@ bool SameFootage(const std::string& folder, const std::vector<std::string>& foot
     if (input.is_object()) input.erase("path");
   }
   return std::all_of(footage.begin(), footage.end(), [&](const std::string& path) {
-    ordered_json now = Fingerprint(path);
+    ordered_json now = FingerprintJson(path);
     now.erase("path");
     return std::find(earlier.begin(), earlier.end(), now) != earlier.end();
   });
@@ -55,8 +56,7 @@ std::string EarlierPairing(const std::string& folder) {
   return json.is_object() && json.contains(place) && json[place].is_string() ? json[place].get<std::string>() : "";
 }
 
-}  // namespace
-
+/// Nothing where there is no world worth keeping.
 std::optional<geometry::RigGauge> EarlierGauge(const std::string& folder) {
   const std::string path = folder + "/calibration.json";
   if (!fs::is_regular_file(path)) return std::nullopt;
@@ -69,34 +69,23 @@ std::optional<geometry::RigGauge> EarlierGauge(const std::string& folder) {
   }
 }
 
-void KeepEarlierWorld(const std::string& folder, const std::optional<geometry::RigGauge>& earlier,
-                      const std::vector<std::string>& footage, const stages::CornerInput& corners, const std::string& pairing,
-                      calib::WorldOrigin* world, CommandResult* result) {
-  if (!earlier) return;
-  const std::string gauge = GaugeText(*earlier);
-  const std::optional<int64_t> frame =
-      *earlier == geometry::RigGauge::OfBoard(earlier->frame.value_or(0)) ? earlier->frame : std::nullopt;
+std::string WhyLost(const geometry::RigGauge& gauge, const std::string& folder, const CornerArguments& arguments,
+                    const CornerInput& corners) {
+  if (!gauge.frame || gauge != geometry::RigGauge::OfBoard(*gauge.frame)) return "that was done after a calibration";
+  if (!SameFootage(folder, CornerPaths(arguments))) return "the board was filmed again";
+  if (EarlierPairing(folder) != (arguments.timeline ? "time" : "number")) return "frames are paired in another way now";
   const auto& boards = corners.input.detections;
-  const auto there = [&](const calib::Detection& board) { return board.frame_idx == frame && board.board_idx == 0; };
-  std::string why;
-  if (!frame) {
-    why = "that was done after a calibration";
-  } else if (!SameFootage(folder, footage)) {
-    why = "the board was filmed again";
-  } else if (EarlierPairing(folder) != pairing) {
-    why = "frames are paired in another way now";
-  } else if (std::none_of(boards.begin(), boards.end(), there)) {
-    why = "no board was found in that frame now";
-  }
-  result->metrics["earlier_world"] = {{"gauge", gauge}, {"kept", why.empty()}};
-  if (why.empty()) {
-    world->board_frame = frame;
-    result->text += "the world stays the " + gauge + ", as before; --world camera:NAME makes another\n";
-    return;
-  }
-  result->warnings.push_back({"CAL-WORLD",
-                              "the world of the earlier calibration is lost, which was fixed by: " + gauge + "; " + why,
-                              "give --world board:FRAME, or move the rig again with mvstudio calib align"});
+  const auto there = [&](const calib::Detection& board) { return board.frame_idx == gauge.frame && board.board_idx == 0; };
+  return std::any_of(boards.begin(), boards.end(), there) ? "" : "no board was found in that frame now";
 }
 
-}  // namespace mvstudio::cli
+}  // namespace
+
+std::optional<EarlierWorld> FindEarlierWorld(const std::string& folder, const CornerArguments& arguments,
+                                             const CornerInput& corners) {
+  const std::optional<geometry::RigGauge> gauge = EarlierGauge(folder);
+  if (!gauge) return std::nullopt;
+  return EarlierWorld{*gauge, WhyLost(*gauge, folder, arguments, corners)};
+}
+
+}  // namespace mvstudio::stages

@@ -6,14 +6,8 @@
 #include "calib/points/stated_length.h"
 #include "stages/result.h"
 
-namespace CLI {
-class App;
-}
-
-/// `--length` of the commands that give a rig its size.
-namespace mvstudio::cli {
-
-using stages::CommandResult;
+/// Option 'length' of the commands that give a rig its size.
+namespace mvstudio::stages {
 
 inline constexpr char kLengthHelp[] =
     "POINT:POINT:LENGTH, e.g. LShoulder:RShoulder:380mm, or Height:1.75m; :2mm at its end is its standard deviation; gives the "
@@ -21,6 +15,6 @@ inline constexpr char kLengthHelp[] =
 
 /// Metrics `scale`, `scale_sigma`, `lengths`, lines of text, and warnings for lengths that disagree and for units that are
 /// unlikely. A status that is not kOk becomes an error, and exit 5.
-void DescribeLengths(const calib::LengthScale& scale, CommandResult* result);
+CommandResult DescribeLengths(const calib::LengthScale& scale);
 
-}  // namespace mvstudio::cli
+}  // namespace mvstudio::stages
