@@ -134,6 +134,7 @@ MAY_INCLUDE = {
 LIBRARIES = set(MAY_INCLUDE)
 STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}
 WITHOUT_TORCH = {f for f in STAGE_LIBRARIES if not needs_torch(f)}
+NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/input", "stages/nets"}
 MAY_INCLUDE |= {
     "stages": {"core"},
     "stages/input": WITHOUT_TORCH | {"stages", "dataset/exports/read"},
@@ -145,6 +146,7 @@ MAY_INCLUDE |= {
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
+    "stages/nets/fit": NET_ROOM,
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
 }
 COMMANDS = {"cli/calib", "cli/dataset", "cli/people", "cli/avatar", "cli/tradeoff"}

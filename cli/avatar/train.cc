@@ -8,7 +8,6 @@
 #include "avatar/run/pack/pack_builder.h"
 #include "avatar/run/references/body_textures.h"
 #include "cli/avatar/ranks.h"
-#include "cli/avatar/split_options.h"
 #include "cli/avatar/start_network.h"
 #include "cli/avatar/training.h"
 #include "cli/program/commands.h"
@@ -123,7 +122,7 @@ void TellFit(const std::optional<avatar::PersonFit>& fit, const std::vector<Noti
   result->warnings.insert(result->warnings.end(), doubts.begin(), doubts.end());
   if (!fit) return;
   result->metrics["body"] = stages::ToJson(*fit);
-  stages::AddFitWarnings(*fit, result);
+  result->Add(stages::JudgeFit(*fit));
 }
 
 /// The first of several processes tells.
@@ -320,7 +319,7 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
   StartGroup(sub, "Data");
   AddOption(sub, "dataset", a->dataset, "dataset folder")->required();
   AddOutput(sub, "--out", a->out, OutputKind::kFolder, "folder of the run")->required();
-  AddSplitOptions(sub, a->split);
+  AddOptions(sub, a->split);
   AddFlag(sub, "--overwrite", a->overwrite, "replace an older run in --out");
   StartGroup(sub, "Network");
   AddOption(

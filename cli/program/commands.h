@@ -30,6 +30,8 @@ void RegisterDatasetExport(CLI::App& dataset, Registry& registry);
 void RegisterAvatarTemplate(CLI::App& avatar, Registry& registry);
 void RegisterAvatarMesh(CLI::App& avatar, Registry& registry);
 void RegisterAvatarFit(CLI::App& avatar, Registry& registry);
+void RegisterAvatarTexture(CLI::App& avatar, Registry& registry);
+void RegisterAvatarEdit(CLI::App& avatar, Registry& registry);
 void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarPretrainRenderer(CLI::App& avatar, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);
