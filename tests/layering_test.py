@@ -148,6 +148,7 @@ MAY_INCLUDE |= {
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
     "stages/nets/fit": NET_ROOM,
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
+    "stages/nets/train": NET_ROOM,
 }
 COMMANDS = {"cli/calib", "cli/dataset", "cli/people", "cli/avatar", "cli/tradeoff"}
 STAGES = {f for f in MAY_INCLUDE if f.split("/")[0] == "stages"}

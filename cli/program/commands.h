@@ -35,6 +35,7 @@ void RegisterAvatarEdit(CLI::App& avatar, Registry& registry);
 void RegisterAvatarPretrain(CLI::App& avatar, Registry& registry);
 void RegisterAvatarPretrainRenderer(CLI::App& avatar, Registry& registry);
 void RegisterAvatarTrain(CLI::App& avatar, Registry& registry);
+void RegisterAvatarInfo(CLI::App& avatar, Registry& registry);
 void RegisterAvatarEval(CLI::App& avatar, Registry& registry);
 void RegisterAvatarCompare(CLI::App& avatar, Registry& registry);
 void RegisterAvatarLift(CLI::App& avatar, Registry& registry);

@@ -48,16 +48,20 @@ std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, co
 /// Says which frames the arguments name that the dataset does not have.
 void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& arguments, InputNotes* notes);
 
-struct RunPacks {
-  avatar::AvatarPack train;
-  std::vector<avatar::PackView> train_views, watched_views;  ///< of their rows, where the options keep them
-  std::optional<avatar::AvatarPack> watched;  ///< scored at each checkpoint: validation images, else held-out ones, if any
-  std::shared_ptr<const avatar::References> references;  ///< of the training images, where the network takes some
+/// What the dataset does not hold of the images of a split.
+struct PackNotes {
   std::vector<std::string> skipped;
   dataset::MissingPictures missing;  ///< of the training images: those that the dataset does not hold
   /// Side of the split, and what is missing of it: validation and held-out images, where some are.
   std::vector<std::pair<std::string, dataset::MissingPictures>> missing_scored;
   int frames_without_person = 0;  ///< of the dataset; they are in no side
+};
+
+struct RunPacks : PackNotes {
+  avatar::AvatarPack train;
+  std::vector<avatar::PackView> train_views, watched_views;  ///< of their rows, where the options keep them
+  std::optional<avatar::AvatarPack> watched;  ///< scored at each checkpoint: validation images, else held-out ones, if any
+  std::shared_ptr<const avatar::References> references;  ///< of the training images, where the network takes some
 };
 
 /// Throws FormatError when a camera or a side of the split has no image left, or less than half of the training images.

@@ -43,7 +43,7 @@ TEST(AvatarFitStage, TheMannequinLiesOnItsOwnSilhouettes) {
   EXPECT_EQ(kept.frames, (std::vector<int>{0, 1, 2, 3}));
   EXPECT_THAT(kept.cameras, SizeIs(3)) << "the held-out one is not looked at";
   ASSERT_THAT(report.fit.fit.cameras, SizeIs(3));
-  for (const body::CameraFit& camera : report.fit.fit.cameras) EXPECT_GT(camera.iou, 0.9) << camera.name;
+  for (const body::CameraFit& camera : report.fit.fit.cameras) EXPECT_GT(camera.iou, 0.75) << camera.name;
   ASSERT_THAT(report.notes.warnings, SizeIs(1)) << "frames 4 to 9 are not there";
   EXPECT_EQ(report.notes.warnings[0].code, "CLI-FRAMES");
   EXPECT_TRUE(std::filesystem::exists(folder / "body/body.glb"));
