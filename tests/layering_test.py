@@ -147,6 +147,7 @@ MAY_INCLUDE |= {
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
     "stages/nets/fit": NET_ROOM,
+    "stages/nets/render": NET_ROOM,
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
     "stages/nets/train": NET_ROOM,
 }
