@@ -146,6 +146,7 @@ MAY_INCLUDE |= {
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
+    "stages/nets/evaluate": NET_ROOM,
     "stages/nets/fit": NET_ROOM,
     "stages/nets/render": NET_ROOM,
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
