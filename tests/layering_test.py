@@ -148,6 +148,7 @@ MAY_INCLUDE |= {
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
     "stages/nets/evaluate": NET_ROOM,
     "stages/nets/fit": NET_ROOM,
+    "stages/nets/lift": NET_ROOM,
     "stages/nets/render": NET_ROOM,
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
     "stages/nets/train": NET_ROOM,
