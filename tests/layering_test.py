@@ -134,6 +134,7 @@ MAY_INCLUDE = {
 LIBRARIES = set(MAY_INCLUDE)
 STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}
 WITHOUT_TORCH = {f for f in STAGE_LIBRARIES if not needs_torch(f)}
+NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/input", "stages/nets"}
 MAY_INCLUDE |= {
     "stages": {"core"},
     "stages/input": WITHOUT_TORCH | {"stages", "dataset/exports/read"},
@@ -149,7 +150,12 @@ MAY_INCLUDE |= {
     "stages/pipeline": WITHOUT_TORCH | {"stages"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
+    "stages/nets/evaluate": NET_ROOM,
+    "stages/nets/fit": NET_ROOM,
+    "stages/nets/lift": NET_ROOM,
+    "stages/nets/render": NET_ROOM,
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
+    "stages/nets/train": NET_ROOM,
 }
 COMMANDS = {"cli/calib", "cli/dataset", "cli/people", "cli/avatar", "cli/tradeoff"}
 STAGES = {f for f in MAY_INCLUDE if f.split("/")[0] == "stages"}

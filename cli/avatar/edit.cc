@@ -1,12 +1,12 @@
 #include <filesystem>
 #include <memory>
 
-#include "cli/avatar/body_folder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
+#include "stages/nets/body_folder.h"
 #include "stages/nets/texture/body_edit.h"
 
 namespace mvstudio::cli {
@@ -28,15 +28,15 @@ CommandResult RunEdit(const EditArguments& arguments) {
   for (const std::string& input : {arguments.picture, arguments.body_template}) {
     if (!input.empty() && fs::exists(input)) result.inputs.push_back(input);
   }
-  const OutputFolder place(arguments.out, result.inputs, BodyFolder::Names());
-  const BodyFolder folder(arguments.out, arguments.overwrite);
+  const OutputFolder place(arguments.out, result.inputs, stages::BodyFolder::Names());
+  const stages::BodyFolder folder(arguments.out, arguments.overwrite);
   body::TexturedPerson person = body::ReadPerson(file);
   stages::BodyEdit edit;
   if (!arguments.picture.empty()) stages::EditTexture(dataset::ReadImage(arguments.picture), arguments.picture, &person, &edit);
   if (!arguments.shape.empty()) stages::EditShape(arguments.shape, arguments.body_template, &person, &edit);
   result.metrics = stages::ToJson(edit);
   result.text = stages::ToTable(edit);
-  folder.Write(person, arguments.frame_rate_hz, &result);
+  result.Add(stages::DescribeBodyFolder(arguments.out, folder.Write(person, arguments.frame_rate_hz)));
   return result;
 }
 

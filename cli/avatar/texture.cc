@@ -1,10 +1,10 @@
 #include <memory>
 
-#include "cli/avatar/body_folder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
 #include "stages/dataset/studio_names.h"
+#include "stages/nets/body_folder.h"
 #include "stages/nets/texture/avatar_texture.h"
 
 namespace mvstudio::cli {
@@ -22,14 +22,14 @@ CommandResult RunTexture(const TextureArguments& arguments, CommandContext& cont
   context.camera_names = stages::StudioNames(source.data.root);
   CommandResult result;
   result.folder = arguments.out, result.inputs = {arguments.source, source.data.root};
-  const OutputFolder place(arguments.out, result.inputs, BodyFolder::Names());
-  const BodyFolder folder(arguments.out, arguments.overwrite);
+  const OutputFolder place(arguments.out, result.inputs, stages::BodyFolder::Names());
+  const stages::BodyFolder folder(arguments.out, arguments.overwrite);
   const stages::TextureResult made = stages::MakeTexture(source, arguments.options, context.run);
   result.metrics = stages::ToJson(made);
   result.text = stages::ToTable(made);
   body::TexturedPerson person = source.body;
   person.textures = made.textures;
-  folder.Write(person, arguments.frame_rate_hz, &result);
+  result.Add(stages::DescribeBodyFolder(arguments.out, folder.Write(person, arguments.frame_rate_hz)));
   return result;
 }
 

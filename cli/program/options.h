@@ -110,7 +110,9 @@ struct OptionAdder {
   template <class Value>
   void Styled(OptionStyle style, const std::string& name, Value& value, const std::string& help) const {
     if constexpr (std::is_same_v<Value, bool>) {
-      AddFlag(sub, "--" + name, value, WithFlags(help));
+      AddFlag(sub, "--" + name + (style == OptionStyle::kUnset ? ",!--no-" + name : ""), value, WithFlags(help));
+    } else if constexpr (std::is_enum_v<Value>) {
+      AddChoice(sub, "--" + name, value, WithFlags(help));
     } else if constexpr (kHasWords<Value> || kHasSharedWords<Value>) {
       AddNames(sub, "--" + name, value, WithFlags(help))->type_name("[CAMERAS]");
     } else if constexpr (kIsListOfChoices<Value>) {

@@ -8,7 +8,7 @@ namespace mvstudio {
 /// How a field of options (core/fields.h) is typed, where its type does not tell.
 enum class OptionStyle {
   kSwitch,    ///< bool: can be switched on alone
-  kUnset,     ///< a number: what it is unless given is said by its help, not by its default
+  kUnset,     ///< what it is unless given is said by its help, not by its default
   kList,      ///< texts: one value, with commas between them
   kRepeated,  ///< choices: several may follow the option's name
   kCameras,   ///< cameras' names with commas, or nothing for all

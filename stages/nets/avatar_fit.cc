@@ -110,29 +110,31 @@ bool NobodyOnMasks(const body::BodyFit& fit) {
 }
 
 /// The body lies beside the masks of a camera, or of most cameras.
-void JudgeSilhouettes(const body::BodyFit& fit, CommandResult* result) {
+CommandResult JudgeSilhouettes(const body::BodyFit& fit) {
+  CommandResult result;
   constexpr double kLeastOfAll = 0.5, kUsual = 0.75;
   std::vector<double> ious;
   for (const body::CameraFit& camera : fit.cameras) {
     if (camera.views > camera.rejected && std::isfinite(camera.iou)) ious.push_back(camera.iou);
   }
-  if (ious.empty()) return;
+  if (ious.empty()) return result;
   const double median = UpperMedian(ious, 0);
   const std::string text = Format("body and masks have an IoU of %.2f in the median camera", median);
   const std::string advice = "look at the masks: are they of these frames and cameras, upright, and 255 the person?";
   if (median < kLeastOfAll) {
-    result->exit = kExitQualityGate;
-    result->errors.push_back({"BODY-POOR-FIT", text + ": the surface is not the person's, whatever its sigma says", advice});
-    return;
+    result.exit = kExitQualityGate;
+    result.errors.push_back({"BODY-POOR-FIT", text + ": the surface is not the person's, whatever its sigma says", advice});
+    return result;
   }
-  if (median < kUsual) result->warnings.push_back({"BODY-POOR-FIT", text + "; fits of good masks have 0.9", advice});
+  if (median < kUsual) result.warnings.push_back({"BODY-POOR-FIT", text + "; fits of good masks have 0.9", advice});
   for (const body::CameraFit& camera : fit.cameras) {
     if (!(camera.iou < kLeastOfAll)) continue;
-    result->warnings.push_back({"BODY-POOR-FIT",
-                                "camera " + camera.name + Format(": body and masks have an IoU of %.2f, ", camera.iou) +
-                                    Format("in the median camera %.2f", median),
-                                "look at its masks, its time offset and its calibration, or leave it out"});
+    result.warnings.push_back({"BODY-POOR-FIT",
+                               "camera " + camera.name + Format(": body and masks have an IoU of %.2f, ", camera.iou) +
+                                   Format("in the median camera %.2f", median),
+                               "look at its masks, its time offset and its calibration, or leave it out"});
   }
+  return result;
 }
 
 bool WasJudged(const body::BodyFit& fit) { return std::isfinite(fit.iou); }
@@ -243,17 +245,18 @@ Json ToJson(const avatar::PersonFit& person) {
           {"rejected", rejected}};
 }
 
-void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
+CommandResult JudgeFit(const avatar::PersonFit& person) {
+  CommandResult result;
   const body::BodyFit& fit = person.fit;
   if (NobodyOnMasks(fit)) {  // everything else would follow from it
-    result->exit = kExitQualityGate;
-    result->errors.push_back({"BODY-NO-SILHOUETTE",
-                              "the body lies on no mask of any camera (IoU 0): nothing was fitted to the silhouettes",
-                              "look at the masks: 255 must be the person; are they of these frames and cameras?"});
-    return;
+    result.exit = kExitQualityGate;
+    result.errors.push_back({"BODY-NO-SILHOUETTE",
+                             "the body lies on no mask of any camera (IoU 0): nothing was fitted to the silhouettes",
+                             "look at the masks: 255 must be the person; are they of these frames and cameras?"});
+    return result;
   }
   const auto warn = [&](const char* code, const std::string& what, const char* advice) {
-    result->warnings.push_back({code, what, advice});
+    result.warnings.push_back({code, what, advice});
   };
   if (const std::vector<body::RejectedView> rejected = Rejected(person); !rejected.empty()) {
     const body::RejectedView& first = rejected.front();
@@ -270,14 +273,14 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
                     camera.shift_sigma_px),
          "check its calibration, its time offset and its masks");
   }
-  JudgeSilhouettes(fit, result);
+  result.Add(JudgeSilhouettes(fit));
   if (!WasJudged(fit)) {
     warn("BODY-NOT-JUDGED",
          "too few images to hold some out, so nobody can say whether a fitted surface is better: only the lengths of the bones "
          "were fitted",
          "give at least four images, better ten frames of several cameras");
   } else if (fit.stages.size() > 1 && fit.stages.front().kept) {
-    result->warnings.push_back(NoGain(fit.stages));
+    result.warnings.push_back(NoGain(fit.stages));
   }
   if (!person.missing.empty()) {
     warn("BODY-MISSING",
@@ -285,6 +288,7 @@ void AddFitWarnings(const avatar::PersonFit& person, CommandResult* result) {
              " images or masks do not exist and were left out; the first: " + person.missing.front(),
          "build them, or leave these cameras and frames out");
   }
+  return result;
 }
 
 std::string ToTable(const avatar::PersonFit& person) {

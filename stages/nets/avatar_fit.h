@@ -34,9 +34,9 @@ avatar::PersonFit FitToSplit(const dataset::PanopticDataset& data, const avatar:
 /// images that the split does not train on, or does not say to which.
 body::TexturedPerson BodyForSplit(const std::string& path, const avatar::DatasetSplit& split, avatar::PoseBy pose_by);
 
-/// IoU before and after, stages, cameras, rejected silhouettes; and what the user should know.
+/// IoU before and after, stages, cameras, rejected silhouettes; and what the user should know: warnings, or why it is no fit.
 nlohmann::ordered_json ToJson(const avatar::PersonFit& fit);
-void AddFitWarnings(const avatar::PersonFit& fit, CommandResult* result);
+CommandResult JudgeFit(const avatar::PersonFit& fit);
 std::string ToTable(const avatar::PersonFit& fit);
 
 }  // namespace mvstudio::stages

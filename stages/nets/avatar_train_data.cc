@@ -169,9 +169,9 @@ std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, co
   return notices;
 }
 
-void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& a, CommandResult* result) {
-  TellFrames(ChoiceOf(data, "option 'frames'", a.frames).beyond, result);
-  TellFrames(ChoiceOf(data, "option 'holdout-frames'", a.holdout_frames).beyond, result);
+void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& a, InputNotes* notes) {
+  TellFrames(ChoiceOf(data, "option 'frames'", a.frames).beyond, notes);
+  TellFrames(ChoiceOf(data, "option 'holdout-frames'", a.holdout_frames).beyond, notes);
 }
 
 RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,

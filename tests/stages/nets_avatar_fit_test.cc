@@ -46,8 +46,7 @@ avatar::PersonFit SoundFit() {
 }
 
 std::vector<std::string> CodesOf(const avatar::PersonFit& person) {
-  CommandResult result;
-  AddFitWarnings(person, &result);
+  const CommandResult result = JudgeFit(person);
   std::vector<std::string> codes;
   for (const auto& warning : result.warnings) codes.push_back(warning.code);
   return codes;
@@ -81,16 +80,14 @@ TEST(FitWarnings, ABodyBesideItsMasksIsNoFit) {
       person.fit.cameras.push_back({"00_0" + std::to_string(person.fit.cameras.size()), 20, 0, iou, iou, {0, 0}, 0.1});
     return person;
   };
-  CommandResult shifted;
-  AddFitWarnings(fit_of({0.23, 0.02, 0.03}), &shifted);
+  const CommandResult shifted = JudgeFit(fit_of({0.23, 0.02, 0.03}));
   EXPECT_EQ(shifted.exit, 4);
   ASSERT_EQ(shifted.errors.size(), 1u);
   EXPECT_EQ(shifted.errors[0].code, "BODY-POOR-FIT");
   EXPECT_THAT(shifted.errors[0].text, HasSubstr("0.03"));
   EXPECT_THAT(CodesOf(fit_of({0.61, 0.70, 0.64})), ElementsAre("BODY-POOR-FIT"));
   EXPECT_THAT(CodesOf(fit_of({0.9, 0.9, 0.8})), ::testing::IsEmpty());
-  CommandResult one;
-  AddFitWarnings(fit_of({0.93, 0.1, 0.94}), &one);
+  const CommandResult one = JudgeFit(fit_of({0.93, 0.1, 0.94}));
   EXPECT_EQ(one.exit, 0);
   ASSERT_EQ(one.warnings.size(), 1u);
   EXPECT_THAT(one.warnings[0].text, HasSubstr("camera 00_01"));
@@ -100,8 +97,7 @@ TEST(FitWarnings, SayWhetherOffsetsWereWorseOrNotBeyondChance) {
   const auto text = [](double offsets_iou) {
     avatar::PersonFit person = SoundFit();
     person.fit.stages[0].kept = true, person.fit.stages[1].kept = false, person.fit.stages[1].held_out_iou = offsets_iou;
-    CommandResult result;
-    AddFitWarnings(person, &result);
+    const CommandResult result = JudgeFit(person);
     return result.warnings.at(0).text;
   };
   EXPECT_THAT(text(0.877), HasSubstr("from 0.8500 to 0.8770, but so few time steps"));

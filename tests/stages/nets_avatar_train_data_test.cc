@@ -54,13 +54,13 @@ TEST(AvatarTrainData, FramesThatWereNotAskedForAreOnNoSide) {
   const avatar::DatasetSplit split = SplitOf(Data(), 0, arguments);
   EXPECT_THAT(split.train_frames, ElementsAre(1));
   EXPECT_THAT(split.holdout_frames, ElementsAre(3));
-  CommandResult result;
+  InputNotes notes;
   arguments.frames = "1-30", arguments.holdout_frames = "3-9";
-  TellSplitFrames(Data(), arguments, &result);
-  ASSERT_EQ(result.warnings.size(), 2u);
-  EXPECT_THAT(result.warnings[0].text,
+  TellSplitFrames(Data(), arguments, &notes);
+  ASSERT_EQ(notes.warnings.size(), 2u);
+  EXPECT_THAT(notes.warnings[0].text,
               HasSubstr("option 'frames': somewhere has no frames 5 to 30; it has 5 frames from 0 to 4"));
-  EXPECT_THAT(result.warnings[1].text, HasSubstr("option 'holdout-frames': somewhere has no frames 5 to 9"));
+  EXPECT_THAT(notes.warnings[1].text, HasSubstr("option 'holdout-frames': somewhere has no frames 5 to 9"));
   arguments.frames = "90-99";
   EXPECT_THAT(MessageOf<NothingLeftError>([&] { SplitOf(Data(), 0, arguments); }), HasSubstr("no frames 90 to 99"));
   arguments.frames = "3-4";  // all of them held out

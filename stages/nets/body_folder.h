@@ -1,17 +1,18 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "avatar/body/files/textured_person.h"
-#include "cli/program/command.h"
 #include "stages/result.h"
 
-namespace CLI {
-class App;
-}
+namespace mvstudio::stages {
 
-namespace mvstudio::cli {
+/// Scales of surface.png.
+struct SurfaceLimits {
+  double offset_mm = 0, sigma_mm = 0;
+};
 
 /// A folder with a fitted body: body.npz, body.glb, texture.png (the atlas of its charts) and, where the fit tells how well the
 /// surface is known, surface.png.
@@ -22,15 +23,14 @@ class BodyFolder {
 
   /// Names of all files, for the right to write them.
   static std::vector<std::string> Names();
-  /// All files at once; adds them to the result's outputs.
-  void Write(const body::TexturedPerson& person, double frame_rate_hz, stages::CommandResult* result) const;
+  /// All files at once. The scales where surface.png is among them.
+  std::optional<SurfaceLimits> Write(const body::TexturedPerson& person, double frame_rate_hz) const;
 
  private:
   std::string path_;
 };
 
-/// `avatar texture` and `avatar edit`, which come with `avatar fit`.
-void RegisterAvatarTexture(CLI::App& avatar, Registry& registry);
-void RegisterAvatarEdit(CLI::App& avatar, Registry& registry);
+/// The files of a folder that was written.
+CommandResult DescribeBodyFolder(const std::string& path, const std::optional<SurfaceLimits>& surface);
 
-}  // namespace mvstudio::cli
+}  // namespace mvstudio::stages

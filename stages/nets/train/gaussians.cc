@@ -1,5 +1,3 @@
-#include "stages/nets/avatar_gaussians.h"
-
 #include <ATen/ATen.h>
 
 #include <cmath>
@@ -12,6 +10,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
+#include "stages/nets/train/method.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -85,22 +84,6 @@ void Save(const Trained& trained, const avatar::RunConfig& config, const RunPack
   together.Commit();
 }
 
-void TellDegrees(const avatar::GaussianTraining& trained, CommandResult* result) {
-  for (const avatar::DegreeTrial& trial : trained.trials)
-    result->metrics["colour_degrees"].push_back(
-        {{"degree", trial.degree}, {"validation_ssim", FiniteOrNull(trial.validation_ssim)}, {"gaussians", trial.gaussians}});
-  result->metrics["colour_degree"] = trained.options.degree;
-  result->text = "colours of degree " + std::to_string(trained.options.degree) + ": " + trained.reason + "\n";
-}
-
-void TellSkipped(const splats::SkippedSplats& skipped, CommandResult* result) {
-  result->metrics["skipped"] = {
-      {"degenerate", skipped.degenerate}, {"behind_camera", skipped.behind_camera}, {"not_finite", skipped.not_finite}};
-  if (skipped.degenerate + skipped.behind_camera + skipped.not_finite > 0)
-    result->text += Format("%lld Gaussians could not be shown in the last image (key skipped)\n",
-                           static_cast<long long>(skipped.degenerate + skipped.behind_camera + skipped.not_finite));
-}
-
 int64_t NumbersOf(const splats::Cloud& cloud) {
   int64_t count = 0;
   ForEachGroup(cloud.values,
@@ -108,32 +91,10 @@ int64_t NumbersOf(const splats::Cloud& cloud) {
   return count;
 }
 
-CommandResult ResultOf(const Trained& trained, const AvatarRun& files) {
-  CommandResult result;
-  const splats::TrainResult& learned = trained.learned.result;
-  auto& m = result.metrics;
-  m["method"] = "gaussians", m["num_parameters"] = NumbersOf(learned.cloud), m["gaussians"] = learned.cloud.size();
-  m["steps"] = learned.best_step, m["wall_s"] = trained.wall_s;
-  if (trained.learned.trials.size() <= 1)  // else the time is that of several trainings
-    m["it_per_s"] = FiniteOrNull(trained.wall_s > 0 ? trained.learned.options.steps / trained.wall_s : std::nan(""));
-  m["density"] = {{"cloned", learned.density.cloned}, {"split", learned.density.split}, {"pruned", learned.density.pruned}};
-  m["mip_filter"] = trained.learned.options.smooth;
-  TellDegrees(trained.learned, &result);
-  TellSkipped(learned.skipped, &result);
-  result.outputs = files.Outputs();
-  if (learned.status != Status::kOk) {
-    result.exit = kExitIllPosed;
-    result.errors.push_back(
-        {"AVA-NONFINITE", "the loss is not finite on " + learned.trouble, "look at these images; train again without them"});
-  }
-  return result;
-}
-
-}  // namespace
-
-void RefuseNetworkOptions(const std::function<bool(const std::string&)>& given) {
+/// Options of networks are not those of Gaussians.
+void RefuseNetworkOptions(const AvatarTrainOptions& options) {
   const auto refuse = [&](const std::string& name) {
-    if (given(name) && !IsShared(name))
+    if (options.Given(name) && !IsShared(name))
       throw UsageError("option '" + name + "' is of the networks: option 'method' gaussians has none; leave it out");
   };
   const auto field = [&](const std::string& name, const auto&, const std::string&) { refuse(name); };
@@ -144,37 +105,55 @@ void RefuseNetworkOptions(const std::function<bool(const std::string&)>& given) 
     refuse(name);
 }
 
-void RefuseGaussianOptions(const std::function<bool(const std::string&)>& given) {
-  VisitConstFields(
-      [&](const std::string& name, const auto&, const std::string&) {
-        if (given(name)) throw UsageError("option '" + name + "' needs option 'method' gaussians");
-      },
-      avatar::GaussianOptions{});
-}
+/// A run of Gaussians: gaussians.npz, gaussians.ply, history.csv and samples beside the configuration. Without validation
+/// images the last step is kept.
+class GaussianMethod : public TrainingMethod {
+ public:
+  explicit GaussianMethod(const AvatarTrainOptions& options) : options_(options) {
+    RefuseNetworkOptions(options);
+    if (options.fit != BodyFitMode::kAuto)
+      throw UsageError("option 'method' gaussians needs a body that is fitted: option 'fit' auto, or option 'body'");
+    train = options.train;
+  }
 
-CommandResult TrainGaussianRun(const GaussianRun& arguments, const avatar::RunConfig& config, const RunPacks& packs,
-                               const AvatarRun& files, const std::function<void()>& begin, const RunContext& run) {
-  const splats::TrainOptions options = TrainOptionsOf(arguments.gaussians, arguments.networks, arguments.given);
-  avatar::GaussianImages images;
-  images.train = avatar::TrainViewsOf(packs.train, packs.train_views);
-  images.camera.assign(packs.train.camera_idx.data_ptr<int64_t>(),
-                       packs.train.camera_idx.data_ptr<int64_t>() + packs.train.size());
-  std::vector<splats::TrainView> watched;
-  if (packs.watched) watched = avatar::TrainViewsOf(*packs.watched, packs.watched_views);
-  if (!config.split.validation_cameras.empty()) images.validation = watched;
-  Trained trained;
-  trained.asked = AskedFor(arguments.gaussians, options);
-  const double start_s = arguments.clock_s();
-  const auto on_row = [&](int degree, const splats::TrainRow& row, const splats::Cloud&) {
-    trained.rows.push_back(RowText(degree, row, arguments.clock_s() - start_s));
-  };
-  trained.learned =
-      avatar::TrainGaussians(*config.pack.fitted, images, arguments.gaussians.colour_degree, options, run, on_row);
-  trained.wall_s = arguments.clock_s() - start_s;
-  trained.samples = watched.empty() ? images.train : watched;
-  begin();
-  Save(trained, config, packs, files, run);
-  return ResultOf(trained, files);
+  void Prepare(avatar::RunConfig* config) override { config->pack.keep_views = true; }
+
+  void Train(const TrainingPlace& place, const RunContext& run, AvatarTrainReport* report) override {
+    const RunPacks& packs = place.packs;
+    const splats::TrainOptions steps =
+        TrainOptionsOf(options_.gaussians, train, [&](const std::string& name) { return options_.Given(name); });
+    avatar::GaussianImages images;
+    images.train = avatar::TrainViewsOf(packs.train, packs.train_views);
+    images.camera.assign(packs.train.camera_idx.data_ptr<int64_t>(),
+                         packs.train.camera_idx.data_ptr<int64_t>() + packs.train.size());
+    std::vector<splats::TrainView> watched;
+    if (packs.watched) watched = avatar::TrainViewsOf(*packs.watched, packs.watched_views);
+    if (!place.config.split.validation_cameras.empty()) images.validation = watched;
+    Trained trained;
+    trained.asked = AskedFor(options_.gaussians, steps);
+    const double start_s = SecondsNow();
+    const auto on_row = [&](int degree, const splats::TrainRow& row, const splats::Cloud&) {
+      trained.rows.push_back(RowText(degree, row, SecondsNow() - start_s));
+    };
+    trained.learned =
+        avatar::TrainGaussians(*place.config.pack.fitted, images, options_.gaussians.colour_degree, steps, run, on_row);
+    trained.wall_s = SecondsNow() - start_s;
+    trained.samples = watched.empty() ? images.train : watched;
+    place.begin();
+    Save(trained, place.config, packs, place.files, run);
+    report->method = avatar::Method::kGaussians, report->steps = trained.learned.result.best_step;
+    report->num_parameters = NumbersOf(trained.learned.result.cloud), report->wall_s = trained.wall_s;
+    report->gaussians = std::move(trained.learned);
+  }
+
+ private:
+  const AvatarTrainOptions& options_;
+};
+
+}  // namespace
+
+std::unique_ptr<TrainingMethod> MakeGaussianMethod(const AvatarTrainOptions& options) {
+  return std::make_unique<GaussianMethod>(options);
 }
 
 }  // namespace mvstudio::stages

@@ -1,0 +1,57 @@
+#include "stages/nets/body_folder.h"
+
+#include <filesystem>
+
+#include "avatar/body/files/atlas.h"
+#include "avatar/body/files/gltf.h"
+#include "core/disk/files.h"
+#include "core/disk/manifest.h"
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "dataset/footage/image_io.h"
+#include "stages/nets/avatar_fit_picture.h"
+
+namespace mvstudio::stages {
+namespace {
+
+constexpr char kGlbFile[] = "body.glb", kTextureFile[] = "texture.png", kPictureFile[] = "surface.png";
+
+}  // namespace
+
+BodyFolder::BodyFolder(const std::string& path, bool overwrite) : path_(path) {
+  if (std::filesystem::exists(path + "/" + body::kPersonFileName) && !overwrite)
+    throw UsageError("option 'out' " + path + " holds a fitted body: choose another folder, or give option 'overwrite'");
+}
+
+std::vector<std::string> BodyFolder::Names() { return {body::kPersonFileName, kGlbFile, kTextureFile, kPictureFile}; }
+
+std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& person, double frame_rate_hz) const {
+  const std::string texture_path = path_ + "/" + kTextureFile, picture_path = path_ + "/" + kPictureFile;
+  std::optional<SurfaceLimits> surface;
+  FilesTogether together;
+  WritePerson(person, path_ + "/" + body::kPersonFileName);
+  const body::AtlasPng atlas{dataset::EncodeImage(body::AtlasImage(person.textures), kTextureFile), person.textures[0].width};
+  body::WriteBodyGlb(path_ + "/" + kGlbFile, person.person.body, atlas, person.person.seen, frame_rate_hz);
+  WriteFileAtomic(texture_path, atlas.bytes);
+  if (person.offset_sigma_m.size() > 0) {
+    const SurfaceMaps maps = MapSurface(person);
+    WriteFileAtomic(picture_path, dataset::EncodeImage(maps.picture, picture_path));
+    surface = SurfaceLimits{maps.offset_limit_mm, maps.sigma_limit_mm};
+  }
+  together.Commit();
+  if (!surface) RemoveOurs({picture_path});  // of an older body
+  return surface;
+}
+
+CommandResult DescribeBodyFolder(const std::string& path, const std::optional<SurfaceLimits>& surface) {
+  CommandResult result;
+  result.outputs = {{path + "/" + body::kPersonFileName, "body"},
+                    {path + "/" + kGlbFile, "body-glb"},
+                    {path + "/" + kTextureFile, "texture"}};
+  if (!surface) return result;
+  result.outputs.push_back({path + "/" + kPictureFile, "surface-maps"});
+  result.metrics["surface_maps"] = {{"offset_limit_mm", surface->offset_mm}, {"sigma_limit_mm", surface->sigma_mm}};
+  return result;
+}
+
+}  // namespace mvstudio::stages
