@@ -80,7 +80,7 @@ class Pipeline {
   void Visit(const PipelineStage& stage) {
     StageRow& row = rows_.emplace_back();
     row.stage = stage.name();
-    row.command = "mvstudio " + Join(stage.words, " ");
+    row.command = "mvstudio " + Join(stage.Words("--"), " ");
     if (!IsAskedFor(stage, o_)) {
       row.state = RowState::kNotAsked;
     } else if (!stage.left_out.empty()) {
@@ -136,7 +136,7 @@ class Pipeline {
   }
 
   void Do(const PipelineStage& stage, StageRow* row) {
-    std::vector<std::string> words = stage.words;
+    std::vector<std::string> words = stage.Words("--");
     if (IsToldToReplace(stage.kind) && std::filesystem::exists(stage.output)) words.push_back("--overwrite");
     Log(LogLevel::kInfo, row->stage + " (" + row->reason + "): mvstudio " + Join(words, " "));
     const LineOutcome outcome = RunStage(words, context_);

@@ -147,7 +147,7 @@ MAY_INCLUDE |= {
     "stages/refine": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
-    "stages/pipeline": WITHOUT_TORCH | {"stages"},
+    "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input"},
     "stages/nets/evaluate": NET_ROOM,

@@ -18,7 +18,7 @@
 #include "core/disk/lock.h"
 #include "core/disk/temporary.h"
 #include "core/error.h"
-#include "stages/fingerprint.h"
+#include "stages/input/fingerprint.h"
 
 namespace mvstudio::cli {
 namespace fs = std::filesystem;

@@ -7,7 +7,7 @@
 
 #include "core/disk/files.h"
 #include "geometry/rig/rig_io.h"
-#include "stages/fingerprint.h"
+#include "stages/input/fingerprint.h"
 
 namespace mvstudio::stages {
 namespace {

@@ -35,7 +35,7 @@ class PipelineBuilder {
       const bool chosen = o_.take.empty() ? take.kind == TakeKind::kPeople : take.name == o_.take;
       if (chosen) Take(take);
     }
-    PipelineStage& report = Add(StageKind::kReport, "", {"report", o_.session}, o_.session + "/report.html");
+    PipelineStage& report = Add(StageKind::kReport, "", {"report", o_.session}, {}, o_.session + "/report.html");
     for (const PipelineStage& stage : stages_) {
       if (stage.kind != StageKind::kReport && stage.left_out.empty()) report.inputs.push_back(stage.output);
     }
@@ -49,23 +49,26 @@ class PipelineBuilder {
     return o_.session + "/" + kind + "/" + dataset::Slug(take.name) + end;
   }
 
-  PipelineStage& Add(StageKind kind, const std::string& take, std::vector<std::string> words, std::string output) {
-    PipelineStage stage{kind, take, std::move(words), {}, std::move(output), "", false};
+  using Settings = std::vector<dataset::SessionSetting>;
+
+  PipelineStage& Add(StageKind kind, const std::string& take, std::vector<std::string> command, Settings options,
+                     std::string output) {
+    PipelineStage stage{kind, take, std::move(command), std::move(options), {}, std::move(output), "", false};
     const auto settings = session_.settings.find(std::string(ToString(kind)));
-    if (settings != session_.settings.end()) {
-      for (const dataset::SessionSetting& setting : settings->second) {
-        if (setting.values.empty()) stage.words.push_back("--" + setting.key);
-        for (const std::string& value : setting.values) stage.words.insert(stage.words.end(), {"--" + setting.key, value});
-      }
-    }
+    if (settings != session_.settings.end())
+      stage.options.insert(stage.options.end(), settings->second.begin(), settings->second.end());
     stages_.push_back(std::move(stage));
     return stages_.back();
   }
 
+  Settings OfSession(Settings options) const {
+    if (o_.allow_outside) options.push_back({"allow-outside", {}});
+    return options;
+  }
+
   PipelineStage& OfTake(StageKind kind, const SessionTake& take, std::vector<std::string> command, std::string output) {
-    command.insert(command.end(), {"--session", o_.session, "--take", take.name});
-    if (o_.allow_outside) command.push_back("--allow-outside");
-    return Add(kind, take.name, std::move(command), std::move(output));
+    Settings options = OfSession({{"session", {o_.session}}, {"take", {take.name}}});
+    return Add(kind, take.name, std::move(command), std::move(options), std::move(output));
   }
 
   void AddFootage(const SessionTake& take, bool plates, std::vector<std::string>* inputs) const {
@@ -80,8 +83,8 @@ class PipelineBuilder {
     const auto board = std::find_if(session_.takes.begin(), session_.takes.end(),
                                     [](const SessionTake& take) { return take.kind == TakeKind::kBoard; });
     const bool films = board != session_.takes.end() && !session_.board.empty();
-    PipelineStage& stage = Add(StageKind::kCalibrate, "", {"calibrate", "--session", o_.session}, o_.session + "/calib");
-    if (o_.allow_outside) stage.words.push_back("--allow-outside");
+    PipelineStage& stage =
+        Add(StageKind::kCalibrate, "", {"calibrate"}, OfSession({{"session", {o_.session}}}), o_.session + "/calib");
     if (!session_.calibration.empty()) {
       stage.left_out = "the session names its calibration";
     } else if (!films) {
@@ -112,9 +115,8 @@ class PipelineBuilder {
 
   /// When each camera's frames were taken.
   void Timing(const SessionTake& take) {
-    std::vector<std::string> words = {"session", "timeline", o_.session, "--take", take.name};
-    if (o_.allow_outside) words.push_back("--allow-outside");
-    PipelineStage& timeline = Add(StageKind::kTimeline, take.name, words, Place("sync", take, ".timeline.json"));
+    PipelineStage& timeline = Add(StageKind::kTimeline, take.name, {"session", "timeline", o_.session},
+                                  OfSession({{"take", {take.name}}}), Place("sync", take, ".timeline.json"));
     if (take.timestamps.empty()) {
       timeline.left_out = "the take has no table of time stamps";
     } else {
@@ -139,20 +141,18 @@ class PipelineBuilder {
   }
 
   void Learning(const SessionTake& take, const std::string& dataset) {
-    Add(StageKind::kVerify, take.name, {"dataset", "verify", dataset, "--keep", Place("verify", take)}, Place("verify", take))
-        .inputs = {dataset};
-    OnDemand(Add(StageKind::kPack, take.name, {"dataset", "pack", dataset, "--out", Place("pack", take)}, Place("pack", take)),
-             dataset);
-    OnDemand(Add(StageKind::kExport, take.name, {"dataset", "export", dataset, "--out", Place("export", take)},
-                 Place("export", take)),
-             dataset);
+    const std::string checked = Place("verify", take), pack = Place("pack", take), out = Place("export", take);
+    Add(StageKind::kVerify, take.name, {"dataset", "verify", dataset}, {{"keep", {checked}}}, checked).inputs = {dataset};
+    OnDemand(Add(StageKind::kPack, take.name, {"dataset", "pack", dataset}, {{"out", {pack}}}, pack), dataset);
+    OnDemand(Add(StageKind::kExport, take.name, {"dataset", "export", dataset}, {{"out", {out}}}, out), dataset);
     const std::string split = Place("splits", take, ".json"), avatar = Place("avatar", take);
-    PipelineStage& parts = Add(StageKind::kSplit, take.name, {"dataset", "split", dataset, "--out", split}, split);
+    PipelineStage& parts = Add(StageKind::kSplit, take.name, {"dataset", "split", dataset}, {{"out", {split}}}, split);
     parts.inputs = {dataset};
-    if (session_.settings.count("split") == 0) parts.words.insert(parts.words.end(), {"--every-camera", "3"});
-    Add(StageKind::kAvatar, take.name, {"avatar", "train", dataset, "--split", split, "--out", avatar}, avatar).inputs = {
-        dataset, split};
-    Add(StageKind::kEval, take.name, {"avatar", "eval", avatar}, avatar + "/eval").inputs = {
+    if (session_.settings.count("split") == 0) parts.options.push_back({"every-camera", {"3"}});
+    Add(StageKind::kAvatar, take.name, {"avatar", "train", dataset}, {{"split", {split}}, {"out", {avatar}}},
+        avatar + "/config.json")
+        .inputs = {dataset, split};
+    Add(StageKind::kEval, take.name, {"avatar", "eval", avatar}, {}, avatar + "/eval").inputs = {
         avatar + "/checkpoint.safetensors", avatar + "/config.json", avatar + "/body.npz", avatar + "/textures.png"};
   }
 
@@ -189,6 +189,15 @@ void FromString(const std::string& text, StageKind* kind) {
   std::vector<std::string> words;
   for (const auto& [known, word] : kStageWords) words.emplace_back(word);
   *kind = KnownChoice(kStageWords, text, "stage " + text + ": expected " + Join(words, ", "));
+}
+
+std::vector<std::string> PipelineStage::Words(const std::string& dashes) const {
+  std::vector<std::string> words = command;
+  for (const dataset::SessionSetting& option : options) {
+    if (option.values.empty()) words.push_back(dashes + option.key);
+    for (const std::string& value : option.values) words.insert(words.end(), {dashes + option.key, value});
+  }
+  return words;
 }
 
 std::string PipelineStage::name() const { return std::string(ToString(kind)) + (take.empty() ? "" : " " + take); }

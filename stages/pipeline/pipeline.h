@@ -11,13 +11,16 @@ namespace mvstudio::stages {
 /// One stage of one session: the command line that does it, what it reads and what it writes. Paths begin as the session's.
 struct PipelineStage {
   StageKind kind = StageKind::kCalibrate;
-  std::string take;                 ///< empty: of the whole session
-  std::vector<std::string> words;   ///< of the command line, without the program's name
-  std::vector<std::string> inputs;  ///< files, folders and patterns; one that is missing is no input
-  std::string output;               ///< a file or a folder
-  std::string left_out;             ///< why this session does not need it; empty: it does
-  bool may_fail = false;            ///< the others go on without its result
+  std::string take;                              ///< empty: of the whole session
+  std::vector<std::string> command;              ///< its words and what it is given without an option
+  std::vector<dataset::SessionSetting> options;  ///< of the command line
+  std::vector<std::string> inputs;               ///< files, folders and patterns; one that is missing is no input
+  std::string output;                            ///< a file or a folder
+  std::string left_out;                          ///< why this session does not need it; empty: it does
+  bool may_fail = false;                         ///< the others go on without its result
 
+  /// The command line without the program's name; `dashes` stand before the names of options.
+  std::vector<std::string> Words(const std::string& dashes = "") const;
   std::string name() const;  ///< "calibrate", "triangulate take1"
 };
 

@@ -133,7 +133,7 @@ void WriteStageRecords(const std::string& path, const StageRecords& records) {
 StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier) {
   StageRecord record;
   record.version = version;
-  record.words = stage.words;
+  record.words = stage.Words();
   for (const std::string& input : stage.inputs)
     record.inputs.push_back(FingerprintOf(input, earlier ? FindPrint(earlier->inputs, input) : nullptr));
   record.output = FingerprintOf(stage.output, earlier ? &earlier->output : nullptr);

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "stages/fingerprint.h"
+#include "stages/input/fingerprint.h"
 #include "stages/pipeline/pipeline.h"
 
 namespace mvstudio::stages {

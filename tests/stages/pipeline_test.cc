@@ -68,7 +68,7 @@ TEST(Pipeline, EachStageComesAfterThoseThatItReads) {
             << stages[i].name() << " reads what " << stages[later].name() << " writes";
     }
   }
-  EXPECT_THAT(Find(stages, StageKind::kTriangulate).words,
+  EXPECT_THAT(Find(stages, StageKind::kTriangulate).Words("--"),
               ElementsAre("triangulate", "--session", folder.path(), "--take", "walk"));
   EXPECT_THAT(Find(stages, StageKind::kTriangulate).inputs, ::testing::Contains(folder / "calib/calibration.json"));
   EXPECT_THAT(Find(stages, StageKind::kCalibrate).inputs, ElementsAre(folder / "raw/board/a.mp4", folder / "raw/board/b.mp4"));
@@ -84,13 +84,14 @@ TEST(Pipeline, WhatASessionDoesNotNeedIsLeftOutWithAReason) {
   EXPECT_THAT(Find(stages, StageKind::kPack).left_out, HasSubstr("[run.pack]"));
   EXPECT_THROW(Pipeline(own, std::string(kHead) + kPeople), UsageError) << "no board, no calibration";
   Put(own / "calibration.json", "{}");
-  EXPECT_THAT(Find(Pipeline(own, std::string(kHead) + kPeople), StageKind::kCalibrate).left_out, HasSubstr("no take with a board"));
+  EXPECT_THAT(Find(Pipeline(own, std::string(kHead) + kPeople), StageKind::kCalibrate).left_out,
+              HasSubstr("no take with a board"));
 }
 
 TEST(Pipeline, SettingsOfTheSessionAreFlags) {
   const TempDir folder;
   const std::string settings = "\n[run.avatar]\nsteps = 20\nraw = true\nother = false\nnames = [\"x\", \"y\"]\n[run.pack]\n";
-  const std::vector<PipelineStage> stages = Pipeline(folder, std::string(kHead) + kBoard + kPeople + settings);
+  const std::vector<std::string> words = Find(stages, StageKind::kAvatar).Words("--");
   const std::vector<std::string>& words = Find(stages, StageKind::kAvatar).words;
   EXPECT_THAT(std::vector<std::string>(words.end() - 7, words.end()),
               ElementsAre("--names", "x", "--names", "y", "--raw", "--steps", "20"));
@@ -100,7 +101,7 @@ TEST(Pipeline, SettingsOfTheSessionAreFlags) {
   Put(folder / "mvstudio.toml", dataset::SessionText(session));
   PipelineOptions options;
   options.session = folder.path();
-  EXPECT_EQ(Find(PipelineOf(dataset::ReadSession(folder.path()), options), StageKind::kAvatar).words, words);
+  EXPECT_EQ(Find(PipelineOf(dataset::ReadSession(folder.path()), options), StageKind::kAvatar).Words("--"), words);
   EXPECT_THROW(Pipeline(folder, std::string(kHead) + kBoard + kPeople + "\n[run.calibrat]\n"), FormatError);
 }
 
@@ -125,7 +126,8 @@ struct StageOnDisk : ::testing::Test {
     Put(folder / "in/a", "one");
     Put(folder / "in/b", "two");
     Put(folder / "out/result", "three");
-    stage.words = {"calibrate", "--lens", "brown4"};
+    stage.command = {"calibrate"};
+    stage.options = {{"lens", {"brown4"}}};
     stage.inputs = {folder / "in", folder / "none"};
     stage.output = folder / "out";
     before = RecordOf(stage, "1", nullptr);
@@ -156,9 +158,9 @@ TEST_F(StageOnDisk, TellsWhyItHasToBeDone) {
   Put(folder / "none", "now there");
   EXPECT_EQ(Why(), folder / "none is new");
   std::filesystem::remove(folder / "none");
-  stage.words.back() = "brown5";
+  stage.options.back().values.back() = "brown5";
   EXPECT_EQ(Why(), "other flags: brown4 -> brown5");
-  stage.words.back() = "brown4";
+  stage.options.back().values.back() = "brown4";
   before.exit = 4;
   EXPECT_EQ(Why(), "ended with exit code 4");
   before.accepted = {"CAL-FOLD"};

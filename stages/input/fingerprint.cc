@@ -1,4 +1,4 @@
-#include "stages/fingerprint.h"
+#include "stages/input/fingerprint.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
