@@ -45,7 +45,7 @@ void Put(const std::string& path, const std::string& text = "x") {
   std::ofstream(path) << text;
 }
 
-std::vector<PipelineStage> Pipeline(const TempDir& folder, const std::string& toml, PipelineOptions options = {}) {
+std::vector<PipelineStage> Stages(const TempDir& folder, const std::string& toml, PipelineOptions options = {}) {
   for (const char* file : {"raw/board/a.mp4", "raw/board/b.mp4", "raw/walk/a.mp4", "raw/walk/b.mp4"}) Put(folder / file);
   Put(folder / "mvstudio.toml", toml);
   options.session = folder.path();
@@ -60,7 +60,7 @@ const PipelineStage& Find(const std::vector<PipelineStage>& stages, StageKind ki
 
 TEST(Pipeline, EachStageComesAfterThoseThatItReads) {
   const TempDir folder;
-  const std::vector<PipelineStage> stages = Pipeline(folder, std::string(kHead) + kBoard + kPeople);
+  const std::vector<PipelineStage> stages = Stages(folder, std::string(kHead) + kBoard + kPeople);
   for (size_t i = 0; i < stages.size(); ++i) {
     for (size_t later = i; later < stages.size(); ++later) {
       for (const std::string& input : stages[i].inputs)
@@ -77,22 +77,22 @@ TEST(Pipeline, EachStageComesAfterThoseThatItReads) {
 TEST(Pipeline, WhatASessionDoesNotNeedIsLeftOutWithAReason) {
   const TempDir folder, own;
   Put(folder / "pose2d/walk/a/000000000000_keypoints.json", "{}");
-  const std::vector<PipelineStage> stages = Pipeline(folder, std::string(kHead) + kBoard + kPeople);
+  const std::vector<PipelineStage> stages = Stages(folder, std::string(kHead) + kBoard + kPeople);
   EXPECT_THAT(Find(stages, StageKind::kCalibrate).left_out, IsEmpty());
   EXPECT_THAT(Find(stages, StageKind::kTimeline).left_out, HasSubstr("no table of time stamps"));
   EXPECT_THAT(Find(stages, StageKind::kPose2d).left_out, HasSubstr("of another program"));
   EXPECT_THAT(Find(stages, StageKind::kPack).left_out, HasSubstr("[run.pack]"));
-  EXPECT_THROW(Pipeline(own, std::string(kHead) + kPeople), UsageError) << "no board, no calibration";
+  EXPECT_THROW(Stages(own, std::string(kHead) + kPeople), UsageError) << "no board, no calibration";
   Put(own / "calibration.json", "{}");
-  EXPECT_THAT(Find(Pipeline(own, std::string(kHead) + kPeople), StageKind::kCalibrate).left_out,
+  EXPECT_THAT(Find(Stages(own, std::string(kHead) + kPeople), StageKind::kCalibrate).left_out,
               HasSubstr("no take with a board"));
 }
 
 TEST(Pipeline, SettingsOfTheSessionAreFlags) {
   const TempDir folder;
   const std::string settings = "\n[run.avatar]\nsteps = 20\nraw = true\nother = false\nnames = [\"x\", \"y\"]\n[run.pack]\n";
+  const std::vector<PipelineStage> stages = Stages(folder, std::string(kHead) + kBoard + kPeople + settings);
   const std::vector<std::string> words = Find(stages, StageKind::kAvatar).Words("--");
-  const std::vector<std::string>& words = Find(stages, StageKind::kAvatar).words;
   EXPECT_THAT(std::vector<std::string>(words.end() - 7, words.end()),
               ElementsAre("--names", "x", "--names", "y", "--raw", "--steps", "20"));
   EXPECT_THAT(Find(stages, StageKind::kPack).left_out, IsEmpty());
@@ -102,7 +102,7 @@ TEST(Pipeline, SettingsOfTheSessionAreFlags) {
   PipelineOptions options;
   options.session = folder.path();
   EXPECT_EQ(Find(PipelineOf(dataset::ReadSession(folder.path()), options), StageKind::kAvatar).Words("--"), words);
-  EXPECT_THROW(Pipeline(folder, std::string(kHead) + kBoard + kPeople + "\n[run.calibrat]\n"), FormatError);
+  EXPECT_THROW(Stages(folder, std::string(kHead) + kBoard + kPeople + "\n[run.calibrat]\n"), FormatError);
 }
 
 TEST(Pipeline, FromToAndOnlyChoose) {
