@@ -7,8 +7,6 @@
 namespace mvstudio::stages {
 namespace {
 
-using namespace calib;  // NOLINT
-
 /// Boards in the middle of the images alone; then the boards that were proposed, filmed with the same noise.
 TEST(FilmGain, ProposedBoardsGainWhatWasPredicted) {
   calib::testing::SceneOptions scene_options;
@@ -16,10 +14,10 @@ TEST(FilmGain, ProposedBoardsGainWhatWasPredicted) {
   scene_options.model = geometry::LensModel::kBrown2, scene_options.arc_rad = 0.2;
   scene_options.near_m = 1.2, scene_options.far_m = 1.8, scene_options.seed = 3;
   calib::testing::Scene scene = calib::testing::MakeScene(scene_options);
-  CalibrateInput input = calib::testing::ToInput(scene);
-  CalibrateOptions options = calib::testing::PlainOptions();
+  calib::CalibrateInput input = calib::testing::ToInput(scene);
+  calib::CalibrateOptions options = calib::testing::PlainOptions();
   options.motions = false;
-  const CalibrateReport first = Calibrate(input, options, {});
+  const calib::CalibrateReport first = calib::Calibrate(input, options, {});
   ASSERT_EQ(first.status, Status::kOk) << first.message;
   const std::vector<FilmGain> gains = PredictGain(first, input.boards);
   ASSERT_FALSE(gains.empty());
@@ -28,8 +26,8 @@ TEST(FilmGain, ProposedBoardsGainWhatWasPredicted) {
   for (const FilmGain& gain : gains) {
     EXPECT_LT(gain.after_px, 0.7 * gain.before_px);
     for (const geometry::Rigid3& pose : gain.cam_from_board) {
-      const Eigen::Matrix3Xd corners = CornersInBoard(input.boards[0]);
-      Detection seen;
+      const Eigen::Matrix3Xd corners = calib::CornersInBoard(input.boards[0]);
+      calib::Detection seen;
       seen.camera_idx = gain.camera_idx, seen.frame_idx = frame++;
       seen.points_px.resize(2, corners.cols());
       for (Eigen::Index i = 0; i < corners.cols(); ++i) {
@@ -40,7 +38,7 @@ TEST(FilmGain, ProposedBoardsGainWhatWasPredicted) {
       input.detections.push_back(seen);
     }
   }
-  const CalibrateReport second = Calibrate(input, options, {});
+  const calib::CalibrateReport second = calib::Calibrate(input, options, {});
   ASSERT_EQ(second.status, Status::kOk) << second.message;
   for (const FilmGain& gain : gains) {
     const double reached = second.uncertainty.cameras[static_cast<size_t>(gain.camera_idx)].corner_px;

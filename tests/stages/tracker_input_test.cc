@@ -68,13 +68,13 @@ class Anipose : public ::testing::Test {
     fs::create_directories(path.parent_path());
     fs::copy_file(Seed("tracker_hdf5/dlc_one_table.h5"), path);
   }
-  PoseArguments Fill(const std::string& take, CommandResult* result) const {
+  PoseArguments Fill(const std::string& take, InputNotes* result) const {
     PoseArguments pose;
     FillFromProject(folder_.path(), {"", take, false}, &pose, result);
     return pose;
   }
   std::string Message(const std::string& take = "day1/walk") const {
-    CommandResult result;
+    InputNotes result;
     try {
       Fill(take, &result);
     } catch (const std::exception& error) {
@@ -86,7 +86,7 @@ class Anipose : public ::testing::Test {
 };
 
 TEST_F(Anipose, TakesGoBySessionAndVideo) {
-  CommandResult result;
+  InputNotes result;
   const PoseArguments pose = Fill("day2/run", &result);
   EXPECT_EQ(pose.calib, folder_ / "day2/calibration/calibration.toml");
   ASSERT_EQ(pose.pose2d.size(), 2u);
@@ -104,7 +104,7 @@ TEST_F(Anipose, SettingsThatMakeTheWorldComeAlong) {
       Config(
           "axes = [['x', 'tail base', 'nose'], ['z', 'nose', 'Öhrchen']]\nreference_point = 'nose'\nscore_threshold = 0.7\n"
           "ransac = true\n[angles]\nbend = ['hinge', 'nose', 'tail base', 'Öhrchen']\nspin = ['axis', 'nose', 'Öhrchen']\n"));
-  CommandResult result;
+  InputNotes result;
   PoseArguments pose;
   const dataset::ProjectSettings settings = FillFromProject(folder_.path(), {"", "day1/walk", false}, &pose, &result).settings;
   ASSERT_EQ(settings.axes.size(), 2u);
@@ -120,7 +120,7 @@ TEST_F(Anipose, SettingsThatMakeTheWorldComeAlong) {
 }
 
 TEST_F(Anipose, FilesOfATakeAreReadTogether) {
-  CommandResult result;
+  InputNotes result;
   const PoseInput input = ReadPoseInput(Fill("day1/walk", &result), &result);
   EXPECT_THAT(input.skeleton.joints, ElementsAre("nose", "tail base", "Öhrchen"));
   EXPECT_THAT(input.cameras, ElementsAre("A", "B"));
@@ -131,7 +131,7 @@ TEST_F(Anipose, FilesOfATakeAreReadTogether) {
 TEST_F(Anipose, ItsConstraintsAreBones) {
   const std::string scheme = "[labeling]\nscheme = [['nose', 'tail base', 'Öhrchen'], ['nose', 'whisker']]\n";
   Put(folder_ / "config.toml", Config(scheme));
-  CommandResult result;
+  InputNotes result;
   const auto bones = [&] { return ReadPoseInput(Fill("day1/walk", &result), &result).skeleton.bones; };
   EXPECT_THAT(bones(), ElementsAre(std::pair{0, 1}, std::pair{1, 2}));
   Put(folder_ / "config.toml", Config("constraints = [['Öhrchen', 'nose'], ['nose', 'Öhrchen'], ['nose', 'nose']]\n" + scheme));
@@ -140,7 +140,7 @@ TEST_F(Anipose, ItsConstraintsAreBones) {
 
 TEST_F(Anipose, FilteredPointsWhereTheConfigurationSaysSo) {
   Put(folder_ / "config.toml", Config("[filter]\nenabled = true\n"));
-  CommandResult result;
+  InputNotes result;
   EXPECT_EQ(Fill("day1/walk", &result).pose2d[0].path, folder_ / "day1/pose-2d/walk-camA.h5");  // the filter has not run
   CopyPose("day1/pose-2d-filtered/walk-camA.h5"), CopyPose("day1/pose-2d-filtered/walk-camB.h5");
   EXPECT_EQ(Fill("day1/walk", &result).pose2d[0].path, folder_ / "day1/pose-2d-filtered/walk-camA.h5");
@@ -153,7 +153,7 @@ TEST_F(Anipose, OneCalibrationAboveAllSessionsAndFilesWithoutACamera) {
   EXPECT_THAT(Message(), HasSubstr("run anipose calibrate"));
   Put(folder_ / "calibration/calibration.toml", CalibrationToml({"A", "B"}));
   CopyPose("day1/pose-2d/overview.h5"), CopyPose("day1/pose-2d/lonely-camA.h5");
-  CommandResult result;
+  InputNotes result;
   EXPECT_EQ(Fill("day1/walk", &result).calib, folder_ / "calibration/calibration.toml");
   ASSERT_EQ(result.warnings.size(), 3u);
   EXPECT_THAT(result.warnings[1].text, HasSubstr("overview.h5: its name holds no camera"));
@@ -178,7 +178,7 @@ TEST_F(Anipose, WhatIsWrongInTheConfigurationIsNamed) {
 
 TEST_F(Anipose, MetresAndGivenUnitsAreKept) {
   Put(folder_ / "config.toml", "nesting = 1\n[calibration]\nboard_square_side_length = 0.025\n");
-  CommandResult result;
+  InputNotes result;
   EXPECT_EQ(Fill("day1/walk", &result).calib_unit, "");
   EXPECT_THAT(result.warnings, IsEmpty());
   PoseArguments both;
@@ -200,7 +200,7 @@ TEST(CaliscopeProject, TableAndCalibrationComeFromTheFolder) {
   }
   Put(folder / "camera_array.toml", cameras);
   fs::create_directories(folder / "recordings/walk/POSE");
-  CommandResult result;
+  InputNotes result;
   PoseArguments pose;
   EXPECT_THAT(MessageOf<FormatError>([&] { FillFromProject(folder.path(), {}, &pose, &result); }), HasSubstr("xy_TRACKER.csv"));
   fs::copy_file(Seed("caliscope_points/pose.csv"), folder / "recordings/walk/POSE/xy_POSE.csv");
@@ -221,7 +221,7 @@ TEST(TrackerInput, JointsThatACameraLacksAreSaid) {
   const TempDir folder;
   Put(folder / "a.csv", "scorer,S,S,S,S\nbodyparts,nose,nose,tail,tail\ncoords,x,y,x,y\n0,1,2,3,4\n");
   Put(folder / "b.csv", "scorer,S,S\nbodyparts,nose,nose\ncoords,x,y\n0,1,2\n");
-  CommandResult result;
+  InputNotes result;
   const dataset::Pose2dSet set = ReadTrackerFiles(FilesOf({{"a", folder / "a.csv"}, {"b", folder / "b.csv"}}), &result);
   EXPECT_THAT(set.skeleton.joints, ElementsAre("nose", "tail"));
   ASSERT_EQ(result.warnings.size(), 1u);
