@@ -114,6 +114,7 @@ class Pipeline {
     row->seconds = earlier && !earlier->found ? earlier->seconds : NAN;
     if (row->reason.empty()) {
       row->state = RowState::kUpToDate;
+      if (earlier->exit == kExitPartial) row->reason = "some cameras or frames are left out", result_.partial = true;
     } else if (o_.dry_run) {
       row->state = RowState::kToDo;
       to_do_.push_back(&stage);
@@ -142,10 +143,7 @@ class Pipeline {
     const LineOutcome outcome = RunStage(words, context_);
     row->exit = outcome.result.exit;
     row->seconds = outcome.json.is_object() ? outcome.json["timing"].value("wall_s", NAN) : NAN;
-    for (Notice warning : outcome.result.warnings) {
-      warning.text = row->stage + ": " + warning.text;
-      result_.warnings.push_back(std::move(warning));
-    }
+    for (const Notice& warning : outcome.result.warnings) Pass(*row, warning, &result_.warnings);
     Judge(stage, outcome.result, row);
     StageRecord record = stages::RecordOf(stage, MVSTUDIO_VERSION, Earlier(stage));
     record.exit = row->exit;
@@ -167,14 +165,18 @@ class Pipeline {
       row->state = accepted ? RowState::kAccepted : without ? RowState::kWithout : RowState::kFailed;
       row->reason = done.errors.empty() ? "exit code " + std::to_string(done.exit) : done.errors.front().code;
     }
-    for (Notice error : done.errors) {
-      error.text = row->stage + ": " + error.text;
-      auto& notices = row->state == RowState::kFailed ? result_.errors : result_.warnings;
-      notices.push_back(std::move(error));
-    }
+    for (const Notice& error : done.errors)
+      Pass(*row, error, row->state == RowState::kFailed ? &result_.errors : &result_.warnings);
     if (row->state != RowState::kFailed) return;
     if (!stopped_) result_.exit = done.exit;
     stopped_ = true;
+  }
+
+  /// Several stages find the same in their input: it is said once.
+  void Pass(const StageRow& row, Notice notice, std::vector<Notice>* notices) {
+    if (!said_.insert(notice.code + notice.text).second) return;
+    notice.text = row.stage + ": " + notice.text;
+    notices->push_back(std::move(notice));
   }
 
   void Keep(const PipelineStage& stage, StageRecord record) {
@@ -193,10 +195,10 @@ class Pipeline {
     }
     if (o_.dry_run && seconds > 0) result_.text += Format("about %.0f s, as long as it took last time\n", seconds);
     result_.metrics["stages"] = stages::RowsJson(rows_);
-    if (o_.dry_run) return;
-    if (result_.exit == kExitOk && result_.partial) result_.exit = kExitPartial;
-    for (const PipelineStage& stage : stages_) {
-      if (stage.left_out.empty() && std::filesystem::exists(stage.output)) result_.outputs.push_back({stage.output, ""});
+    if (o_.dry_run) result_.partial = false;
+    for (size_t i = 0; i < rows_.size(); ++i) {
+      const bool made = rows_[i].state == RowState::kDone || rows_[i].state == RowState::kPartial;
+      if (made && std::filesystem::exists(stages_[i].output)) result_.outputs.push_back({stages_[i].output, ""});
     }
   }
 
@@ -208,6 +210,7 @@ class Pipeline {
   std::vector<const PipelineStage*> to_do_;
   std::vector<StageRow> rows_;
   CommandResult result_;
+  std::set<std::string> said_;
   bool stopped_ = false;
 };
 

@@ -16,6 +16,7 @@ constexpr Example kExamples[] = {
     {"synth", "--out studio --cameras 6 --take-frames 60"},
     {"session init", "day1 --units mm --scan cards"},
     {"session show", "day1"},
+    {"run", "day1 --to triangulate"},
     {"session timeline", "day1 --take walk"},
     {"board propose", "--paper a3"},
     {"board draw", "charuco:8x5:24mm:18mm --paper a4 --out board.pdf"},

@@ -40,9 +40,17 @@ void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
 }
 
 /// Commands that go on with what is there, or that have rules of their own for it; a report says what other results hold.
-constexpr const char* kReplacing[] = {
-    "report",          "demo",        "avatar resume",    "avatar pretrain", "avatar pretrain-renderer",
-    "avatar template", "calib click", "calib lenses add", "dataset pack",    "models fetch"};
+constexpr const char* kReplacing[] = {"report",
+                                      "run",
+                                      "demo",
+                                      "avatar resume",
+                                      "avatar pretrain",
+                                      "avatar pretrain-renderer",
+                                      "avatar template",
+                                      "calib click",
+                                      "calib lenses add",
+                                      "dataset pack",
+                                      "models fetch"};
 
 bool GoesOn(const std::string& command) {
   return command.rfind("tradeoff ", 0) == 0 ||
@@ -150,8 +158,12 @@ void RunParsed(const std::vector<std::string>& words, const std::vector<std::str
     outcome->command = entry->name;
     const WriterScope writer(entry->name);
     const ReplaceScope replacing(MayReplaceResults(*entry));
-    CheckPlaces(*entry);
-    outcome->result = run(*entry, context);
+    Registry::Entry checked = *entry;
+    checked.run = [entry](CommandContext& its) {  // a signal is heard by then: the check makes a file and removes it
+      CheckPlaces(*entry);
+      return entry->run(its);
+    };
+    outcome->result = run(checked, context);
   } catch (const CLI::CallForHelp&) {
     outcome->help = WrapHelp(app.help(), HelpWidth());
   } catch (const CLI::CallForAllHelp&) {

@@ -313,22 +313,26 @@ void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry) {
       "triangulate",
       "Method x precision x number of views x threads: points a second, left-out px, mm, coverage, and the Pareto front");
   AddPoseArguments(sub, arguments->pose);
+  StartGroup(sub, "Ways");
   AddChoices(sub, "--methods", arguments->methods, "to compare")->delimiter(',')->capture_default_str();
   AddOption(sub, "--precisions", arguments->precisions, "double, float; float for robust, all-views, linear and midpoint")
       ->delimiter(',')
       ->capture_default_str();
   AddOption(sub, "--views", arguments->views, "views a point uses at most; 0: all")->delimiter(',')->capture_default_str();
   AddOption(sub, "--threads-list", arguments->threads, "numbers of threads")->delimiter(',')->capture_default_str();
+  StartGroup(sub, "Truth");
   AddOption(sub, "--truth", arguments->truth, "a folder of body3DScene files, or points as `markers convert` takes them");
   AddOption(sub, "--marker-unit", arguments->marker_unit,
             "m, cm, mm, in or the length of one unit, e.g. 25mm: of a file of markers, instead of what it states");
   AddFlag(sub, "--align-truth", arguments->align_truth, "take out the best rigid motion before comparing with --truth");
+  StartGroup(sub, "Detections");
   AddOption(sub, "--sigma-px", arguments->take.sigma_px, "px; standard deviation of a detection; 0 estimates it")
       ->capture_default_str();
   AddOption(sub, "--min-score", arguments->take.min_score, "0..1; detections with a lower score are left out")
       ->capture_default_str();
   AddOption(sub, "--max-persons", arguments->take.max_persons, "the best supported persons of the take are kept")
       ->capture_default_str();
+  StartGroup(sub, "Output");
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder, "folder for the table and the figure");
   registry.Add(sub, "tradeoff triangulate", [arguments](CommandContext& context) { return RunTradeoff(*arguments, context); });
 }

@@ -36,8 +36,8 @@ class RunCommand : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
     folder_ = new TempDir;
-    const CliRun made = RunCli({"synth", "--out", *folder_ / "s", "--cameras", "3", "--size", "320x240", "--board-frames", "40",
-                                "--take-frames", "12"});
+    const CliRun made = RunCli({"synth", "--out", *folder_ / "s", "--cameras", "3", "--size", "320x240", "--board",
+                                "charuco:5x4:240mm:180mm", "--board-frames", "40", "--take-frames", "12"});
     ASSERT_EQ(made.exit, 0) << made.err;
     std::ofstream(*folder_ / "s/mvstudio.toml", std::ios::app) << "\n[run.avatar]\nsteps = 10\nsize = 64\n";
   }
@@ -79,6 +79,7 @@ TEST_F(RunCommand, DoesWhatIsNotUpToDate) {
   const CliRun mended = Run({"--to", "eval"});
   EXPECT_EQ(Slurp(Path("pose3d/take1/points.csv")), points);
   EXPECT_EQ(StatesOf(mended)["calibrate"], "up to date") << mended.out;
+  EXPECT_EQ(StatesOf(mended)["triangulate take1"], "done") << mended.out;
   EXPECT_EQ(StatesOf(mended)["avatar take1"], "up to date") << mended.out;
 }
 
