@@ -36,23 +36,21 @@ Subjects SubjectsOf(const std::string& help) {
   return subjects;
 }
 
-/// Every command and, of those with commands of their own, these.
-std::vector<std::string> AllCommands(const std::string& above = "") {
-  std::vector<std::string> commands;
-  const Subjects subjects = SubjectsOf(RunCli(Words(above + " --help")).out);
-  const auto nested = subjects.find("Subcommands");
-  if (nested == subjects.end()) return {above};
-  for (const std::string& name : nested->second) {
-    for (const std::string& command : AllCommands(above + " " + name)) commands.push_back(command);
-  }
-  return commands;
-}
-
-/// The whole help of each of them; each is started once.
+/// The whole help of each command, as docs/cli.md has it: the test cli/docs holds that page against the program.
 const std::map<std::string, std::string>& AllHelp() {
   static const auto* const kHelp = [] {
     auto* help = new std::map<std::string, std::string>;
-    for (const std::string& command : AllCommands()) (*help)[command] = RunCli(Words(command + " --help-all")).out;
+    const char* source = std::getenv("MVSTUDIO_SOURCE");
+    std::ifstream page(std::string(source ? source : ".") + "/docs/cli.md");
+    const std::string head = "### mvstudio", indent = "    ";
+    std::string command;
+    for (std::string line; std::getline(page, line);) {
+      if (line.rfind(head, 0) == 0) {
+        command = line.substr(head.size());
+      } else if (!command.empty()) {
+        (*help)[command] += (line.rfind(indent, 0) == 0 ? line.substr(indent.size()) : line) + "\n";
+      }
+    }
     return help;
   }();
   return *kHelp;
