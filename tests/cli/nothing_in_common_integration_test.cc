@@ -105,6 +105,7 @@ const Row kRows[] = {
     {"metrics", 3, "a b --distance-only", "needs at least 4 images"},
     {"metrics", 3, "a a --masks b", "has no mask called"},
     {"report", 3, "none", "nothing to report here"},
+    {"run", 3, "none", "holds no mvstudio.toml"},
     {"report", 3, "studio --with none --out new", "nothing to report here"},
     {"report", 3, "--study a b --truth a --out new", "no file name in common"},
     {"session show", 3, "none", "holds no mvstudio.toml"},
