@@ -69,7 +69,7 @@ bool IsWideCsvHeader(std::string_view line) {
   for (size_t at = 0; at <= line.size();) {
     const size_t end = std::min(line.find(',', at), line.size());
     std::string cell(line.substr(at, end - at));
-    cell.erase(std::remove(cell.begin(), cell.end(), '"'), cell.end());
+    cell.erase(std::remove_if(cell.begin(), cell.end(), [](char c) { return c == '"'; }), cell.end());
     const TrackerColumn column = JointColumn(cell);
     if (column.coord == "x") x.push_back(column.joint);
     if (column.coord == "y") y.push_back(column.joint);
