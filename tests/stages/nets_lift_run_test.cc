@@ -29,7 +29,8 @@ TEST(LiftStage, ALifterIsLearnedFromAllButTheLastFrames) {
   EXPECT_LE(report.frames, 6) << "a quarter of the eight is held out";
   EXPECT_EQ(report.training.steps_done, 5);
   ASSERT_TRUE(report.holdout.has_value());
-  EXPECT_EQ(report.holdout->all.lifter.frames, report.holdout->all.mean_pose.frames);
+  EXPECT_EQ(report.holdout->all.mean_pose.frames, 6) << "two frames of each of three cameras";
+  EXPECT_LE(report.holdout->all.lifter.frames, 6) << "after five steps it may place nobody before the camera";
   EXPECT_THAT(report.holdout->per_dataset, SizeIs(0)) << "only one";
   const avatar::Lifter kept = avatar::LoadLifter(options.out);
   EXPECT_NEAR(kept.size_m, report.size_m, 1e-6);

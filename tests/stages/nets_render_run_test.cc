@@ -82,6 +82,7 @@ TEST(AvatarEvalStage, AnAvatarNoBetterThanItsBaselinesIsSaidToBeSo) {
   report.folder = "run";
   avatar::Evaluation& e = report.evaluation;
   e.holdout_kind = "held-out cameras in held-out frames", e.checkpoint_step = 600;
+  e.intervals = {{"ssim", {}}, {"psnr_db", {}}};
   e.holdout.fd.emplace();
   e.holdout.mean.bbox.ssim = 0.8, e.holdout.mean.bbox.psnr_db = 20;
   e.mean_image.mean.bbox.ssim = 0.7, e.mean_image.mean.bbox.psnr_db = 18;
