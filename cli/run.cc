@@ -97,6 +97,12 @@ class Pipeline {
     return found == records_.end() ? nullptr : &found->second;
   }
 
+  /// Errors are in the results alone, which are no inputs.
+  bool HasNewResults() const {
+    return std::any_of(rows_.begin(), rows_.end(),
+                       [](const StageRow& row) { return row.exit != 0 || row.state == RowState::kDone; });
+  }
+
   void Decide(const PipelineStage& stage, StageRow* row) {
     const StageRecord* earlier = Earlier(stage);
     StageRecord now = stages::RecordOf(stage, MVSTUDIO_VERSION, earlier);
@@ -111,7 +117,8 @@ class Pipeline {
     const std::string after = AfterStage(stage);
     if (!after.empty()) row->reason = "after " + after;
     if (row->reason.empty() && o_.again) row->reason = "asked for";
-    row->seconds = earlier && !earlier->found ? earlier->seconds : NAN;
+    if (row->reason.empty() && stage.kind == StageKind::kReport && HasNewResults()) row->reason = "new results";
+    row->seconds = earlier && !earlier->found && earlier->exit != stages::kBegun ? earlier->seconds : NAN;
     if (row->reason.empty()) {
       row->state = RowState::kUpToDate;
       if (earlier->exit == kExitPartial) row->reason = "some cameras or frames are left out", result_.partial = true;
@@ -119,7 +126,7 @@ class Pipeline {
       row->state = RowState::kToDo;
       to_do_.push_back(&stage);
     } else {
-      Do(stage, row);
+      Do(stage, std::move(now), row);
     }
   }
 
@@ -136,18 +143,21 @@ class Pipeline {
     return "";
   }
 
-  void Do(const PipelineStage& stage, StageRow* row) {
+  /// `record`: its inputs as they are before. What others made, and is older than its inputs, is replaced with --again alone.
+  void Do(const PipelineStage& stage, StageRecord record, StageRow* row) {
     std::vector<std::string> words = stage.Words("--");
-    if (IsToldToReplace(stage.kind) && std::filesystem::exists(stage.output)) words.push_back("--overwrite");
+    if (IsToldToReplace(stage.kind) && (Earlier(stage) || o_.again)) words.push_back("--overwrite");
+    record.exit = stages::kBegun;
+    Keep(stage, record);
     Log(LogLevel::kInfo, row->stage + " (" + row->reason + "): mvstudio " + Join(words, " "));
     const LineOutcome outcome = RunStage(words, context_);
     row->exit = outcome.result.exit;
     row->seconds = outcome.json.is_object() ? outcome.json["timing"].value("wall_s", NAN) : NAN;
     for (const Notice& warning : outcome.result.warnings) Pass(*row, warning, &result_.warnings);
     Judge(stage, outcome.result, row);
-    StageRecord record = stages::RecordOf(stage, MVSTUDIO_VERSION, Earlier(stage));
+    record.output = stages::FingerprintOf(stage.output);
     record.exit = row->exit;
-    record.seconds = row->seconds;
+    if (std::isfinite(row->seconds)) record.seconds = row->seconds;
     if (row->state == RowState::kAccepted) record.accepted = o_.accept;
     Keep(stage, std::move(record));
   }

@@ -150,7 +150,7 @@ class PipelineBuilder {
     parts.inputs = {dataset};
     if (session_.settings.count("split") == 0) parts.options.push_back({"every-camera", {"3"}});
     Add(StageKind::kAvatar, take.name, {"avatar", "train", dataset}, {{"split", {split}}, {"out", {avatar}}},
-        avatar + "/config.json")
+        avatar + "/avatar_train.result.json")  // there when the training has ended
         .inputs = {dataset, split};
     Add(StageKind::kEval, take.name, {"avatar", "eval", avatar}, {}, avatar + "/eval").inputs = {
         avatar + "/checkpoint.safetensors", avatar + "/config.json", avatar + "/body.npz", avatar + "/textures.png"};

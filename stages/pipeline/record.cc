@@ -8,6 +8,7 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "stages/result.h"
 
 namespace mvstudio::stages {
 namespace fs = std::filesystem;
@@ -109,6 +110,12 @@ std::string ChangedInputs(const std::vector<Fingerprint>& before, const std::vec
   return Join(changes, ", ") + (others ? " and " + std::to_string(others) + " more" : "");
 }
 
+/// Whether doing the same again would end alike, and the others can go on with it.
+bool IsSettled(const PipelineStage& stage, const StageRecord& record) {
+  if (record.exit == kExitOk || record.exit == kExitPartial || !record.accepted.empty()) return true;
+  return stage.may_fail && (record.exit == kExitQualityGate || record.exit == kExitIllPosed);
+}
+
 }  // namespace
 
 StageRecords ReadStageRecords(const std::string& path) {
@@ -142,10 +149,10 @@ StageRecord RecordOf(const PipelineStage& stage, const std::string& version, con
 
 std::string WhyStale(const PipelineStage& stage, const StageRecord& now, const StageRecord* earlier) {
   if (!earlier) return "not done yet";
-  if (earlier->exit != 0 && earlier->exit != 6 && !stage.may_fail && earlier->accepted.empty())
-    return "ended with exit code " + std::to_string(earlier->exit);
+  if (earlier->exit == kBegun) return "was interrupted";
+  if (!IsSettled(stage, *earlier)) return "ended with exit code " + std::to_string(earlier->exit);
   if (earlier->version != now.version) return "done by version " + earlier->version;
-  if (earlier->words != now.words && !earlier->found) return ChangedWords(earlier->words, now.words);
+  if (earlier->words != now.words) return ChangedWords(earlier->words, now.words);
   const std::string inputs = ChangedInputs(earlier->inputs, now.inputs);
   if (!inputs.empty()) return inputs;
   if (now.output.files == 0 && earlier->output.files > 0) return stage.output + " is gone";

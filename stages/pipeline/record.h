@@ -9,11 +9,13 @@
 
 namespace mvstudio::stages {
 
+inline constexpr int kBegun = -1;
+
 /// What `run` knows of a stage that it has done, or has found done.
 struct StageRecord {
   std::string version;  ///< of mvstudio
   std::vector<std::string> words;
-  int exit = 0;
+  int exit = 0;                       ///< kBegun until it has ended
   std::vector<std::string> accepted;  ///< codes of errors that were accepted
   double seconds = 0;
   bool found = false;  ///< made by other means than `run`, and newer than what it is made of

@@ -163,6 +163,13 @@ TEST_F(StageOnDisk, TellsWhyItHasToBeDone) {
   stage.options.back().values.back() = "brown4";
   before.exit = 4;
   EXPECT_EQ(Why(), "ended with exit code 4");
+  stage.may_fail = true;
+  EXPECT_EQ(Why(), "");
+  before.exit = 130;
+  EXPECT_EQ(Why(), "ended with exit code 130") << "a signal settles nothing";
+  before.exit = kBegun;
+  EXPECT_EQ(Why(), "was interrupted");
+  stage.may_fail = false, before.exit = 4;
   before.accepted = {"CAL-FOLD"};
   EXPECT_EQ(Why(), "");
   std::filesystem::remove(folder / "out/result");
