@@ -146,7 +146,9 @@ class Pipeline {
   /// `record`: its inputs as they are before. What others made, and is older than its inputs, is replaced with --again alone.
   void Do(const PipelineStage& stage, StageRecord record, StageRow* row) {
     std::vector<std::string> words = stage.Words("--");
-    if (IsToldToReplace(stage.kind) && (Earlier(stage) || o_.again)) words.push_back("--overwrite");
+    const bool known = Earlier(stage) != nullptr;
+    if (IsToldToReplace(stage.kind) && !known && !o_.again && std::filesystem::exists(stage.output)) return Refuse(stage, row);
+    if (IsToldToReplace(stage.kind) && (known || o_.again)) words.push_back("--overwrite");
     record.exit = stages::kBegun;
     Keep(stage, record);
     Log(LogLevel::kInfo, row->stage + " (" + row->reason + "): mvstudio " + Join(words, " "));
@@ -159,7 +161,22 @@ class Pipeline {
     record.exit = row->exit;
     if (std::isfinite(row->seconds)) record.seconds = row->seconds;
     if (row->state == RowState::kAccepted) record.accepted = o_.accept;
+    if (row->exit == kExitUsage && !known) return Forget(stage);
     Keep(stage, std::move(record));
+  }
+
+  void Refuse(const PipelineStage& stage, StageRow* row) {
+    row->state = RowState::kFailed, row->reason = "RUN-EXISTS", row->exit = result_.exit = kExitUsage;
+    result_.errors.push_back(
+        {"RUN-EXISTS", row->stage + ": " + stage.output + " was made by other means and is older than what it is made of",
+         "--again replaces it; move it away to keep it"});
+    stopped_ = true;
+  }
+
+  /// It refused what was in its way, and has to refuse it the next time.
+  void Forget(const PipelineStage& stage) {
+    records_.erase(stage.name());
+    stages::WriteStageRecords(records_path_, records_);
   }
 
   void Judge(const PipelineStage& stage, const CommandResult& done, StageRow* row) {
