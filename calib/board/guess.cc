@@ -224,6 +224,7 @@ std::optional<std::pair<int, int>> GuessChessboard(const Image& grey) {
     cv::Mat smaller = image, meta;
     if (scale < 1) cv::resize(image, smaller, {}, scale, scale, cv::INTER_AREA);
     std::vector<cv::Point2f> corners;
+    cv::setRNGSeed(1);  // otherwise it depends on what this thread searched before
     if (!cv::findChessboardCornersSB(smaller, {3, 3}, corners, flags, meta) || meta.empty()) continue;
     if (!largest || meta.cols * meta.rows > largest->first * largest->second) largest = std::make_pair(meta.cols, meta.rows);
   }

@@ -27,6 +27,7 @@ bool FindChessboard(const cv::Mat& grey, cv::Size size, ChessboardSearch how, st
     if (cv::findChessboardCorners(grey, size, *corners, classic)) return true;
   }
   const int sectors = cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_ACCURACY | cv::CALIB_CB_NORMALIZE_IMAGE;
+  cv::setRNGSeed(1);  // otherwise it depends on what this thread searched before
   return cv::findChessboardCornersSB(grey, size, *corners, sectors);
 }
 

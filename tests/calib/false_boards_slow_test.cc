@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <opencv2/core.hpp>
 
 #include "calib/detect/corner_search.h"
 #include "calib/detect/detect_board.h"
@@ -66,6 +67,21 @@ TEST(FalseBoards, OfTheSectorSearchAreRefused) {
   }
   EXPECT_GE(num_found, 24);
   RecordProperty("false_boards", num_false);
+}
+
+/// The search draws random numbers; in this photo every third draw ends at another board.
+TEST(FalseBoards, SearchesDoNotDependOnEarlierOnes) {
+  MVS_NEEDS_DATA("pose2sim");
+  const Image grey = dataset::ReadImage(DataRoot() + "/pose2sim/calibration/intrinsics/int_cam04_img/cam04_05_int.jpg", true);
+  const Board board = ParseBoard("chessboard:4x7:60mm");
+  const auto first = SearchChessboard(board, grey, ChessboardSearch::kSectors).guesses;
+  ASSERT_EQ(first.size(), 28u);
+  for (const int drawn : {3, 5, 6}) {
+    cv::setRNGSeed(drawn);
+    const auto again = SearchChessboard(board, grey, ChessboardSearch::kSectors).guesses;
+    ASSERT_EQ(again.size(), first.size());
+    for (size_t i = 0; i < first.size(); ++i) EXPECT_EQ(again[i].px, first[i].px) << i;
+  }
 }
 
 }  // namespace
