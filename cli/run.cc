@@ -5,58 +5,16 @@
 
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
-#include "cli/program/stage.h"
+#include "cli/stage_run.h"
 #include "core/disk/lock.h"
 #include "core/format.h"
 #include "core/join.h"
-#include "core/log.h"
-#include "stages/pipeline/record.h"
 #include "stages/report_fields.h"
 
 namespace mvstudio::cli {
 namespace {
 
-using stages::PipelineStage;
-using stages::StageKind;
-using stages::StageRecord;
 using stages::StageRecords;
-
-/// What became of a stage.
-enum class RowState { kUpToDate, kLeftOut, kNotAsked, kDone, kPartial, kAccepted, kWithout, kFailed, kNotReached, kToDo };
-
-constexpr ChoiceWords<RowState, 10> kStateWords = {{{RowState::kUpToDate, "up to date"},
-                                                    {RowState::kLeftOut, "not needed"},
-                                                    {RowState::kNotAsked, "not asked for"},
-                                                    {RowState::kDone, "done"},
-                                                    {RowState::kPartial, "done in part"},
-                                                    {RowState::kAccepted, "accepted"},
-                                                    {RowState::kWithout, "gone on without"},
-                                                    {RowState::kFailed, "failed"},
-                                                    {RowState::kNotReached, "not reached"},
-                                                    {RowState::kToDo, "to do"}}};
-std::string_view ToString(RowState state) { return WordOf(kStateWords, state); }
-
-struct StageRow {
-  std::string stage, reason, command;
-  RowState state = RowState::kNotReached;
-  double seconds = NAN;  ///< to do: as long as it took last time
-  int exit = 0;
-};
-
-template <class Visitor>
-void VisitFields(Visitor&& visit, const StageRow& row) {
-  visit("stage", row.stage);
-  visit("state", row.state);
-  visit("reason", row.reason);
-  visit("seconds", row.seconds);
-  visit("exit", row.exit);
-  visit("command", row.command);
-}
-
-/// Commands that replace what they wrote earlier without being told to.
-bool IsToldToReplace(StageKind kind) {
-  return kind != StageKind::kVerify && kind != StageKind::kPack && kind != StageKind::kReport;
-}
 
 /// The stages of a session one after the other, as far as they have to be done.
 class Pipeline {
@@ -111,7 +69,7 @@ class Pipeline {
       now.found = true;
       row->reason = "found, newer than what it is made of";
       row->state = RowState::kUpToDate;
-      if (!o_.dry_run) Keep(stage, std::move(now));
+      if (!o_.dry_run) Keep(stage, &now);
       if (!o_.again) return;
     }
     const std::string after = AfterStage(stage);
@@ -132,66 +90,16 @@ class Pipeline {
 
   /// A dry run only: the stage to be done whose output this one reads.
   std::string AfterStage(const PipelineStage& stage) const {
-    for (const PipelineStage* earlier : to_do_) {
-      for (const std::string& input : stage.inputs) {
-        const std::string folder = std::filesystem::path(earlier->output).parent_path().string() + "/";
-        if (input == earlier->output || input.rfind(earlier->output + "/", 0) == 0 ||
-            (std::filesystem::path(earlier->output).has_extension() && input.rfind(folder, 0) == 0))
-          return earlier->name();
-      }
-    }
-    return "";
+    const auto found = std::find_if(to_do_.begin(), to_do_.end(),
+                                    [&](const PipelineStage* earlier) { return stages::Reads(stage, *earlier); });
+    return found == to_do_.end() ? "" : (*found)->name();
   }
 
-  /// `record`: its inputs as they are before. What others made, and is older than its inputs, is replaced with --again alone.
   void Do(const PipelineStage& stage, StageRecord record, StageRow* row) {
-    std::vector<std::string> words = stage.Words("--");
-    const bool known = Earlier(stage) != nullptr;
-    if (IsToldToReplace(stage.kind) && !known && !o_.again && std::filesystem::exists(stage.output)) return Refuse(stage, row);
-    if (IsToldToReplace(stage.kind) && (known || o_.again)) words.push_back("--overwrite");
-    record.exit = stages::kBegun;
-    Keep(stage, record);
-    Log(LogLevel::kInfo, row->stage + " (" + row->reason + "): mvstudio " + Join(words, " "));
-    const LineOutcome outcome = RunStage(words, context_);
-    row->exit = outcome.result.exit;
-    row->seconds = outcome.json.is_object() ? outcome.json["timing"].value("wall_s", NAN) : NAN;
-    for (const Notice& warning : outcome.result.warnings) Pass(*row, warning, &result_.warnings);
-    Judge(stage, outcome.result, row);
-    record.output = stages::FingerprintOf(stage.output);
-    record.exit = row->exit;
-    if (std::isfinite(row->seconds)) record.seconds = row->seconds;
-    if (row->state == RowState::kAccepted) record.accepted = o_.accept;
-    if (row->exit == kExitUsage && !known) return Forget(stage);
-    Keep(stage, std::move(record));
-  }
-
-  void Refuse(const PipelineStage& stage, StageRow* row) {
-    row->state = RowState::kFailed, row->reason = "RUN-EXISTS", row->exit = result_.exit = kExitUsage;
-    result_.errors.push_back(
-        {"RUN-EXISTS", row->stage + ": " + stage.output + " was made by other means and is older than what it is made of",
-         "--again replaces it; move it away to keep it"});
-    stopped_ = true;
-  }
-
-  /// It refused what was in its way, and has to refuse it the next time.
-  void Forget(const PipelineStage& stage) {
-    records_.erase(stage.name());
-    stages::WriteStageRecords(records_path_, records_);
-  }
-
-  void Judge(const PipelineStage& stage, const CommandResult& done, StageRow* row) {
-    const bool accepted = done.exit == kExitQualityGate && !done.errors.empty() &&
-                          std::all_of(done.errors.begin(), done.errors.end(), [&](const Notice& error) {
-                            return std::find(o_.accept.begin(), o_.accept.end(), error.code) != o_.accept.end();
-                          });
-    const bool without = stage.may_fail && (done.exit == kExitQualityGate || done.exit == kExitIllPosed);
-    if (done.exit == kExitOk || done.exit == kExitPartial) {
-      row->state = done.exit == kExitOk ? RowState::kDone : RowState::kPartial;
-      result_.partial = result_.partial || done.exit == kExitPartial;
-    } else {
-      row->state = accepted ? RowState::kAccepted : without ? RowState::kWithout : RowState::kFailed;
-      row->reason = done.errors.empty() ? "exit code " + std::to_string(done.exit) : done.errors.front().code;
-    }
+    const StageKeeper keep = [&](const StageRecord* kept) { Keep(stage, kept); };
+    const CommandResult done = DoStage(stage, std::move(record), Earlier(stage), {o_.accept, o_.again}, keep, context_, row);
+    result_.partial = result_.partial || row->state == RowState::kPartial;
+    for (const Notice& warning : done.warnings) Pass(*row, warning, &result_.warnings);
     for (const Notice& error : done.errors)
       Pass(*row, error, row->state == RowState::kFailed ? &result_.errors : &result_.warnings);
     if (row->state != RowState::kFailed) return;
@@ -206,8 +114,10 @@ class Pipeline {
     notices->push_back(std::move(notice));
   }
 
-  void Keep(const PipelineStage& stage, StageRecord record) {
-    records_[stage.name()] = std::move(record);
+  /// nullptr: nothing is known of it.
+  void Keep(const PipelineStage& stage, const StageRecord* record) {
+    records_.erase(stage.name());
+    if (record) records_[stage.name()] = *record;
     stages::WriteStageRecords(records_path_, records_);
   }
 

@@ -45,6 +45,9 @@ void RegisterMetrics(CLI::App& app, Registry& registry);
 void RegisterReport(CLI::App& app, Registry& registry);
 void RegisterSession(CLI::App& app, Registry& registry);
 void RegisterRun(CLI::App& app, Registry& registry);
+void RegisterPlan(CLI::App& app, Registry& registry);
+void RegisterTask(CLI::App& app, Registry& registry);
+void RegisterJobs(CLI::App& app, Registry& registry);
 void RegisterDoctor(CLI::App& app, Registry& registry);
 void RegisterVersion(CLI::App& app, Registry& registry);
 

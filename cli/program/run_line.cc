@@ -42,6 +42,9 @@ void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
 /// Commands that go on with what is there, or that have rules of their own for it; a report says what other results hold.
 constexpr const char* kReplacing[] = {"report",
                                       "run",
+                                      "task",
+                                      "jobs submit",
+                                      "jobs retry",
                                       "demo",
                                       "avatar resume",
                                       "avatar pretrain",

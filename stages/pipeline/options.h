@@ -59,8 +59,9 @@ struct PipelineOptions {
   bool allow_outside = false;
 };
 
+/// Which stages of which takes.
 template <class Visitor>
-void VisitFields(Visitor&& visit, PipelineOptions& o) {
+void VisitStageChoice(Visitor&& visit, PipelineOptions& o) {
   visit("take", o.take, "take of the session; all with people unless given");
   StartGroup(visit, "Stages");
   visit("from", o.from,
@@ -68,11 +69,16 @@ void VisitFields(Visitor&& visit, PipelineOptions& o) {
         "avatar, eval, report");
   visit("to", o.to, "last stage");
   VisitStyled(visit, OptionStyle::kList, "only", o.only, "these stages alone, with commas");
-  visit("dry-run", o.dry_run, "print what would be done and why, and do nothing");
-  visit("again", o.again, "do the chosen stages again, also those that are up to date");
   VisitStyled(visit, OptionStyle::kList, "accept", o.accept, "codes of errors, with commas, that do not stop it");
   VisitStyled(visit, OptionStyle::kSwitch, "allow-outside", o.allow_outside,
               "allow the session to name files outside its folder");
+}
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, PipelineOptions& o) {
+  VisitStageChoice(visit, o);
+  visit("dry-run", o.dry_run, "print what would be done and why, and do nothing");
+  visit("again", o.again, "do the chosen stages again, also those that are up to date");
 }
 
 }  // namespace mvstudio::stages

@@ -207,6 +207,15 @@ std::vector<PipelineStage> PipelineOf(const Session& session, const PipelineOpti
   return PipelineBuilder(session, options).Build();
 }
 
+bool Reads(const PipelineStage& later, const PipelineStage& earlier) {
+  if (!earlier.take.empty() && !later.take.empty() && earlier.take != later.take) return false;
+  // Training ends with its result; what others read lies beside it.
+  const bool beside = earlier.kind == StageKind::kAvatar;
+  const std::string folder = (beside ? fs::path(earlier.output).parent_path().string() : earlier.output) + "/";
+  return std::any_of(later.inputs.begin(), later.inputs.end(),
+                     [&](const std::string& input) { return input == earlier.output || input.rfind(folder, 0) == 0; });
+}
+
 bool IsAskedFor(const PipelineStage& stage, const PipelineOptions& options) {
   if (options.to < options.from) {
     throw UsageError("option 'to' " + std::string(ToString(options.to)) + " comes before option 'from' " +

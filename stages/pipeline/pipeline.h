@@ -29,6 +29,9 @@ struct PipelineStage {
 /// a stage that is not known, UsageError for an unknown take, and for a session with neither a board nor a calibration.
 std::vector<PipelineStage> PipelineOf(const dataset::Session& session, const PipelineOptions& options);
 
+/// Whether `later` reads what `earlier` writes.
+bool Reads(const PipelineStage& later, const PipelineStage& earlier);
+
 /// Whether `from`, `to` and `only` ask for the stage. Throws UsageError for an unknown word, and when `to` is before `from`.
 bool IsAskedFor(const PipelineStage& stage, const PipelineOptions& options);
 

@@ -18,6 +18,8 @@ using StageJson = nlohmann::ordered_json;
 
 constexpr char kRunSchema[] = "mvstudio.run/1";
 
+}  // namespace
+
 StageJson PrintJson(const Fingerprint& print) {
   return {
       {"path", print.path}, {"files", print.files}, {"bytes", print.bytes}, {"stamp", print.stamp}, {"sha256", print.sha256}};
@@ -32,6 +34,8 @@ Fingerprint PrintFrom(const StageJson& json) {
   print.sha256 = json.at("sha256").get<std::string>();
   return print;
 }
+
+namespace {
 
 StageJson RecordJson(const std::string& name, const StageRecord& record) {
   StageJson json = {{"stage", name},        {"version", record.version},   {"words", record.words},
@@ -110,13 +114,16 @@ std::string ChangedInputs(const std::vector<Fingerprint>& before, const std::vec
   return Join(changes, ", ") + (others ? " and " + std::to_string(others) + " more" : "");
 }
 
-/// Whether doing the same again would end alike, and the others can go on with it.
+}  // namespace
+
+bool IsSameOutput(const Fingerprint& now, const StageRecord& record) {
+  return (now.files == 0 && record.output.files == 0) || now.SameAs(record.output);
+}
+
 bool IsSettled(const PipelineStage& stage, const StageRecord& record) {
   if (record.exit == kExitOk || record.exit == kExitPartial || !record.accepted.empty()) return true;
   return stage.may_fail && (record.exit == kExitQualityGate || record.exit == kExitIllPosed);
 }
-
-}  // namespace
 
 StageRecords ReadStageRecords(const std::string& path) {
   StageRecords records;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,16 @@ using StageRecords = std::map<std::string, StageRecord>;  ///< by PipelineStage:
 /// SESSION/run.json; empty when it is not there. Throws FormatError.
 StageRecords ReadStageRecords(const std::string& path);
 void WriteStageRecords(const std::string& path, const StageRecords& records);
+
+nlohmann::ordered_json PrintJson(const Fingerprint& print);
+/// Throws the library's exception for what PrintJson did not write.
+Fingerprint PrintFrom(const nlohmann::ordered_json& json);
+
+/// Whether a stage's output is what it was when it was recorded: also where it had none.
+bool IsSameOutput(const Fingerprint& now, const StageRecord& record);
+
+/// Whether doing the same again would end alike, and the others can go on with it.
+bool IsSettled(const PipelineStage& stage, const StageRecord& record);
 
 /// A stage as it is now. `earlier` saves reading what was not touched since.
 StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier);

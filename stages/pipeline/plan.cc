@@ -1,0 +1,186 @@
+#include "stages/pipeline/plan.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <sstream>
+
+#include "core/disk/files.h"
+#include "core/disk/paths.h"
+#include "core/error.h"
+
+namespace mvstudio::stages {
+namespace fs = std::filesystem;
+namespace {
+
+using PlanJson = nlohmann::ordered_json;
+
+constexpr char kPlanSchema[] = "mvstudio.plan/1";
+constexpr ChoiceWords<TaskState, 6> kTaskStateWords = {{{TaskState::kDone, "done"},
+                                                        {TaskState::kFailed, "failed"},
+                                                        {TaskState::kBegun, "running or interrupted"},
+                                                        {TaskState::kWaiting, "waiting"},
+                                                        {TaskState::kReady, "ready"},
+                                                        {TaskState::kNotValid, "marker without its output"}}};
+
+std::string PlanPath(const std::string& folder) { return folder + "/plan.jsonl"; }
+
+bool MadeByAny(const std::vector<const PipelineStage*>& makers, const std::string& input) {
+  PipelineStage reader;
+  reader.inputs = {input};
+  return std::any_of(makers.begin(), makers.end(), [&](const PipelineStage* maker) { return Reads(reader, *maker); });
+}
+
+PlanJson TaskJson(const PlanTask& task) {
+  PlanJson json = {{"id", task.id},
+                   {"stage", ToString(task.stage.kind)},
+                   {"take", task.stage.take},
+                   {"words", task.stage.command},
+                   {"reads", task.stage.inputs},
+                   {"output", task.stage.output},
+                   {"after", task.after},
+                   {"may_fail", task.stage.may_fail},
+                   {"seconds", std::isfinite(task.seconds) ? PlanJson(task.seconds) : PlanJson(nullptr)}};
+  json["inputs"] = PlanJson::array();
+  for (const Fingerprint& input : task.inputs) json["inputs"].push_back(PrintJson(input));
+  return json;
+}
+
+PlanTask TaskFrom(const PlanJson& json) {
+  PlanTask task;
+  task.id = json.at("id").get<int>();
+  FromString(json.at("stage").get<std::string>(), &task.stage.kind);
+  task.stage.take = json.at("take").get<std::string>();
+  task.stage.command = json.at("words").get<std::vector<std::string>>();
+  task.stage.inputs = json.at("reads").get<std::vector<std::string>>();
+  task.stage.output = json.at("output").get<std::string>();
+  task.stage.may_fail = json.at("may_fail").get<bool>();
+  task.after = json.at("after").get<std::vector<int>>();
+  if (json.at("seconds").is_number()) task.seconds = json.at("seconds").get<double>();
+  for (const PlanJson& input : json.at("inputs")) task.inputs.push_back(PrintFrom(input));
+  return task;
+}
+
+TaskState StateOf(const Plan& plan, const PlanTask& task, const std::set<int>& done) {
+  const std::optional<StageRecord> marker = ReadTaskRecord(MarkerPath(plan, task), task);
+  if (marker && IsSettled(task.stage, *marker)) {
+    const bool is_there = IsSameOutput(FingerprintOf(task.stage.output, &marker->output), *marker);
+    return is_there ? TaskState::kDone : TaskState::kNotValid;
+  }
+  const std::optional<StageRecord> tried = ReadTaskRecord(TriedPath(plan, task), task);
+  if (tried && tried->exit == kBegun) return TaskState::kBegun;
+  if (tried && !IsSettled(task.stage, *tried)) return TaskState::kFailed;
+  const bool waits = std::any_of(task.after.begin(), task.after.end(), [&](int id) { return done.count(id) == 0; });
+  return waits ? TaskState::kWaiting : TaskState::kReady;
+}
+
+}  // namespace
+
+std::string_view ToString(TaskState state) { return WordOf(kTaskStateWords, state); }
+
+Plan PlanOf(const PipelineOptions& options, const std::vector<PipelineStage>& stages, const StageRecords& earlier) {
+  std::vector<const PipelineStage*> chosen;
+  for (const PipelineStage& stage : stages)
+    if (IsAskedFor(stage, options) && stage.left_out.empty()) chosen.push_back(&stage);
+  std::stable_sort(chosen.begin(), chosen.end(),
+                   [](const PipelineStage* a, const PipelineStage* b) { return a->kind < b->kind; });
+  Plan plan;
+  plan.session = options.session, plan.accept = options.accept;
+  for (const PipelineStage* stage : chosen) {
+    PlanTask task;
+    task.id = static_cast<int>(plan.tasks.size()) + 1;
+    task.stage = *stage;
+    task.stage.command = stage->Words("--");
+    task.stage.options.clear();
+    for (const PlanTask& other : plan.tasks)
+      if (Reads(task.stage, other.stage)) task.after.push_back(other.id);
+    for (const std::string& input : stage->inputs)
+      if (!MadeByAny(chosen, input)) task.inputs.push_back(FingerprintOf(input));
+    const auto last = earlier.find(stage->name());
+    if (last != earlier.end() && !last->second.found && last->second.exit != kBegun) task.seconds = last->second.seconds;
+    plan.tasks.push_back(std::move(task));
+  }
+  return plan;
+}
+
+std::string PlanText(const Plan& plan) {
+  const auto line = [](const PlanJson& json) { return json.dump(-1, ' ', false, PlanJson::error_handler_t::replace) + "\n"; };
+  std::string text = line({{"schema", kPlanSchema},
+                           {"session", plan.session},
+                           {"version", plan.version},
+                           {"accept", plan.accept},
+                           {"tasks", plan.tasks.size()}});
+  for (const PlanTask& task : plan.tasks) text += line(TaskJson(task));
+  return text;
+}
+
+Plan ReadPlan(const std::string& folder) {
+  const std::string path = PlanPath(folder);
+  if (!fs::exists(path))
+    throw UsageError(folder + " holds no plan.jsonl; write one by `mvstudio plan SESSION --out " + folder + "`");
+  Plan plan;
+  plan.folder = fs::canonical(folder).string();
+  std::istringstream lines(ReadFile(path));
+  std::string line;
+  int number = 0;
+  size_t expected = 0;
+  try {
+    while (std::getline(lines, line)) {
+      const PlanJson json = PlanJson::parse(line);
+      if (++number > 1) {
+        plan.tasks.push_back(TaskFrom(json));
+        if (plan.tasks.back().id != number - 1)
+          throw FormatError(path, "id", "line " + std::to_string(number) + " is out of order");
+        continue;
+      }
+      if (json.at("schema") != kPlanSchema) throw FormatError(path, "schema", std::string("must be \"") + kPlanSchema + "\"");
+      plan.session = json.at("session").get<std::string>();
+      plan.version = json.at("version").get<std::string>();
+      plan.accept = json.at("accept").get<std::vector<std::string>>();
+      expected = json.at("tasks").get<size_t>();
+    }
+  } catch (const PlanJson::exception& e) {
+    throw FormatError(path, "line " + std::to_string(std::max(1, number)), std::string("is no task of a plan: ") + e.what());
+  }
+  if (number == 0 || plan.tasks.size() != expected)
+    throw FormatError(path, "",
+                      "is cut off: " + std::to_string(plan.tasks.size()) + " of " + std::to_string(expected) + " tasks");
+  return plan;
+}
+
+const PlanTask& TaskOf(const Plan& plan, int id) {
+  if (id < 1 || id > static_cast<int>(plan.tasks.size())) {
+    throw UsageError("task " + std::to_string(id) + ": the plan has tasks 1 to " + std::to_string(plan.tasks.size()));
+  }
+  return plan.tasks[static_cast<size_t>(id - 1)];
+}
+
+std::string MarkerPath(const Plan& plan, const PlanTask& task) {
+  return plan.folder + "/done/" + std::to_string(task.id) + ".json";
+}
+
+std::string TriedPath(const Plan& plan, const PlanTask& task) {
+  return plan.folder + "/tried/" + std::to_string(task.id) + ".json";
+}
+
+std::optional<StageRecord> ReadTaskRecord(const std::string& path, const PlanTask& task) {
+  try {
+    const StageRecords records = ReadStageRecords(path);
+    const auto found = records.find(task.stage.name());
+    if (found != records.end()) return found->second;
+  } catch (const Error&) {  // a marker that cannot be read says nothing, and the task is done again
+  }
+  return std::nullopt;
+}
+
+std::vector<TaskState> StatesOf(const Plan& plan) {
+  std::vector<TaskState> states;
+  std::set<int> done;
+  for (const PlanTask& task : plan.tasks) {
+    states.push_back(StateOf(plan, task, done));
+    if (states.back() == TaskState::kDone) done.insert(task.id);
+  }
+  return states;
+}
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,86 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "tests/support/run_cli.h"
+
+/// `mvstudio plan`, `task` and `jobs` with ninja, which builds mvstudio itself, on a small studio with truth.
+namespace mvstudio::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class PlanCommands : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    folder_ = new TempDir;
+    const CliRun made = RunCli({"synth", "--out", *folder_ / "s", "--cameras", "3", "--size", "320x240", "--board",
+                                "charuco:5x4:240mm:180mm", "--board-frames", "40", "--take-frames", "12"});
+    ASSERT_EQ(made.exit, 0) << made.err;
+    fs::copy(*folder_ / "s", *folder_ / "straight", fs::copy_options::recursive);
+  }
+  static void TearDownTestSuite() { delete folder_; }
+  static std::string Path(const std::string& name) { return *folder_ / name; }
+  static int NumDone() {
+    const nlohmann::json json = RunCli({"jobs", "status", Path("plan"), "--json"}).Json();
+    return json["metrics"]["num_done"].get<int>();
+  }
+  static inline TempDir* folder_ = nullptr;
+};
+
+/// One test, because each step stands on the last.
+TEST_F(PlanCommands, DoWhatRunDoes) {
+  const CliRun plan = RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "triangulate", "--write", "ninja", "slurm"});
+  ASSERT_EQ(plan.exit, 0) << plan.err;
+  EXPECT_THAT(plan.out, HasSubstr("3  triangulate take1                    after 1, 2"));
+  EXPECT_EQ(RunCli({"task", Path("plan"), "3"}).exit, 2) << "before those that it waits for";
+  EXPECT_EQ(RunCli({"task", Path("plan"), "4"}).exit, 2) << "there are three";
+  EXPECT_EQ(RunCli({"jobs", "status", Path("plan")}).exit, 6);
+  const CliRun all = RunCli({"jobs", "submit", Path("plan")});
+  EXPECT_EQ(all.exit, 0) << all.err << Slurp(Path("plan/submit.log"));
+  EXPECT_EQ(NumDone(), 3);
+  const CliRun straight = RunCli({"run", Path("straight"), "--to", "triangulate"});
+  ASSERT_THAT(straight.exit, ::testing::AnyOf(0, 6)) << straight.err;
+  for (const char* file : {"calib/calibration.json", "pose3d/take1/points.csv"})
+    EXPECT_EQ(Slurp(Path(std::string("s/") + file)), Slurp(Path(std::string("straight/") + file))) << file;
+
+  // Done is done: neither a task nor a submission touches anything.
+  const auto written = fs::last_write_time(Path("plan/done/1.json"));
+  EXPECT_THAT(RunCli({"task", Path("plan"), "1"}).out, HasSubstr("up to date"));
+  EXPECT_EQ(RunCli({"jobs", "submit", Path("plan")}).exit, 0);
+  EXPECT_EQ(fs::last_write_time(Path("plan/done/1.json")), written);
+
+  // A lost result is made again, to the same bytes.
+  fs::remove_all(Path("s/pose3d/take1"));
+  EXPECT_EQ(NumDone(), 2);
+  EXPECT_EQ(RunCli({"jobs", "retry", Path("plan")}).exit, 0);
+  EXPECT_EQ(Slurp(Path("s/pose3d/take1/points.csv")), Slurp(Path("straight/pose3d/take1/points.csv")));
+
+  // A lost marker of a result that is there is written again.
+  fs::remove(Path("plan/done/2.json"));
+  EXPECT_EQ(NumDone(), 2);
+  EXPECT_EQ(RunCli({"jobs", "retry", Path("plan")}).exit, 0);
+  EXPECT_EQ(NumDone(), 3);
+
+  // A marker that somebody else put there is nobody's to remove, and none.
+  fs::remove(Path("plan/done/3.json"));
+  std::ofstream(Path("plan/done/3.json")) << "done";
+  EXPECT_EQ(NumDone(), 2);
+  EXPECT_EQ(RunCli({"jobs", "retry", Path("plan")}).exit, 2);
+  EXPECT_EQ(Slurp(Path("plan/done/3.json")), "done");
+  fs::remove(Path("plan/done/3.json"));
+
+  // Other footage than the plan was written for.
+  std::ofstream(Path("s/raw/board/cam_01.mp4"), std::ios::app) << "x";
+  const CliRun changed = RunCli({"task", Path("plan"), "1"});
+  EXPECT_EQ(changed.exit, 3);
+  EXPECT_THAT(changed.err, HasSubstr("write the plan anew"));
+  EXPECT_EQ(RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "triangulate"}).exit, 2) << "it is there";
+  EXPECT_EQ(RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "triangulate", "--overwrite"}).exit, 0);
+}
+
+}  // namespace
+}  // namespace mvstudio::testing

@@ -1,0 +1,180 @@
+#include "stages/pipeline/plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "core/disk/files.h"
+#include "core/error.h"
+#include "stages/pipeline/engines.h"
+#include "tests/support/temp_dir.h"
+
+namespace mvstudio::stages {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+
+constexpr char kTwoTakes[] = R"(schema = "mvstudio.session/1"
+units = "m"
+board = "chessboard:8x6:60mm"
+cameras = ["a"]
+[[takes]]
+name = "board"
+kind = "board"
+[takes.footage]
+a = "raw/board/a.mp4"
+[[takes]]
+name = "run"
+kind = "people"
+[takes.footage]
+a = "raw/run/a.mp4"
+[[takes]]
+name = "walk"
+kind = "people"
+[takes.footage]
+a = "raw/walk/a.mp4"
+)";
+
+struct PlanFolder : ::testing::Test {
+  PlanFolder() {
+    Put("mvstudio.toml", kTwoTakes);
+    for (const char* file : {"raw/board/a.mp4", "raw/run/a.mp4", "raw/walk/a.mp4"}) Put(file, file);
+    options.session = folder.path();
+    options.to = StageKind::kTriangulate;
+    plan = PlanOf(options, PipelineOf(dataset::ReadSession(folder.path()), options), {});
+    plan.folder = folder.path();
+  }
+  void Put(const std::string& name, const std::string& text) const {
+    const std::string path = folder / name;
+    fs::create_directories(fs::path(path).parent_path());
+    std::ofstream(path) << text;
+  }
+  std::string Text(Engine engine, std::vector<int> ids = {1, 2, 3, 4, 5, 6, 7}, EngineOptions limits = {}) const {
+    limits.program = "/usr/bin/mvstudio";
+    return EngineText(engine, plan, ids, limits);
+  }
+  /// As `mvstudio task` leaves it.
+  void Mark(const PlanTask& task, int exit) const {
+    StageRecord record = RecordOf(task.stage, "1", nullptr);
+    record.exit = exit;
+    const StageRecords records = {{task.stage.name(), record}};
+    WriteStageRecords(TriedPath(plan, task), records);
+    if (IsSettled(task.stage, record)) WriteStageRecords(MarkerPath(plan, task), records);
+  }
+  const testing::TempDir folder;
+  PipelineOptions options;
+  Plan plan;
+};
+
+TEST_F(PlanFolder, TasksOfAStageStandInARowAndAfterWhatTheyRead) {
+  std::vector<std::string> names;
+  for (const PlanTask& task : plan.tasks) names.push_back(task.stage.name());
+  EXPECT_THAT(names, ElementsAre("calibrate", "pose2d run", "pose2d walk", "sync run", "sync walk", "triangulate run",
+                                 "triangulate walk"));
+  EXPECT_THAT(plan.tasks[1].after, IsEmpty());
+  EXPECT_THAT(plan.tasks[4].after, ElementsAre(1, 3)) << "of its own take alone";
+  EXPECT_THAT(plan.tasks[6].after, ElementsAre(1, 3, 5));
+  ASSERT_EQ(plan.tasks[0].inputs.size(), 1u);
+  EXPECT_EQ(plan.tasks[0].inputs[0].path, folder / "raw/board/a.mp4");
+  EXPECT_EQ(plan.tasks[0].inputs[0].sha256.size(), 64u);
+}
+
+TEST_F(PlanFolder, IsReadBackAndRefusedWhereItIsCutOff) {
+  const std::string text = PlanText(plan);
+  Put("plan.jsonl", text);
+  const Plan read = ReadPlan(folder.path());
+  EXPECT_EQ(PlanText(read), text);
+  EXPECT_EQ(TaskOf(read, 7).stage.name(), "triangulate walk");
+  EXPECT_THROW(TaskOf(read, 8), UsageError);
+  EXPECT_THROW(TaskOf(read, 0), UsageError);
+  Put("plan.jsonl", text.substr(0, text.rfind("{\"id\"")));
+  EXPECT_THROW(ReadPlan(folder.path()), FormatError);
+  Put("plan.jsonl", text.substr(0, text.size() - 20));
+  EXPECT_THROW(ReadPlan(folder.path()), FormatError);
+  Put("plan.jsonl", "");
+  EXPECT_THROW(ReadPlan(folder.path()), FormatError);
+  fs::remove(folder / "plan.jsonl");
+  EXPECT_THROW(ReadPlan(folder.path()), UsageError);
+}
+
+TEST_F(PlanFolder, MarkersSayWhatIsDone) {
+  EXPECT_EQ(StatesOf(plan)[0], TaskState::kReady);
+  EXPECT_EQ(StatesOf(plan)[3], TaskState::kWaiting);
+  Put("calib/calibration.json", "rig");
+  Mark(plan.tasks[0], 0);
+  EXPECT_EQ(StatesOf(plan)[0], TaskState::kDone);
+  Put("calib/calibration.json", "another rig");
+  EXPECT_EQ(StatesOf(plan)[0], TaskState::kNotValid);
+  Put("pose2d/run/a/0.json", "joints");
+  Mark(plan.tasks[1], 6);
+  EXPECT_EQ(StatesOf(plan)[1], TaskState::kDone) << "frames are left out";
+  Mark(plan.tasks[2], 3);
+  EXPECT_EQ(StatesOf(plan)[2], TaskState::kFailed);
+  Mark(plan.tasks[3], kBegun);
+  EXPECT_EQ(StatesOf(plan)[3], TaskState::kBegun);
+  Mark(plan.tasks[4], 4);
+  EXPECT_EQ(StatesOf(plan)[4], TaskState::kDone) << "a sync may fail";
+}
+
+TEST_F(PlanFolder, AMarkerThatIsNoneCountsAsNone) {
+  Put("done/1.json", "");
+  EXPECT_EQ(StatesOf(plan)[0], TaskState::kReady);
+  Put("calib/calibration.json", "rig");
+  StageRecord record = RecordOf(plan.tasks[0].stage, "1", nullptr);
+  WriteStageRecords(folder / "done/2.json", {{"calibrate", record}});
+  EXPECT_EQ(StatesOf(plan)[1], TaskState::kReady) << "of another task";
+}
+
+TEST_F(PlanFolder, NinjaHasMarkersAsOutputs) {
+  const std::string text = Text(Engine::kNinja);
+  EXPECT_THAT(text, HasSubstr("restat = 1"));
+  EXPECT_THAT(text, HasSubstr("build " + folder / "done/5.json: task " + folder / "done/1.json " + folder / "done/3.json"));
+  EXPECT_THAT(text, HasSubstr("build " + folder / "done/1.json: task | " + folder / "raw/board/a.mp4"));
+  EXPECT_THAT(Text(Engine::kNinja, {5}), Not(HasSubstr("done/1.json"))) << "what is done is not in it";
+}
+
+TEST_F(PlanFolder, PathsAreQuoted) {
+  plan.folder = "/my $plan: {it's}";
+  EXPECT_THAT(Text(Engine::kNinja), HasSubstr("build /my$ $$plan$:$ {it's}/done/1.json: task"));
+  EXPECT_THAT(Text(Engine::kNinja), HasSubstr("task '/my $$plan: {it'\\''s}' $id"));
+  EXPECT_THAT(Text(Engine::kSnakemake), HasSubstr("task '/my $plan: {{it'\\\\''s}}' 1"));
+  plan.folder = "/two\nlines";
+  for (const Engine engine : {Engine::kNinja, Engine::kSlurm, Engine::kSnakemake}) EXPECT_THROW(Text(engine), UsageError);
+}
+
+TEST_F(PlanFolder, SlurmGetsAnArrayForEachStage) {
+  EngineOptions limits;
+  limits.max_running = 5, limits.sbatch = "--partition=main";
+  const std::string text = Text(Engine::kSlurm, {1, 2, 3, 4, 5, 6, 7}, limits);
+  EXPECT_THAT(text, HasSubstr("--job-name=pose2d --array=0-1%5"));
+  EXPECT_THAT(text, HasSubstr("--dependency=afterok:$job1:$job2:$job3 --partition=main"));
+  EXPECT_THAT(text, HasSubstr("$((6 + SLURM_ARRAY_TASK_ID))"));
+  limits = {};
+  limits.max_array = 1;
+  const std::string cut = Text(Engine::kSlurm, {1, 2, 3, 4, 5, 6, 7}, limits);
+  EXPECT_THAT(cut, HasSubstr("job7=$(sbatch")) << "an array for each task";
+  EXPECT_THAT(cut, Not(HasSubstr("--array=0-")));
+  EXPECT_THAT(Text(Engine::kSlurm, {3, 7}), HasSubstr("job2=$(sbatch"));
+  EXPECT_THAT(Text(Engine::kSlurm, {3, 7}), HasSubstr("--dependency=afterok:$job1 "));
+  limits.max_array = 0;
+  EXPECT_THROW(Text(Engine::kSlurm, {1}, limits), UsageError);
+}
+
+TEST_F(PlanFolder, TheReportIsMadeAfterFailures) {
+  options.to = StageKind::kReport;
+  plan = PlanOf(options, PipelineOf(dataset::ReadSession(folder.path()), options), {});
+  std::vector<int> ids;
+  for (const PlanTask& task : plan.tasks) ids.push_back(task.id);
+  EXPECT_EQ(plan.tasks.back().after.size(), plan.tasks.size() - 1);
+  EXPECT_THAT(Text(Engine::kSlurm, ids), HasSubstr("--job-name=report --array=0"));
+  EXPECT_THAT(Text(Engine::kSlurm, ids), HasSubstr("--dependency=afterany:$job1:"));
+}
+
+}  // namespace
+}  // namespace mvstudio::stages
