@@ -133,7 +133,7 @@ class TaskRun {
     if (!earlier) earlier = ReadTaskRecord(MarkerPath(plan_, task_), task_);
     StageRecord now = stages::RecordOf(task_.stage, MVSTUDIO_VERSION, earlier ? &*earlier : nullptr);
     row_.stage = task_.stage.name();
-    row_.command = "mvstudio " + Join(task_.stage.command, " ");
+    row_.command = "mvstudio " + Join(task_.stage.Words("--"), " ");
     row_.reason = stages::WhyStale(task_.stage, now, earlier ? &*earlier : nullptr);
     if (row_.reason.empty() && !stages::IsSameOutput(now.output, *earlier)) row_.reason = "its output was changed by others";
     if (!earlier && stages::IsNewerThanInputs(task_.stage) && !options_.again) return Found(std::move(now));

@@ -199,6 +199,7 @@ FLAGS_ALLOWED = {
     "calib/points/colmap_program.cc",  # COLMAP's command line
     "dataset/detect/models/npm.cc",  # npm's
     "dataset/session/write.cc",  # comments in a session's mvstudio.toml
+    "stages/pipeline/engines.cc",  # those of sbatch and snakemake
     "report/section_avatar.cc",  # this and those below: what the page shows, style sheets too
     "report/section_calibration.cc",
     "report/section_common.cc",

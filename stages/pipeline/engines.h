@@ -27,7 +27,7 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, EngineOptions& o) {
   visit("max-running", o.max_running, "slurm: tasks of one array at a time; 0: no limit");
   visit("max-array", o.max_array, "slurm: indices of one array at most, MaxArraySize of slurm.conf less one");
-  visit("sbatch", o.sbatch, "slurm: more options for each sbatch, for example \"--partition=main --mem=4G\"");
+  visit("sbatch", o.sbatch, "slurm: more options for each sbatch");
 }
 
 /// build.ninja, submit.sh or Snakefile.

@@ -35,12 +35,15 @@ PlanJson TaskJson(const PlanTask& task) {
   PlanJson json = {{"id", task.id},
                    {"stage", ToString(task.stage.kind)},
                    {"take", task.stage.take},
-                   {"words", task.stage.command},
+                   {"command", task.stage.command},
+                   {"options", PlanJson::array()},
                    {"reads", task.stage.inputs},
                    {"output", task.stage.output},
                    {"after", task.after},
                    {"may_fail", task.stage.may_fail},
                    {"seconds", std::isfinite(task.seconds) ? PlanJson(task.seconds) : PlanJson(nullptr)}};
+  for (const dataset::SessionSetting& option : task.stage.options)
+    json["options"].push_back({{"name", option.key}, {"values", option.values}});
   json["inputs"] = PlanJson::array();
   for (const Fingerprint& input : task.inputs) json["inputs"].push_back(PrintJson(input));
   return json;
@@ -51,7 +54,9 @@ PlanTask TaskFrom(const PlanJson& json) {
   task.id = json.at("id").get<int>();
   FromString(json.at("stage").get<std::string>(), &task.stage.kind);
   task.stage.take = json.at("take").get<std::string>();
-  task.stage.command = json.at("words").get<std::vector<std::string>>();
+  task.stage.command = json.at("command").get<std::vector<std::string>>();
+  for (const PlanJson& option : json.at("options"))
+    task.stage.options.push_back({option.at("name").get<std::string>(), option.at("values").get<std::vector<std::string>>()});
   task.stage.inputs = json.at("reads").get<std::vector<std::string>>();
   task.stage.output = json.at("output").get<std::string>();
   task.stage.may_fail = json.at("may_fail").get<bool>();
@@ -90,8 +95,6 @@ Plan PlanOf(const PipelineOptions& options, const std::vector<PipelineStage>& st
     PlanTask task;
     task.id = static_cast<int>(plan.tasks.size()) + 1;
     task.stage = *stage;
-    task.stage.command = stage->Words("--");
-    task.stage.options.clear();
     for (const PlanTask& other : plan.tasks)
       if (Reads(task.stage, other.stage)) task.after.push_back(other.id);
     for (const std::string& input : stage->inputs)
@@ -116,8 +119,7 @@ std::string PlanText(const Plan& plan) {
 
 Plan ReadPlan(const std::string& folder) {
   const std::string path = PlanPath(folder);
-  if (!fs::exists(path))
-    throw UsageError(folder + " holds no plan.jsonl; write one by `mvstudio plan SESSION --out " + folder + "`");
+  if (!fs::exists(path)) throw UsageError(folder + " holds no plan.jsonl; `mvstudio plan` writes it");
   Plan plan;
   plan.folder = fs::canonical(folder).string();
   std::istringstream lines(ReadFile(path));

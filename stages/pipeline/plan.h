@@ -11,7 +11,7 @@ namespace mvstudio::stages {
 
 struct PlanTask {
   int id = 0;  ///< from 1; tasks of one kind of stage are numbered in a row, and each comes after those that it waits for
-  PipelineStage stage;     ///< its command has all words; paths are absolute
+  PipelineStage stage;     ///< paths are absolute
   std::vector<int> after;  ///< ids of those whose outputs it reads
   /// What no task makes, as it was when the plan was written: nothing of it may change until the plan is done.
   std::vector<Fingerprint> inputs;
