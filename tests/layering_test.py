@@ -143,6 +143,8 @@ MAY_INCLUDE |= {
     "stages/dataset": WITHOUT_TORCH | {"stages"},
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/dataset_build": WITHOUT_TORCH | {"stages", "stages/input", "stages/people"},
+    "stages/dataset_pack": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/eval": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib"},
     "stages/refine": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
