@@ -1,5 +1,4 @@
 #include "cli/program/commands.h"
-#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "core/disk/output.h"
 #include "core/error.h"
@@ -96,7 +95,9 @@ void AddInput(CLI::App* sub, Arguments& arguments) {
             "m, cm, mm, in or the length of one unit, e.g. 25mm: of such a file, instead of what it states");
   AddOption(sub, "--up", arguments.points.up, "x, y or z: the axis that is up in such a file, instead of what it states");
   AddOption(sub, "--frames", arguments.points.frames, "80-99 or 1,4,7-9; all unless given");
-  AddSkeletonOption(sub, arguments.points.skeleton, "bones of the joints, where the input does not state them");
+  AddOption(sub, "--skeleton", arguments.points.skeleton,
+            "bones of the joints, where the input does not state them: a name that triangulate knows, or a file FILE.toml "
+            "(docs/formats.md)");
   AddFlag(sub, "--overwrite", arguments.overwrite, "replace the output");
 }
 

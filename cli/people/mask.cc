@@ -282,7 +282,7 @@ CommandResult RunMask(stages::MaskArguments arguments, CommandContext& context) 
 void RegisterMask(CLI::App& app, Registry& registry) {
   auto arguments = std::make_shared<stages::MaskArguments>();
   CLI::App* sub = app.add_subcommand("mask", "Foreground masks of people, with their quality");
-  AddTakeArguments(sub, arguments->take);
+  AddOptions(sub, arguments->take);
   StartGroup(sub, "Calibration and joints");
   AddOption(sub, "--calib", arguments->calib,
             "calibration file: ours, Panoptic's, or any that calib convert reads; masks are compared across cameras");

@@ -4,7 +4,6 @@
 #include <filesystem>
 
 #include "cli/program/commands.h"
-#include "cli/program/input_flags.h"
 #include "cli/program/options.h"
 #include "cli/program/output_guard.h"
 #include "core/choice/frame_choice.h"
@@ -17,6 +16,7 @@
 #include "geometry/skeleton/skeleton_text.h"
 #include "stages/frame_notice.h"
 #include "stages/input/calib_read.h"
+#include "stages/input/take_input.h"
 #include "stages/nets/pose2d_detect.h"
 #include "stages/nets/pose2d_existing.h"
 #include "stages/people/pose2d_quality.h"
@@ -281,7 +281,7 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   auto* sub = app.add_subcommand("pose2d", "Detect 2D keypoints of people; one OpenPose JSON file per camera and frame");
   const auto arguments = std::make_shared<Arguments>();
   arguments->take.with_timeline = false;  // poses are numbered as the footage is; triangulate turns them into instants
-  AddTakeArguments(sub, arguments->take);
+  AddOptions(sub, arguments->take);
   AddOutput(sub, "--out", arguments->out, OutputKind::kFolder,
             "folder: CAMERA/%012d_keypoints.json and overlay/ (default with --session: its pose2d/TAKE)");
   AddOption(sub, "--backend", arguments->backend,

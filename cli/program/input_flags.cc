@@ -41,25 +41,11 @@ void AddPoseMendingOptions(CLI::App* sub, bool& invert, bool& mirror) {
   AddFlag(sub, "--mirror", mirror, stages::kMirrorHelp);
 }
 
-void AddTakeArguments(CLI::App* sub, stages::TakeArguments& arguments) {
-  const GroupScope footage(sub, "Footage");
-  AddChoices(sub, "--video", arguments.video, "CAMERA=FILE; repeat for each camera")->allow_extra_args(true);
-  AddChoices(sub, "--images", arguments.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in an image's name is its frame");
-  AddChoices(sub, "--plate", arguments.plate, "CAMERA=FILE: image of the empty scene");
-  AddOption(sub, "--session", arguments.session, "folder with mvstudio.toml: footage, plates and calibration come from it");
-  AddOption(sub, "--take", arguments.take, "take of the session; its only one with people unless given");
-  AddFlag(sub, "--allow-outside", arguments.allow_outside, "allow the session to name files outside its folder");
-}
-
 void AddSessionArguments(CLI::App* sub, stages::SessionArguments& arguments, const std::string& what,
                          const std::string& unless_given) {
   const GroupScope as_before(sub, GroupOf(sub));
   const OptionAdder add{sub};
   VisitSession(add, arguments, what, unless_given);
-}
-
-void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& what) {
-  AddOption(sub, "--skeleton", skeleton, what + ": a name that triangulate knows, or a file FILE.toml (docs/formats.md)");
 }
 
 void AddPoseArguments(CLI::App* sub, stages::PoseArguments& arguments) {

@@ -5,7 +5,6 @@
 #include "stages/input/calib_read.h"
 #include "stages/input/pose_input.h"
 #include "stages/input/session_input.h"
-#include "stages/input/take_input.h"
 
 namespace CLI {
 class App;
@@ -21,15 +20,9 @@ void AddMeaningOptions(CLI::App* sub, stages::CalibReadOptions& options);
 /// --invert, --mirror.
 void AddPoseMendingOptions(CLI::App* sub, bool& invert, bool& mirror);
 
-/// Adds --video, --images, --plate, --session, --take and --allow-outside.
-void AddTakeArguments(CLI::App* sub, stages::TakeArguments& arguments);
-
 /// Adds --session, --take and --allow-outside; `what` comes from the session, `unless_given` is the take without --take.
 void AddSessionArguments(CLI::App* sub, stages::SessionArguments& arguments, const std::string& what,
                          const std::string& unless_given);
-
-/// Adds --skeleton: a known name or a file; `what` begins the help.
-void AddSkeletonOption(CLI::App* sub, std::string& skeleton, const std::string& what);
 
 /// Adds --calib, which is required, --pose2d, --points2d, --skeleton and the changes.
 void AddPoseArguments(CLI::App* sub, stages::PoseArguments& arguments);

@@ -122,6 +122,7 @@ struct OptionAdder {
       if (style == OptionStyle::kList) option->delimiter(',');
       if (style == OptionStyle::kFolder) NameOutput(option, OutputKind::kFolder);
       if (style == OptionStyle::kFile) NameOutput(option, OutputKind::kFile);
+      if (style == OptionStyle::kPlace) NameOutput(option, OutputKind::kAny);
     }
   }
   void StartGroup(const char* subject) const { cli::StartGroup(sub, subject); }

@@ -14,6 +14,7 @@ enum class OptionStyle {
   kCameras,   ///< cameras' names with commas, or nothing for all
   kFolder,    ///< text: a folder that is written
   kFile,      ///< text: a file that is written
+  kPlace,     ///< text: a file or a folder that is written
 };
 
 template <class Visitor, class Value, class = void>

@@ -5,6 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "core/choice/option_group.h"
+#include "core/choice/option_style.h"
+#include "core/fields.h"
 #include "dataset/build/build.h"
 #include "dataset/session/session.h"
 #include "dataset/time/timeline.h"
@@ -24,6 +27,18 @@ struct TakeArguments {
   bool with_timeline = true;      ///< footage carries the take's timeline; false: frames are numbered as they were recorded
   bool make_timeline = true;      ///< make a timeline if none was written; false: only the written one
 };
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, TakeArguments& o) {
+  StartGroup(visit, "Footage");
+  VisitStyled(visit, OptionStyle::kRepeated, "video", o.video, "CAMERA=FILE; repeat for each camera");
+  visit("images", o.images, "CAMERA=FOLDER or CAMERA=PATTERN; the number in an image's name is its frame");
+  visit("plate", o.plate, "CAMERA=FILE: image of the empty scene");
+  visit("session", o.session, "folder with mvstudio.toml: footage, plates and calibration come from it");
+  visit("take", o.take, "take of the session; its only one with people unless given");
+  VisitStyled(visit, OptionStyle::kSwitch, "allow-outside", o.allow_outside,
+              "allow the session to name files outside its folder");
+}
 
 struct TakeInput {
   std::vector<dataset::CameraFootage> footage;  ///< one per camera

@@ -1,0 +1,87 @@
+#include "stages/dataset_build/run.h"
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <utility>
+
+#include "core/disk/paths.h"
+#include "core/error.h"
+#include "dataset/build/scene_joints.h"
+#include "dataset/panoptic/panoptic.h"
+#include "dataset/pose/markers.h"
+#include "dataset/pose/pose3d.h"
+#include "stages/dataset_build/mask_warnings.h"
+#include "stages/people/human_shape.h"
+
+namespace mvstudio::stages {
+namespace {
+
+/// Masks that `mask` made, or a person painted, come before new ones.
+void FindGivenMasks(const TakeInput& take, DatasetBuildOptions* options, InputNotes* notes) {
+  options->build.masks = options->build.masks && !options->no_masks;
+  if (!options->build.masks) return options->masks.clear();
+  const std::string made = take.Folder("masks");
+  const bool there = !made.empty() && std::any_of(take.footage.begin(), take.footage.end(), [&](const auto& footage) {
+    return std::filesystem::is_directory(made + "/" + footage.camera);
+  });
+  if (options->masks.empty() && !options->make_masks && there) options->masks = made;
+  if (options->masks.empty()) return;
+  notes->inputs.push_back(options->masks);
+  Append(MaskWarnings(options->masks), &notes->warnings);
+}
+
+/// Of the session, else of the joints; 0: neither states it.
+double StatedRate_hz(const TakeInput& take, const dataset::BuildInputs& inputs) {
+  if (take.fps_hz > 0) return take.fps_hz;
+  return dataset::SceneFilesAt(inputs.pose3d).empty() ? dataset::ReadPoints3d(inputs.pose3d, inputs.marker_unit).frame_rate_hz
+                                                      : dataset::ReadSceneJoints(inputs.pose3d).frame_rate_hz;
+}
+
+/// What a session says takes the place of options that were not given.
+dataset::BuildInputs ToBuildInputs(DatasetBuildOptions* options, InputNotes* notes) {
+  TakeInput take = ReadTakeInput(options->take, notes);
+  if (take.footage.empty())
+    throw UsageError("no footage: give option 'video' or option 'images' for each camera, or option 'session'");
+  dataset::BuildInputs inputs;
+  inputs.calibration = options->calib.empty() ? take.calibration : options->calib;
+  if (inputs.calibration.empty()) throw UsageError("option 'calib' is needed: the calibration of these cameras");
+  inputs.pose3d = options->pose3d.empty() ? take.Folder("pose3d") : options->pose3d;
+  inputs.marker_unit = options->marker_unit, inputs.skeleton = options->skeleton;
+  if (!options->frames.empty()) inputs.frames = ParseRanges("option 'frames'", options->frames);
+  if (inputs.pose3d.empty()) throw UsageError("option 'pose3d' is needed: the folder that triangulate wrote");
+  if (options->out.empty()) options->out = take.Folder("dataset");
+  if (options->out.empty()) throw UsageError("option 'out' is needed without option 'session'");
+  if (!options->keep_sequence && !take.take.empty()) options->build.sequence = dataset::Slug(take.take);
+  if (!options->keep_rate) {
+    const double stated_hz = StatedRate_hz(take, inputs);
+    if (stated_hz > 0) options->build.frame_rate_hz = stated_hz;
+  }
+  LeaveOutUncalibrated(inputs.calibration, &take, notes);
+  FindGivenMasks(take, options, notes);
+  inputs.masks = options->masks;
+  inputs.footage = std::move(take.footage);
+  return inputs;
+}
+
+}  // namespace
+
+bool DatasetBuildReport::OtherWorld() const { return built.world != dataset::kZUpWorld && built.world != calibrated_world; }
+
+bool DatasetBuildReport::IsPartial() const {
+  const auto lacks_masks = [](const dataset::BuiltCamera& camera) { return !camera.without_mask.empty(); };
+  return !built.gaps.empty() || std::any_of(built.cameras.begin(), built.cameras.end(), lacks_masks);
+}
+
+DatasetBuildReport RunDatasetBuild(DatasetBuildOptions options, const RunContext& run) {
+  const auto start = std::chrono::steady_clock::now();
+  DatasetBuildReport report;
+  report.inputs = ToBuildInputs(&options, &report.notes);
+  report.built = dataset::BuildDataset(report.inputs, options.out, options.build, run);
+  report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.calibrated_world = WorldText(dataset::ReadAnyCalibration(report.inputs.calibration));
+  report.options = std::move(options);
+  return report;
+}
+
+}  // namespace mvstudio::stages
