@@ -253,6 +253,23 @@ void AddChain(const std::vector<ValueView>& chain, bool by_imu, bool placed, boo
   }
 }
 
+/// Kalibr's clocks: t_imu = t_cam + timeshift_cam_imu, in seconds. Equal shifts mean nothing for cameras among each other.
+void NoteTimeShifts(const std::vector<ValueView>& chain, ImportedRig* imported) {
+  std::vector<double> shifts;
+  for (const ValueView& view : chain) {
+    if (view.Has("timeshift_cam_imu")) shifts.push_back(view["timeshift_cam_imu"].Number());
+  }
+  if (shifts.size() < 2) return;
+  const auto [least, most] = std::minmax_element(shifts.begin(), shifts.end());
+  constexpr double kLeastApart = 1e-4;  // s
+  if (*most - *least < kLeastApart) return;
+  imported->notes.push_back({"CAL-KEYS",
+                             chain[0].place().path +
+                                 Format(": timeshift_cam_imu differs by up to %.3g ms: ", (*most - *least) * 1e3) +
+                                 "the clocks of these cameras are offset against each other; that is not carried on",
+                             "find the offsets of the recording by mvstudio sync"});
+}
+
 }  // namespace
 
 ImportedRig ReadKalibr(const std::string& path, const ReadOptions& options) {
@@ -277,7 +294,10 @@ ImportedRig internal::ReadKalibrChains(const std::vector<std::string>& paths, co
                       "nothing places its cameras against those of " + paths[0] +
                           ": several camchains are one rig where every camera has T_cam_imu; else give one");
   ImportedRig imported;
-  for (const auto& chain : chains) AddChain(chain, by_imu, placed, several, options, &imported);
+  for (const auto& chain : chains) {
+    AddChain(chain, by_imu, placed, several, options, &imported);
+    NoteTimeShifts(chain, &imported);
+  }
   imported.rig.gauge =
       by_imu ? geometry::RigGauge::Other("Kalibr's IMU") : geometry::RigGauge::OfCamera(imported.rig.cameras[0].camera.name);
   for (size_t f = 0; f < paths.size(); ++f) {

@@ -340,6 +340,7 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   const std::map<int, People> poses = ToCoco19(pose);
   const std::optional<OwnJoints> own = OwnJointsOf(inputs, pose, &report);
   const auto given = wanted.masks ? internal::FindGivenMasks(inputs) : std::map<std::string, internal::GivenMasks>{};
+  if (const auto notice = internal::NoticeOfMasksFromOne(inputs, given)) report.warnings.push_back(*notice);
   const BuildOptions options = WithPossibleMasks(wanted, own, poses, !given.empty(), &report);
   AtomicFolder folder(out, wanted.overwrite, InputsOf(inputs));
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path(), given);

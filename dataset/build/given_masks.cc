@@ -73,6 +73,23 @@ std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs) {
   return all;
 }
 
+std::optional<Notice> NoticeOfMasksFromOne(const BuildInputs& inputs, const std::map<std::string, GivenMasks>& given) {
+  std::vector<std::string> cameras;
+  for (const CameraFootage& footage : inputs.footage) {
+    const auto found = given.find(footage.camera);
+    if (found == given.end() || !fs::is_regular_file(footage.path)) continue;
+    const std::map<int64_t, std::string>& files = found->second.files;
+    const bool from_one =
+        files.size() > 1 && files.begin()->first == 1 && files.rbegin()->first == static_cast<int64_t>(files.size());
+    if (from_one) cameras.push_back(footage.camera);
+  }
+  if (cameras.empty()) return std::nullopt;
+  return Notice{"DAT-MASK",
+                "masks of " + Join(cameras, ", ") +
+                    " are numbered from 1 without a gap, frames of a video count from 0: mask 1 was taken for the second frame",
+                "if mask 1 is of the first frame, number the masks of these cameras from 0"};
+}
+
 Image GivenMask(const GivenMasks& masks, int64_t frame, int width, int height) {
   const auto found = masks.files.find(frame);
   if (found == masks.files.end()) return {};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,10 @@ struct GivenMasks {
 /// IoError when the folder is not there or holds masks of none of the cameras, FormatError for two masks of a frame and what
 /// MeaningOfMasks throws.
 std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs);
+
+/// A notice where masks are numbered 1 to N beside a video, whose frames count from 0: mask n was taken for frame n, which may
+/// be one too late. Nothing without such masks.
+std::optional<Notice> NoticeOfMasksFromOne(const BuildInputs& inputs, const std::map<std::string, GivenMasks>& given);
 
 /// The mask of a frame; empty where there is none. Throws FormatError for another size.
 Image GivenMask(const GivenMasks& masks, int64_t frame, int width, int height);

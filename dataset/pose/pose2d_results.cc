@@ -3,6 +3,7 @@
 
 #include "core/disk/files.h"
 #include "dataset/pose/pose2d_parse.h"
+#include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
 namespace {
@@ -158,6 +159,51 @@ json CocoOfImages(const json& root, const PoseFile& whole) {
   return list;
 }
 
+/// Where each joint of the skeleton stands in a file of easy_ViTPose, by the names in its `skeleton` {"0": "nose", …}.
+std::vector<std::string> PlacesInViTPose(const json& names, const PoseFile& whole) {
+  std::map<std::string, std::string> places;
+  for (const auto& [place, name] : names.items()) {
+    if (name.is_string()) places[geometry::JointKey(name.get<std::string>())] = place;
+  }
+  std::vector<std::string> found;
+  for (const std::string& joint : whole.skeleton.joints) {
+    const auto at = places.find(geometry::JointKey(joint));
+    if (at == places.end())
+      whole.Fail("skeleton", "names no joint `" + joint + "` of skeleton " + whole.skeleton.name +
+                                 ": give the skeleton whose joints the model finds (coco17 for coco and coco_25)");
+    found.push_back(at->second);
+  }
+  return found;
+}
+
+/// A file of easy_ViTPose, {"keypoints": [{"0": [[y, x, score], …]}, …], "skeleton": {…}} with a person by an id, as a list of
+/// COCO's kind, x first and in the skeleton's order; null: it is none.
+json CocoOfViTPose(const json& root, const PoseFile& whole) {
+  const bool good = root.is_object() && root.contains("keypoints") && root["keypoints"].is_array() &&
+                    root.contains("skeleton") && root["skeleton"].is_object();
+  if (!good) return nullptr;
+  const std::vector<std::string> places = PlacesInViTPose(root["skeleton"], whole);
+  json list = json::array();
+  for (size_t frame = 0; frame < root["keypoints"].size(); ++frame) {
+    const json& people = root["keypoints"][frame];
+    const std::string where = "keypoints[" + std::to_string(frame) + "]";
+    if (!people.is_object()) whole.Fail(where, "is no object of people");
+    for (const auto& [id, points] : people.items()) {
+      json flat = json::array();
+      for (const std::string& place : places) {
+        const size_t k = place.size() < 5 && !place.empty() && place.find_first_not_of("0123456789") == std::string::npos
+                             ? std::stoul(place)
+                             : points.size();
+        if (!points.is_array() || k >= points.size() || !points[k].is_array() || points[k].size() != 3)
+          whole.Fail(where + "." + id.substr(0, 20) + "[" + place.substr(0, 20) + "]", "is not y, x and a score");
+        flat.insert(flat.end(), {points[k][1], points[k][0], points[k][2]});
+      }
+      list.push_back({{"image_id", frame}, {"keypoints", std::move(flat)}});
+    }
+  }
+  return list;
+}
+
 /// What an export for labels is, which holds marks without COCO's lists; empty: none that is known.
 std::string LabelProgram(const json& root) {
   const json& first = root.is_array() && !root.empty() ? root[0] : root;
@@ -213,8 +259,10 @@ void internal::AppendPerson(const json& entry, const std::string& where, const P
 Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton) {
   Pose2dTrack track{camera, {}};
   const PoseFile whole{path, "camera " + camera, skeleton};
-  const json read = internal::ParsePoseJson(ReadFile(path), whole), of_images = CocoOfImages(read, whole);
-  const json& root = of_images.is_null() ? read : of_images;
+  const json read = internal::ParsePoseJson(ReadFile(path), whole);
+  json as_coco = CocoOfViTPose(read, whole);
+  if (as_coco.is_null()) as_coco = CocoOfImages(read, whole);
+  const json& root = as_coco.is_null() ? read : as_coco;
   const Results results = FindResults(root, whole);
   internal::Tolerant tolerant(&track.skipped);
   for (size_t i = 0; i < results.list->size(); ++i) {

@@ -225,6 +225,20 @@ TEST(ReadColmap, RigsAndFramesAreWrittenAndHeldAgainstImages) {
   EXPECT_THAT(refused("cameras.txt"), HasSubstr("an image has two lines"));
 }
 
+TEST(ReadKalibr, ClocksThatAreApartAreSaid) {
+  const TempDir folder;
+  const auto text = [&](const std::string& shift) {
+    const std::string lens = "  camera_model: pinhole\n  intrinsics: [400, 400, 320, 240]\n  resolution: [640, 480]\n";
+    WriteFileAtomic(folder / "a.yaml",
+                    "cam0:\n" + lens + "  timeshift_cam_imu: 0.002\ncam1:\n" + lens + "  timeshift_cam_imu: " + shift + "\n");
+    std::string all;
+    for (const Notice& note : ReadCalibration(CalibrationFormat::kKalibr, {folder / "a.yaml"}).notes) all += note.text;
+    return all;
+  };
+  EXPECT_THAT(text("0.002"), ::testing::Not(HasSubstr("timeshift")));
+  EXPECT_THAT(text("0.012"), HasSubstr("differs by up to 10 ms"));
+}
+
 /// Chains that are not whole, several of them, and lenses whose words do not agree.
 TEST(ReadKalibr, PosesAndLensesThatTheFileDoesNotHold) {
   const TempDir folder;

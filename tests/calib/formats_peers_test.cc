@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 extern "C" {
@@ -361,6 +362,19 @@ TEST(Colmap, LensesByHand) {
   EXPECT_EQ(camera.camera.model, LensModel::kKannalaBrandt4);
   EXPECT_EQ(read("THIN_PRISM_FISHEYE 640 480 500 501 320 240 0.1 0.2 0 0 0.3 0.4 0 0").camera.params[7], 0.4);
   EXPECT_THROW(read("THIN_PRISM_FISHEYE 640 480 500 501 320 240 0.1 0.2 0 0 0.3 0.4 0.01 0"), FormatError);
+  camera = read("SIMPLE_FISHEYE 640 480 500 320 240");
+  EXPECT_EQ(camera.camera.model, LensModel::kKannalaBrandt4) << "equidistant, not a pinhole";
+  EXPECT_EQ(camera.camera.params, (Eigen::VectorXd(8) << 500, 500, 319.5, 239.5, 0, 0, 0, 0).finished());
+  EXPECT_EQ(read("FISHEYE 640 480 500 501 320 240").camera.params[1], 501);
+  camera = read("EUCM 640 480 500 501 320 240 0.6 1.2");
+  EXPECT_EQ(camera.camera.model, LensModel::kEucm);
+  EXPECT_EQ(camera.camera.params, (Eigen::VectorXd(6) << 500, 501, 319.5, 239.5, 0.6, 1.2).finished());
+  const std::string aria = "RAD_TAN_THIN_PRISM_FISHEYE 640 480 500 501 320 240 0.1 0.2 0.3 0.4 ";
+  EXPECT_EQ(read(aria + "0 0 0 0 0 0 0 0").camera.params[7], 0.4);
+  EXPECT_THROW(read(aria + "0 0 0.01 0 0 0 0 0"), FormatError);
+  for (const char* name :
+       {"DIVISION 640 480 500 501 320 240 0.1", "SIMPLE_DIVISION 640 480 500 320 240 0.1", "EQUIRECTANGULAR 640 480 640 480"})
+    EXPECT_THAT(mvstudio::testing::MessageOf<FormatError>([&] { read(name); }), ::testing::HasSubstr("in COLMAP")) << name;
   EXPECT_THROW(read("FOV 640 480 500 501 320 240 0.9"), FormatError);
   EXPECT_THROW(read("OPENCV 640 480 500 501 320 240 0.9"), FormatError) << "too few";
   EXPECT_THROW(read("NONSENSE 640 480 500 501 320 240 0.9"), FormatError);

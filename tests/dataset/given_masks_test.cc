@@ -33,5 +33,24 @@ TEST(GivenMasks, WhatIsNoFolderOfMasksIsSaidByItsKind) {
   EXPECT_THAT(message(folder.path()), AllOf(HasSubstr("`000000`"), HasSubstr("the objects of a frame in one image")));
 }
 
+/// Frames of a video count from 0. A first mask 0, a gap and footage of images, which has numbers itself, say nothing.
+TEST(GivenMasks, MasksFromOneBesideAVideoAreSaid) {
+  const testing::TempDir folder;
+  std::ofstream(folder / "cam1.mp4") << "video";
+  BuildInputs inputs;
+  inputs.footage.resize(1);
+  inputs.footage[0].camera = "cam1";
+  inputs.footage[0].path = folder / "cam1.mp4";
+  const auto notice = [&](const std::map<int64_t, std::string>& files) {
+    return internal::NoticeOfMasksFromOne(inputs, {{"cam1", {files, {}}}});
+  };
+  ASSERT_TRUE(notice({{1, "1.png"}, {2, "2.png"}, {3, "3.png"}}));
+  EXPECT_THAT(notice({{1, "1.png"}, {2, "2.png"}})->text, AllOf(HasSubstr("cam1"), HasSubstr("the second frame")));
+  EXPECT_FALSE(notice({{0, "0.png"}, {1, "1.png"}}));
+  EXPECT_FALSE(notice({{1, "1.png"}, {3, "3.png"}}));
+  inputs.footage[0].path = folder.path();
+  EXPECT_FALSE(notice({{1, "1.png"}, {2, "2.png"}}));
+}
+
 }  // namespace
 }  // namespace mvstudio::dataset

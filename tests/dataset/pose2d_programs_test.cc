@@ -58,6 +58,31 @@ TEST_F(Pose2dPrograms, AlphaPosesOtherFormatsAndTriples) {
   EXPECT_EQ(ReadText("[{\"image_id\":3,\"keypoints\":[" + triples + "]}]").frames.at(3)[0].keypoints[16].x_px, 16);
 }
 
+/// easy_ViTPose states y before x, and the order of its joints; `coco_25` has joints that coco17 lacks between its others.
+TEST_F(Pose2dPrograms, EasyViTPoseIsYBeforeXAndByItsNames) {
+  const std::vector<std::string> names = {"neck",       "nose",          "left_eye",       "right_eye",  "left_ear",
+                                          "right_ear",  "left_shoulder", "right_shoulder", "left_elbow", "right_elbow",
+                                          "left_wrist", "right_wrist",   "left_hip",       "right_hip",  "left_knee",
+                                          "right_knee", "left_ankle",    "right_ankle"};
+  std::string points, skeleton;
+  for (size_t k = 0; k < names.size(); ++k) {
+    points += (k ? ",[" : "[") + std::to_string(100 + k) + "," + std::to_string(500 + k) + ",0.5]";
+    skeleton += (k ? ",\"" : "\"") + std::to_string(k) + "\":\"" + names[k] + "\"";
+  }
+  const auto file = [&](const std::string& first) {
+    return "{\"keypoints\":[{},{\"3\":[" + points + "]}],\"skeleton\":{" + first + "}}";
+  };
+  const Pose2dTrack track = ReadText(file(skeleton));
+  ASSERT_EQ(track.frames.count(1), 1u) << "the position in the list is the frame";
+  const Person2d& person = track.frames.at(1).at(0);
+  ASSERT_EQ(person.keypoints.size(), 17u);
+  EXPECT_EQ(person.keypoints[0].x_px, 501) << "the nose is the second of the file";
+  EXPECT_EQ(person.keypoints[0].y_px, 101);
+  EXPECT_EQ(person.keypoints[16].x_px, 517);
+  const auto message = [&] { return testing::MessageOf<FormatError>([&] { ReadText(file("\"0\":\"nose\"")); }); };
+  EXPECT_THAT(message(), AllOf(HasSubstr("LEye"), HasSubstr("coco17")));
+}
+
 TEST_F(Pose2dPrograms, ProjectsOfLabelProgramsAreNamed) {
   const auto message = [this](const std::string& text) { return testing::MessageOf<FormatError>([&] { ReadText(text); }); };
   EXPECT_THAT(message(R"({"_via_settings":{},"_via_img_metadata":{}})"), HasSubstr("a project of VIA"));

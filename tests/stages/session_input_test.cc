@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "geometry/lens/camera.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/result.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"

@@ -27,16 +27,30 @@ constexpr ColmapModel kModels[] = {{0, "SIMPLE_PINHOLE", 3},
                                    {7, "FOV", 5},
                                    {8, "SIMPLE_RADIAL_FISHEYE", 4},
                                    {9, "RADIAL_FISHEYE", 5},
-                                   {10, "THIN_PRISM_FISHEYE", 12}};
+                                   {10, "THIN_PRISM_FISHEYE", 12},
+                                   {11, "RAD_TAN_THIN_PRISM_FISHEYE", 16},
+                                   {12, "SIMPLE_DIVISION", 4},
+                                   {13, "DIVISION", 5},
+                                   {14, "SIMPLE_FISHEYE", 3},
+                                   {15, "FISHEYE", 4},
+                                   {16, "EUCM", 6},
+                                   {17, "EQUIRECTANGULAR", 2}};
 
 /// One focal length, then the centre.
 bool HasOneFocal(const ColmapModel& model) {
-  return model.id == 0 || model.id == 2 || model.id == 3 || model.id == 8 || model.id == 9;
+  constexpr int kIds[] = {0, 2, 3, 8, 9, 14};
+  return std::find(std::begin(kIds), std::end(kIds), model.id) != std::end(kIds);
+}
+
+[[noreturn]] void FailWithLens(const ColmapCamera& camera, const std::string& what = "") {
+  throw FormatError(camera.place.path, camera.place.where,
+                    "the lens " + std::string(camera.model->name) + what + " is no lens model here; use " +
+                        (camera.model->id == 17 ? "images of PINHOLE" : "OPENCV_FISHEYE") + " in COLMAP");
 }
 
 /// Distortion of a file's camera as ours has it.
 Eigen::VectorXd OwnDistortion(const ColmapCamera& camera, LensModel* lens) {
-  const size_t start = HasOneFocal(*camera.model) ? 3 : 4;
+  const size_t start = std::min<size_t>(HasOneFocal(*camera.model) ? 3 : 4, camera.params.size());
   const Eigen::VectorXd k =
       Eigen::Map<const Eigen::VectorXd>(camera.params.data() + start, static_cast<Eigen::Index>(camera.params.size() - start));
   switch (camera.model->id) {
@@ -55,7 +69,9 @@ Eigen::VectorXd OwnDistortion(const ColmapCamera& camera, LensModel* lens) {
     case 5:
     case 8:
     case 9:
-    case 10: {
+    case 10:
+    case 14:
+    case 15: {
       *lens = LensModel::kKannalaBrandt4;
       Eigen::VectorXd own = Eigen::VectorXd::Zero(4);
       if (camera.model->id != 10) {
@@ -63,14 +79,22 @@ Eigen::VectorXd OwnDistortion(const ColmapCamera& camera, LensModel* lens) {
       } else if (k[2] == 0 && k[3] == 0 && k[6] == 0 && k[7] == 0) {
         own << k[0], k[1], k[4], k[5];
       } else {
-        throw FormatError(camera.place.path, camera.place.where,
-                          "THIN_PRISM_FISHEYE with p1, p2, sx1 or sy1 is no lens model here; use OPENCV_FISHEYE in COLMAP");
+        FailWithLens(camera, " with p1, p2, sx1 or sy1");
       }
       return own;
     }
+    case 11:
+      if (!k.tail(8).isZero(0)) FailWithLens(camera, " with more than k0 to k3");
+      *lens = LensModel::kKannalaBrandt4;
+      return k.head(4);
+    case 16:
+      *lens = LensModel::kEucm;
+      return k;
     case 7:
-      throw FormatError(camera.place.path, camera.place.where,
-                        "the lens FOV is no lens model here; use OPENCV_FISHEYE in COLMAP");
+    case 12:
+    case 13:
+    case 17:
+      FailWithLens(camera);
     default:
       *lens = LensModel::kPinhole;
       return k;

@@ -23,7 +23,7 @@ struct ColmapModel {
   const char* name;
   int num_params;
 };
-/// Null for ids and names that COLMAP 3.8 does not have.
+/// Null for ids and names that COLMAP 4.2 does not have.
 const ColmapModel* FindColmapModel(int id);
 const ColmapModel* FindColmapModel(const std::string& name);
 
