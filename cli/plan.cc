@@ -237,25 +237,18 @@ CommandResult Status(const Plan& plan) {
   return result;
 }
 
-std::vector<int> Remaining(const Plan& plan) {
-  const std::vector<TaskState> states = stages::StatesOf(plan);
-  std::vector<int> ids;
-  for (size_t i = 0; i < states.size(); ++i)
-    if (states[i] != TaskState::kDone) ids.push_back(plan.tasks[i].id);
-  return ids;
-}
-
 /// Hands what has no valid marker to the scheduler.
 CommandResult Submit(JobsOptions options, CommandContext& context) {
   const Plan plan = stages::ReadPlan(options.plan);
-  const std::vector<int> ids = Remaining(plan);
+  const std::vector<TaskState> states = stages::StatesOf(plan);
+  const std::vector<int> ids = RemainingTasks(plan, states);
   if (ids.empty()) return Status(plan);
   if (options.engine == Engine::kSnakemake)
     throw UsageError("option 'engine' snakemake: call snakemake itself, -s " + plan.folder + "/Snakefile");
   options.limits.program = ProgramPath();
-  for (const int id : ids) {  // a scheduler looks at names alone: a marker that is not valid would hold the task back
+  for (const int id : ids) {  // a scheduler looks at names alone: a marker that does not hold would keep the task back
     const std::string marker = MarkerPath(plan, stages::TaskOf(plan, id));
-    if (fs::exists(marker)) RemoveOurs({marker});
+    if (states[static_cast<size_t>(id - 1)] != TaskState::kDone && fs::exists(marker)) RemoveOurs({marker});
   }
   const std::string file = plan.folder + "/" + stages::EngineFile(options.engine), log = plan.folder + "/submit.log";
   WriteFileAtomic(file, EngineText(options.engine, plan, ids, options.limits));

@@ -21,7 +21,7 @@ constexpr ChoiceWords<TaskState, 6> kTaskStateWords = {{{TaskState::kDone, "done
                                                         {TaskState::kBegun, "running or interrupted"},
                                                         {TaskState::kWaiting, "waiting"},
                                                         {TaskState::kReady, "ready"},
-                                                        {TaskState::kNotValid, "marker without its output"}}};
+                                                        {TaskState::kNotValid, "done for other files"}}};
 
 std::string PlanPath(const std::string& folder) { return folder + "/plan.jsonl"; }
 
@@ -69,8 +69,9 @@ PlanTask TaskFrom(const PlanJson& json) {
 TaskState StateOf(const Plan& plan, const PlanTask& task, const std::set<int>& done) {
   const std::optional<StageRecord> marker = ReadTaskRecord(MarkerPath(plan, task), task);
   if (marker && IsSettled(task.stage, *marker)) {
-    const bool is_there = IsSameOutput(FingerprintOf(task.stage.output, &marker->output), *marker);
-    return is_there ? TaskState::kDone : TaskState::kNotValid;
+    const StageRecord now = RecordOf(task.stage, marker->version, &*marker);
+    const bool holds = WhyStale(task.stage, now, &*marker).empty() && IsSameOutput(now.output, *marker);
+    return holds ? TaskState::kDone : TaskState::kNotValid;
   }
   const std::optional<StageRecord> tried = ReadTaskRecord(TriedPath(plan, task), task);
   if (tried && tried->exit == kBegun) return TaskState::kBegun;
@@ -183,6 +184,17 @@ std::vector<TaskState> StatesOf(const Plan& plan) {
     if (states.back() == TaskState::kDone) done.insert(task.id);
   }
   return states;
+}
+
+std::vector<int> RemainingTasks(const Plan& plan, const std::vector<TaskState>& states) {
+  std::vector<int> ids;
+  for (size_t i = 0; i < plan.tasks.size(); ++i) {
+    const std::vector<int>& after = plan.tasks[i].after;
+    const bool waits =
+        std::any_of(after.begin(), after.end(), [&](int id) { return std::binary_search(ids.begin(), ids.end(), id); });
+    if (waits || states[i] != TaskState::kDone) ids.push_back(plan.tasks[i].id);
+  }
+  return ids;
 }
 
 }  // namespace mvstudio::stages

@@ -48,11 +48,15 @@ enum class TaskState {
   kBegun,     ///< runs, or was interrupted
   kWaiting,   ///< for others
   kReady,     ///< nothing to wait for
-  kNotValid,  ///< it has a marker, but not the output that the marker names
+  kNotValid,  ///< it has a marker, but its inputs, its flags or its output are others by now
 };
 std::string_view ToString(TaskState state);
 
-/// From the markers, and from names, sizes and times of the outputs: nothing is read, and no scheduler is asked.
+/// From the markers, and from names, sizes and times of the files that they name; a file is read only where these changed. No
+/// scheduler is asked.
 std::vector<TaskState> StatesOf(const Plan& plan);
+
+/// Ids of the tasks that are not done, and of those that wait for one: what these read may change.
+std::vector<int> RemainingTasks(const Plan& plan, const std::vector<TaskState>& states);
 
 }  // namespace mvstudio::stages

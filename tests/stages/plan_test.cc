@@ -122,6 +122,18 @@ TEST_F(PlanFolder, MarkersSayWhatIsDone) {
   EXPECT_EQ(StatesOf(plan)[4], TaskState::kDone) << "a sync may fail";
 }
 
+TEST_F(PlanFolder, WhatWaitsForATaskIsSubmittedWithIt) {
+  std::vector<TaskState> states(7, TaskState::kDone);
+  EXPECT_THAT(RemainingTasks(plan, states), IsEmpty());
+  states[2] = TaskState::kNotValid;
+  EXPECT_THAT(RemainingTasks(plan, states), ElementsAre(3, 5, 7));
+  Put("pose2d/run/a/0.json", "joints");
+  Mark(plan.tasks[1], 0);
+  EXPECT_EQ(StatesOf(plan)[1], TaskState::kDone);
+  Put("raw/run/a.mp4", "filmed again");
+  EXPECT_EQ(StatesOf(plan)[1], TaskState::kNotValid);
+}
+
 TEST_F(PlanFolder, AMarkerThatIsNoneCountsAsNone) {
   Put("done/1.json", "");
   EXPECT_EQ(StatesOf(plan)[0], TaskState::kReady);
