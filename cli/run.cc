@@ -41,6 +41,7 @@ class Pipeline {
     row.command = "mvstudio " + Join(stage.Words("--"), " ");
     if (!IsAskedFor(stage, o_)) {
       row.state = RowState::kNotAsked;
+      NoteIfOlder(stage);
     } else if (!stage.left_out.empty()) {
       row.state = RowState::kLeftOut, row.reason = stage.left_out;
     } else if (stopped_ && stage.kind != StageKind::kReport) {
@@ -62,6 +63,7 @@ class Pipeline {
   }
 
   void Decide(const PipelineStage& stage, StageRow* row) {
+    WarnOfOlder(stage);
     const StageRecord* earlier = Earlier(stage);
     StageRecord now = stages::RecordOf(stage, MVSTUDIO_VERSION, earlier);
     row->reason = stages::WhyStale(stage, now, earlier);
@@ -85,6 +87,24 @@ class Pipeline {
       to_do_.push_back(&stage);
     } else {
       Do(stage, std::move(now), row);
+    }
+  }
+
+  /// A stage that is not asked for, and whose result is not what it would make now.
+  void NoteIfOlder(const PipelineStage& stage) {
+    if (!stage.left_out.empty() || !std::filesystem::exists(stage.output)) return;
+    const StageRecord* earlier = Earlier(stage);
+    if (!earlier && stages::IsNewerThanInputs(stage)) return;
+    const std::string why = stages::WhyStale(stage, stages::RecordOf(stage, MVSTUDIO_VERSION, earlier), earlier);
+    if (!why.empty()) older_.emplace_back(&stage, earlier ? why : "older than what it is made of");
+  }
+
+  void WarnOfOlder(const PipelineStage& stage) {
+    for (const auto& [older, why] : older_) {
+      if (stage.kind == StageKind::kReport || !stages::Reads(stage, *older)) continue;
+      result_.warnings.push_back({"RUN-OLDER",
+                                  stage.name() + " reads what " + older->name() + " writes, and that is not up to date: " + why,
+                                  "--from " + std::string(ToString(older->kind)) + " does both"});
     }
   }
 
@@ -145,6 +165,7 @@ class Pipeline {
   StageRecords records_;
   std::vector<PipelineStage> stages_;
   std::vector<const PipelineStage*> to_do_;
+  std::vector<std::pair<const PipelineStage*, std::string>> older_;  ///< and why
   std::vector<StageRow> rows_;
   CommandResult result_;
   std::set<std::string> said_;

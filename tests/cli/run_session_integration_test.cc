@@ -91,6 +91,11 @@ TEST_F(RunCommand, AFailureStopsItAndTheReportShowsIt) {
   EXPECT_EQ(StatesOf(failed)["dataset take1"], "not reached");
   EXPECT_THAT(failed.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("calibrate: "));
   EXPECT_TRUE(fs::exists(Path("report.html")));
+  const CliRun older = Run({"--only", "triangulate", "--dry-run"});
+  ASSERT_FALSE(older.Json()["warnings"].empty()) << older.out;
+  EXPECT_EQ(older.Json()["warnings"][0]["code"], "RUN-OLDER");
+  EXPECT_THAT(older.Json()["warnings"][0]["text"].get<std::string>(),
+              HasSubstr("triangulate take1 reads what calibrate writes"));
 }
 
 TEST_F(RunCommand, BadArgumentsEndWithTheirExitCodes) {
