@@ -105,7 +105,7 @@ TEST(DatasetBuildStage, TheFolderHoldsTheTakesImagesAndJoints) {
 TEST(DatasetBuildStage, AnImageThatIsNotThereMakesItPartial) {
   const TempDir folder;
   DatasetBuildOptions options = TakeToBuild(folder);
-  options.build.frame_rate_hz = 25, options.keep_rate = true;
+  options.build.frame_rate_hz = 25, options.keep_rate = true, options.build.keep_undamaged = true;
   std::filesystem::remove(ImageAt(folder, 1, 2));
   const DatasetBuildReport report = RunDatasetBuild(options);
   EXPECT_EQ(report.options.build.frame_rate_hz, 25) << "although the joints state 50";
