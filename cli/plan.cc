@@ -11,6 +11,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "core/process.h"
+#include "core/text/shell_word.h"
 #include "stages/pipeline/engines.h"
 #include "stages/report_fields.h"
 
@@ -63,7 +64,7 @@ CommandResult RunPlan(PlanOptions options) {
   const std::vector<PipelineStage> stages = stages::PipelineOf(session, pipeline);
   Plan plan = stages::PlanOf(pipeline, stages, stages::ReadStageRecords(pipeline.session + "/run.json"));
   if (plan.tasks.empty())
-    throw UsageError("nothing of this session is asked for: see `mvstudio run " + pipeline.session + " --dry-run`");
+    throw UsageError("nothing of this session is asked for: see `mvstudio run " + ShellWord(pipeline.session) + " --dry-run`");
   const OutputFolder place(options.out, {session_file}, names);
   MakeFolder(options.out);
   plan.folder = fs::canonical(options.out).string();
@@ -144,7 +145,8 @@ class TaskRun {
  private:
   CommandResult UpToDate(const StageRecord& earlier) {
     row_.state = RowState::kUpToDate;
-    if (!stages::ReadTaskRecord(MarkerPath(plan_, task_), task_)) Mark(earlier);
+    const std::optional<StageRecord> marker = stages::ReadTaskRecord(MarkerPath(plan_, task_), task_);
+    if (!marker || !stages::IsSameOutput(marker->output, earlier)) Mark(earlier);
     return Say({});
   }
 
@@ -221,7 +223,7 @@ CommandResult Status(const Plan& plan) {
     result.errors.push_back(
         {"JOB-FAILED",
          "task " + std::to_string(task.id) + " (" + task.stage.name() + ") ended with exit code " + std::to_string(exit),
-         "its message again: mvstudio task " + plan.folder + " " + std::to_string(task.id)});
+         "its message again: mvstudio task " + ShellWord(plan.folder) + " " + std::to_string(task.id)});
     if (result.exit == kExitOk) result.exit = exit;
   }
   for (const auto& [kind, counts] : by_stage) {
@@ -244,7 +246,7 @@ CommandResult Submit(JobsOptions options, CommandContext& context) {
   const std::vector<int> ids = RemainingTasks(plan, states);
   if (ids.empty()) return Status(plan);
   if (options.engine == Engine::kSnakemake)
-    throw UsageError("option 'engine' snakemake: call snakemake itself, -s " + plan.folder + "/Snakefile");
+    throw UsageError("option 'engine' snakemake: call snakemake itself, -s " + ShellWord(plan.folder + "/Snakefile"));
   options.limits.program = ProgramPath();
   for (const int id : ids) {  // a scheduler looks at names alone: a marker that does not hold would keep the task back
     const std::string marker = MarkerPath(plan, stages::TaskOf(plan, id));

@@ -9,15 +9,10 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "core/text/shell_word.h"
 
 namespace mvstudio::stages {
 namespace {
-
-std::string ForShell(const std::string& text) {
-  std::string quoted = "'";
-  for (const char c : text) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return quoted + "'";
-}
 
 std::string ForNinja(const std::string& path) {
   std::string escaped;
@@ -38,7 +33,7 @@ std::string InNinja(const std::string& value) {
 std::string ForPython(const std::string& text) { return nlohmann::json(text).dump(); }
 
 std::string TaskCommand(const Plan& plan, const EngineOptions& options) {
-  return ForShell(options.program) + " task " + ForShell(plan.folder) + " ";
+  return ShellWord(options.program) + " task " + ShellWord(plan.folder) + " ";
 }
 
 /// Files of a task that no task makes and that ninja can look at.
@@ -137,7 +132,7 @@ std::string SlurmText(const Plan& plan, const std::vector<int>& ids, const Engin
   const std::vector<JobArray> arrays = ArraysOf(plan, ids, options.max_array);
   std::string text =
       "#!/bin/sh\n# Written by mvstudio plan: an array for each stage. Prints the ids of the jobs.\nset -e\nmkdir -p " +
-      ForShell(plan.folder + "/log") + "\n";
+      ShellWord(plan.folder + "/log") + "\n";
   for (size_t k = 0; k < arrays.size(); ++k) {
     const JobArray& array = arrays[k];
     std::vector<int> indices;
@@ -147,12 +142,12 @@ std::string SlurmText(const Plan& plan, const std::vector<int>& ids, const Engin
     const std::string command =
         "exec " + TaskCommand(plan, options) + "$((" + std::to_string(array.first) + " + SLURM_ARRAY_TASK_ID))";
     text += "job" + std::to_string(k + 1) + "=$(sbatch --parsable --requeue --open-mode=append --job-name=" + array.name +
-            " --array=" + Indices(indices) + limit + " --output=" + ForShell(plan.folder + "/log/%x-%A_%a.txt");
+            " --array=" + Indices(indices) + limit + " --output=" + ShellWord(plan.folder + "/log/%x-%A_%a.txt");
     if (!before.empty()) {
       text += std::string(" --kill-on-invalid-dep=yes --dependency=") + (array.reports ? "afterany:" : "afterok:") + before;
     }
     if (!options.sbatch.empty()) text += " " + options.sbatch;
-    text += " --wrap " + ForShell(command) + ")\necho \"" + array.name + " $job" + std::to_string(k + 1) + "\"\n";
+    text += " --wrap " + ShellWord(command) + ")\necho \"" + array.name + " $job" + std::to_string(k + 1) + "\"\n";
   }
   return text;
 }
