@@ -254,7 +254,7 @@ CommandResult RunMask(stages::MaskArguments arguments, CommandContext& context) 
   stages::LeaveOutUncalibrated(arguments.calib.empty() ? take.calibration : arguments.calib, &take, &result);
   FillFromSession(take, &arguments);
   AtomicFolder folder(arguments.out, arguments.run.overwrite,
-                      Joined(Joined(PathsOf(take.footage), PathsIn(arguments.pose2d)), {arguments.pose3d, arguments.calib}));
+                      Joined(Joined(take.Paths(), PathsIn(arguments.pose2d)), {arguments.pose3d, arguments.calib}));
   const std::vector<stages::MaskBackend> backends = stages::MaskBackends(arguments, &result);
   const stages::MaskJob job = stages::ReadMaskJob(arguments, take, &result, context.run);
   size_t chosen = 0;

@@ -10,12 +10,6 @@ std::vector<std::string> PathsIn(const std::vector<stages::NamedPath>& named) {
   return paths;
 }
 
-std::vector<std::string> PathsOf(const std::vector<dataset::CameraFootage>& footage) {
-  std::vector<std::string> paths;
-  for (const dataset::CameraFootage& camera : footage) paths.insert(paths.end(), {camera.path, camera.plate});
-  return paths;
-}
-
 std::vector<std::string> Joined(std::vector<std::string> first, const std::vector<std::string>& second) {
   first.insert(first.end(), second.begin(), second.end());
   return first;

@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "core/disk/output.h"
-#include "dataset/build/build.h"
 #include "stages/result.h"
 #include "stages/words.h"
 
@@ -16,9 +15,6 @@ std::vector<std::string> PathsIn(const std::vector<stages::NamedPath>& named);
 /// True where `path` is there and the run ended in failure (exit code 5): the older result is the better one. It is then said,
 /// and the result's folder stays as it is.
 bool KeepsOlder(const std::string& path, stages::CommandResult* result);
-
-/// Footage and plates.
-std::vector<std::string> PathsOf(const std::vector<dataset::CameraFootage>& footage);
 
 /// All of them, one after the other.
 std::vector<std::string> Joined(std::vector<std::string> first, const std::vector<std::string>& second);

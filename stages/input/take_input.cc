@@ -152,6 +152,12 @@ std::string TakeInput::Folder(const std::string& kind, const std::string& camera
   return session ? dataset::TakeFolder(*session, kind, take, camera) : "";
 }
 
+std::vector<std::string> TakeInput::Paths() const {
+  std::vector<std::string> paths;
+  for (const dataset::CameraFootage& camera : footage) paths.insert(paths.end(), {camera.path, camera.plate});
+  return paths;
+}
+
 TakeInput ReadTakeInput(const TakeArguments& arguments, InputNotes* notes) {
   TakeInput input;
   const bool named = !arguments.video.empty() || !arguments.images.empty();

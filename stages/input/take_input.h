@@ -49,6 +49,8 @@ struct TakeInput {
 
   /// SESSION/KIND/TAKE/CAMERA; `kind` is "pose2d" or "masks". Empty without --session.
   std::string Folder(const std::string& kind, const std::string& camera = "") const;
+  /// Of footage and plates; some may be empty.
+  std::vector<std::string> Paths() const;
 };
 
 /// Two cameras cannot have filmed the same file: masks, joints, boards and images of one of them would be the other's. Throws

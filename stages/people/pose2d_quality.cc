@@ -5,25 +5,14 @@
 
 #include "stages/input/pose_input.h"
 #include "stages/input/take_frames.h"
-#include "triangulate/take/take.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using nlohmann::ordered_json;
 
 struct OkCount {
   int ok = 0, tried = 0;
   double share() const { return tried ? static_cast<double>(ok) / tried : 0; }
 };
-
-ordered_json FiguresJson(const triangulate::LeftOutFigures& figures) {
-  return {{"median_px", FiniteOrNull(figures.median_px)},
-          {"p90_px", FiniteOrNull(figures.p90_px)},
-          {"predicted_median_px", FiniteOrNull(figures.predicted_median_px)},
-          {"coverage", FiniteOrNull(figures.coverage)},
-          {"num", figures.num_samples}};
-}
 
 std::vector<OkCount> CountOk(const triangulate::TakeResult& take, size_t num_joints) {
   std::vector<OkCount> counts(num_joints);
@@ -35,24 +24,22 @@ std::vector<OkCount> CountOk(const triangulate::TakeResult& take, size_t num_joi
   return counts;
 }
 
-void AddCameras(const triangulate::TakeResult& take, const geometry::Rig& rig, ordered_json* json) {
-  (*json)["cameras"] = ordered_json::array();
+std::vector<PoseAgreement::OfCamera> OfCameras(const triangulate::TakeResult& take, const geometry::Rig& rig) {
+  std::vector<PoseAgreement::OfCamera> cameras;
   for (size_t c = 0; c < rig.cameras.size() && c < take.holdout.cameras.size(); ++c) {
-    if (take.holdout.cameras[c].num_samples == 0) continue;
-    ordered_json camera{{"name", rig.cameras[c].camera.name}};
-    camera.update(FiguresJson(take.holdout.cameras[c]));
-    (*json)["cameras"].push_back(camera);
+    if (take.holdout.cameras[c].num_samples > 0) cameras.push_back({rig.cameras[c].camera.name, take.holdout.cameras[c]});
   }
+  return cameras;
 }
 
-void AddJoints(const triangulate::TakeResult& take, const std::vector<OkCount>& counts, const geometry::Skeleton& skeleton,
-               ordered_json* json) {
-  (*json)["joints"] = ordered_json::array();
+std::vector<PoseAgreement::OfJoint> OfJoints(const triangulate::TakeResult& take, const std::vector<OkCount>& counts,
+                                             const geometry::Skeleton& skeleton) {
+  std::vector<PoseAgreement::OfJoint> joints;
   for (size_t j = 0; j < skeleton.joints.size(); ++j) {
-    ordered_json joint{{"name", skeleton.joints[j]}, {"share_ok", counts[j].share()}};
-    if (j < take.holdout.joints.size()) joint.update(FiguresJson(take.holdout.joints[j]));
-    (*json)["joints"].push_back(joint);
+    joints.push_back({skeleton.joints[j], counts[j].share(), {}});
+    if (j < take.holdout.joints.size()) joints.back().figures = take.holdout.joints[j];
   }
+  return joints;
 }
 
 }  // namespace
@@ -78,13 +65,9 @@ PoseAgreement MeasureAgreement(const std::vector<dataset::Pose2dTrack>& tracks, 
   agreement.share_ok = all.share();
   agreement.sigma_px = take.sigma_px;
   agreement.sides_fixed = take.sides.num_swapped;
-  agreement.json = FiguresJson(take.holdout.all);
-  agreement.json["share_ok"] = agreement.share_ok;
-  agreement.json["sigma_px"] = FiniteOrNull(take.sigma_px);
-  agreement.json["sides_fixed"] = take.sides.num_swapped;
-  agreement.json["method"] = std::string(ToString(take.method));
-  AddCameras(take, rig, &agreement.json);
-  AddJoints(take, counts, skeleton, &agreement.json);
+  agreement.measured = true, agreement.method = take.method, agreement.all = take.holdout.all;
+  agreement.cameras = OfCameras(take, rig);
+  agreement.joints = OfJoints(take, counts, skeleton);
   return agreement;
 }
 

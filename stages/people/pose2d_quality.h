@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -7,18 +8,32 @@
 #include "dataset/pose/pose2d.h"
 #include "geometry/rig/rig.h"
 #include "geometry/skeleton/skeleton.h"
-#include "stages/result.h"
+#include "triangulate/take/take.h"
 
 /// Agreement between the keypoints of several cameras.
 namespace mvstudio::stages {
 
 struct PoseAgreement {
+  bool measured = false;             ///< at least two cameras could be compared
   double median_px = 0, p90_px = 0;  ///< distance of a detection from the prediction by the other cameras, over all
                                      ///< detections; infinite where there is no prediction. NaN: nothing to compare
   double share_ok = 0;               ///< fraction of the joints of people that were triangulated
   double sigma_px = 0;               ///< noise of the detections
   int sides_fixed = 0;               ///< detections whose left and right were swapped
-  nlohmann::ordered_json json;       ///< the same and by camera and joint, for the result
+  triangulate::TakeMethod method;
+  triangulate::LeftOutFigures all;
+
+  struct OfCamera {
+    std::string name;
+    triangulate::LeftOutFigures figures;
+  };
+  struct OfJoint {
+    std::string name;
+    double share_ok = 0;
+    std::optional<triangulate::LeftOutFigures> figures;
+  };
+  std::vector<OfCamera> cameras;  ///< those with detections to compare
+  std::vector<OfJoint> joints;    ///< of the skeleton
 };
 
 /// Triangulates with each camera left out in turn. Tracks of cameras that the rig lacks are ignored.

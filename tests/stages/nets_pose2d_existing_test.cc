@@ -5,7 +5,7 @@
 
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
-#include "stages/nets/pose2d_existing.h"
+#include "stages/nets/pose2d/existing.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -47,8 +47,8 @@ TEST(ExistingPoses, JointsThatCannotBeRightAreNotDetected) {
   Put(folder / "poses/a/0_keypoints.json",
       Json({{50, 40, 0.5}, {-99, 40, 0.5}, {-101, 40, 0.5}, {50, 159, 0.5}, {50, 161, 0.5}, {60, 50, 1.5}, {60, 50, -0.5}}));
   Put(folder / "poses/a/1_keypoints.json", R"({"people": []})");
-  CommandResult result;
-  const std::vector<CameraPoses> cameras = ReadExistingPoses(folder / "poses", {PutFootage(folder, "a")}, Body25(), &result);
+  InputNotes notes;
+  const std::vector<CameraPoses> cameras = ReadExistingPoses(folder / "poses", {PutFootage(folder, "a")}, Body25(), &notes);
   ASSERT_EQ(cameras.size(), 1u);
   EXPECT_EQ(cameras[0].track.camera, "a");
   EXPECT_EQ(cameras[0].width, 100);
@@ -61,29 +61,29 @@ TEST(ExistingPoses, JointsThatCannotBeRightAreNotDetected) {
   EXPECT_THAT(scores, ElementsAre(0.5, 0.5, 0, 0.5, 0, 1, 0)) << "outside by more than the picture's size; above 1; below 0";
   EXPECT_EQ(joints[1].x_px, -99);
   EXPECT_EQ(joints[2].x_px, 0) << "not detected, and so nowhere";
-  ASSERT_EQ(result.warnings.size(), 1u);
-  EXPECT_EQ(result.warnings[0].code, "POSE-JOINTS");
-  EXPECT_THAT(result.warnings[0].text, HasSubstr("a: 3 joints"));
-  EXPECT_THAT(result.inputs, ElementsAre(folder / "poses/a"));
+  ASSERT_EQ(notes.warnings.size(), 1u);
+  EXPECT_EQ(notes.warnings[0].code, "POSE-JOINTS");
+  EXPECT_THAT(notes.warnings[0].text, HasSubstr("a: 3 joints"));
+  EXPECT_THAT(notes.inputs, ElementsAre(folder / "poses/a"));
 }
 
 TEST(ExistingPoses, WithoutFootageEveryFolderIsACameraAndNoPlaceIsOutside) {
   const TempDir folder;
   for (const char* camera : {"b", "a"}) Put(folder / "poses/" + camera + "/7_keypoints.json", Json({{-5000, 9, 0.5}}));
   Put(folder / "poses/notes.txt", "no camera");
-  CommandResult result;
-  const std::vector<CameraPoses> cameras = ReadExistingPoses(folder / "poses", {}, Body25(), &result);
+  InputNotes notes;
+  const std::vector<CameraPoses> cameras = ReadExistingPoses(folder / "poses", {}, Body25(), &notes);
   ASSERT_EQ(cameras.size(), 2u);
   EXPECT_EQ(cameras[0].track.camera, "a");
   EXPECT_EQ(cameras[1].track.frames.at(7)[0].keypoints[0].x_px, -5000);
-  EXPECT_TRUE(result.warnings.empty());
+  EXPECT_TRUE(notes.warnings.empty());
 }
 
 TEST(ExistingPoses, FoldersThatAreNotThereAreNamed) {
   const TempDir folder;
-  CommandResult result;
+  InputNotes notes;
   const auto read = [&](const std::vector<dataset::CameraFootage>& footage) {
-    ReadExistingPoses(folder / "poses", footage, Body25(), &result);
+    ReadExistingPoses(folder / "poses", footage, Body25(), &notes);
   };
   EXPECT_THAT(MessageOf<UsageError>([&] { read({}); }), HasSubstr("option 'backend' openpose:" + (folder / "poses")));
   std::filesystem::create_directories(folder / "poses");

@@ -60,12 +60,12 @@ TEST(PoseQuality, DetectionsWithLittleNoiseAgreeAsFarAsTheirNoise) {
   EXPECT_LT(agreement.median_px, 4 * kNoisePx);
   EXPECT_GE(agreement.p90_px, agreement.median_px);
   EXPECT_EQ(agreement.sides_fixed, 0);
-  ASSERT_EQ(agreement.json["cameras"].size(), 4u);
-  EXPECT_EQ(agreement.json["cameras"][2]["name"], "cam_2");
-  ASSERT_EQ(agreement.json["joints"].size(), 25u);
-  EXPECT_EQ(agreement.json["joints"][0]["name"], "Nose");
-  EXPECT_EQ(agreement.json["joints"][0]["share_ok"], 1);
-  EXPECT_EQ(agreement.json["median_px"], agreement.median_px);
+  ASSERT_EQ(agreement.cameras.size(), 4u);
+  EXPECT_EQ(agreement.cameras[2].name, "cam_2");
+  ASSERT_EQ(agreement.joints.size(), 25u);
+  EXPECT_EQ(agreement.joints[0].name, "Nose");
+  EXPECT_EQ(agreement.joints[0].share_ok, 1);
+  EXPECT_EQ(agreement.all.median_px, agreement.median_px);
 }
 
 TEST(PoseQuality, SwappedSidesOfOneCameraAreCountedAndMended) {
@@ -88,10 +88,18 @@ TEST(PoseQuality, TracksOfUnknownCamerasCountForNothing) {
   dataset::Pose2dTrack unknown = tracks[0];
   unknown.camera = "somebody's";
   tracks.push_back(unknown);
-  EXPECT_EQ(MeasureAgreement(tracks, Body25(), rig, 1, {}).json, without.json);
+  const PoseAgreement with = MeasureAgreement(tracks, Body25(), rig, 1, {});
+  EXPECT_TRUE(with.measured && without.measured);
+  EXPECT_EQ(with.median_px, without.median_px);
+  EXPECT_EQ(with.p90_px, without.p90_px);
+  EXPECT_EQ(with.sigma_px, without.sigma_px);
+  EXPECT_EQ(with.share_ok, without.share_ok);
+  EXPECT_EQ(with.all.num_samples, without.all.num_samples);
+  EXPECT_EQ(with.cameras.size(), without.cameras.size());
   tracks = {tracks[0], unknown};
   const PoseAgreement nothing = MeasureAgreement(tracks, Body25(), rig, 1, {});
   EXPECT_TRUE(std::isnan(nothing.median_px) && std::isnan(nothing.p90_px)) << "one camera has nothing to be compared with";
+  EXPECT_FALSE(nothing.measured);
   EXPECT_EQ(nothing.share_ok, 0);
 }
 

@@ -1,4 +1,4 @@
-#include "stages/nets/pose2d_existing.h"
+#include "stages/nets/pose2d/existing.h"
 
 #include <algorithm>
 #include <cmath>
@@ -52,13 +52,13 @@ int FramesOf(const dataset::CameraFootage& footage) {
 }
 
 std::vector<CameraPoses> ReadExistingPoses(const std::string& folder, const std::vector<dataset::CameraFootage>& footage,
-                                           const geometry::Skeleton& skeleton, CommandResult* result) {
+                                           const geometry::Skeleton& skeleton, InputNotes* notes) {
   if (!fs::is_directory(folder)) throw UsageError("option 'backend' openpose:" + folder + ": there is no such folder");
   std::vector<CameraPoses> cameras;
   for (const std::string& name : CamerasOf(folder, footage)) {
     CameraPoses camera;
     camera.track = dataset::ReadOpenPoseFolder(folder + "/" + name, name, skeleton);
-    result->inputs.push_back(folder + "/" + name);
+    notes->inputs.push_back(folder + "/" + name);
     camera.damage = camera.track.skipped;
     for (const dataset::CameraFootage& f : footage) {
       if (f.camera != name) continue;
@@ -67,9 +67,9 @@ std::vector<CameraPoses> ReadExistingPoses(const std::string& folder, const std:
     }
     const int dropped = Normalise(camera.width, camera.height, &camera.track);
     if (dropped > 0)
-      result->warnings.push_back({"POSE-JOINTS",
-                                  name + ": " + std::to_string(dropped) + " joints have no usable position or score",
-                                  "they count as not detected"});
+      notes->warnings.push_back({"POSE-JOINTS",
+                                 name + ": " + std::to_string(dropped) + " joints have no usable position or score",
+                                 "they count as not detected"});
     for (const auto& [frame, people] : camera.track.frames) ++camera.frames, camera.frames_with_people += !people.empty();
     cameras.push_back(std::move(camera));
   }

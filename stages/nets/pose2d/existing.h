@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "stages/nets/pose2d_detect.h"
+#include "stages/nets/pose2d/detect.h"
 
 namespace mvstudio::stages {
 
@@ -15,6 +15,6 @@ int FramesOf(const dataset::CameraFootage& footage);
 /// scores above 1 count as 1. Unreadable files are listed as damage. Throws like dataset::ReadOpenPoseFolder, UsageError
 /// for a missing folder.
 std::vector<CameraPoses> ReadExistingPoses(const std::string& folder, const std::vector<dataset::CameraFootage>& footage,
-                                           const geometry::Skeleton& skeleton, CommandResult* result);
+                                           const geometry::Skeleton& skeleton, InputNotes* notes);
 
 }  // namespace mvstudio::stages

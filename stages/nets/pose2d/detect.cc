@@ -1,4 +1,4 @@
-#include "stages/nets/pose2d_detect.h"
+#include "stages/nets/pose2d/detect.h"
 
 #include <algorithm>
 #include <chrono>

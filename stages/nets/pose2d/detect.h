@@ -10,7 +10,7 @@
 #include "dataset/detect/joints/pose_tracker.h"
 #include "dataset/pose/pose2d.h"
 #include "stages/input/take_input.h"
-#include "stages/result.h"
+#include "stages/input_notes.h"
 
 /// Keypoints of a take's footage.
 namespace mvstudio::stages {

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <string>
+
+#include "core/choice/option_group.h"
+#include "core/choice/option_style.h"
+#include "dataset/detect/joints/joint_net.h"
+#include "dataset/detect/joints/pose_tracker.h"
+#include "stages/input/take_input.h"
+
+/// 2D keypoints of people in a take's footage: what a caller gives.
+namespace mvstudio::stages {
+
+struct Pose2dOptions {
+  TakeArguments take;  ///< its frames keep their own numbers; triangulate turns them into time steps
+  std::string out;     ///< folder; empty: that of the session's take
+  std::string backend = "auto";
+  std::string calib;  ///< empty: that of the session, if any
+  std::string models;
+  std::string skeleton = "body25";  ///< of files that are there
+  int trial_frames = 16;
+  int overlays = 2;
+  std::string frames;  ///< "80-99" or "1,4,7-9"; empty: all
+  int every = 1;
+  bool overwrite = false;
+  detect::PoseOptions pose;
+  detect::OnnxOptions onnx;
+
+  Pose2dOptions() { take.with_timeline = false; }
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, Pose2dOptions& o) {
+  VisitFields(visit, o.take);
+  StartGroup(visit, "Options");
+  VisitStyled(visit, OptionStyle::kFolder, "out", o.out,
+              "folder: CAMERA/%012d_keypoints.json and overlay/ (default with option 'session': its pose2d/TAKE)");
+  visit("backend", o.backend,
+        "posenet, movenet or blazepose (with feet; mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER "
+        "(FOLDER/CAMERA holds JSON files that are checked and renumbered), auto: the installed net whose keypoints agree best "
+        "across cameras (needs option 'calib')");
+  visit("calib", o.calib, "calibration: reports how well the cameras agree");
+  visit("models", o.models, "folder of the weights; default: as models fetch");
+  visit("skeleton", o.skeleton, "openpose: the skeleton of the existing files, a name or a file FILE.toml");
+  visit("trial-frames", o.trial_frames, "auto: frames on which the nets are compared");
+  visit("overlays", o.overlays, "images of each camera to draw the keypoints on");
+  visit("frames", o.frames, "80-99 or 1,4,7-9: frames of the footage; all unless given");
+  visit("every", o.every, "use every n-th frame of the footage; the others have no keypoints");
+  VisitStyled(visit, OptionStyle::kSwitch, "overwrite", o.overwrite, "replace the output folder");
+  VisitFields(visit, o.pose);
+  VisitFields(visit, o.onnx);
+}
+
+}  // namespace mvstudio::stages
