@@ -157,6 +157,7 @@ MAY_INCLUDE |= {
     "stages/nets/evaluate": NET_ROOM,
     "stages/nets/fit": NET_ROOM,
     "stages/nets/lift": NET_ROOM,
+    "stages/nets/mask": NET_ROOM,
     "stages/nets/pose2d": NET_ROOM | {"stages/people"},
     "stages/nets/render": NET_ROOM,
     "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},

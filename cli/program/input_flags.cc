@@ -27,18 +27,14 @@ void AddMeaningOptions(CLI::App* sub, stages::CalibReadOptions& options) {
   AddChoice(sub, "--lens", options.lens,
             "auto, perspective or fisheye: of files that do not say it (opencv, easymocap, nerfstudio, toml)")
       ->capture_default_str();
-  AddPoseMendingOptions(sub, options.invert, options.mirror);
+  AddFlag(sub, "--invert", options.invert, stages::kInvertHelp);
+  AddFlag(sub, "--mirror", options.mirror, stages::kMirrorHelp);
   AddOption(
       sub, "--allow-approximation", options.allow_approximation_px,
       "px; the nearest lens takes the place of one that cannot be kept: when reading one with skew, when writing one that the "
       "format lacks. Refused where a pixel of the image moves farther")
       ->capture_default_str()
       ->check(CLI::NonNegativeNumber);
-}
-
-void AddPoseMendingOptions(CLI::App* sub, bool& invert, bool& mirror) {
-  AddFlag(sub, "--invert", invert, stages::kInvertHelp);
-  AddFlag(sub, "--mirror", mirror, stages::kMirrorHelp);
 }
 
 void AddSessionArguments(CLI::App* sub, stages::SessionArguments& arguments, const std::string& what,

@@ -17,8 +17,6 @@ namespace mvstudio::cli {
 void AddReadOptions(CLI::App* sub, stages::CalibReadOptions& options);
 /// Of these --lens, --invert, --mirror, --allow-approximation: what a file's numbers mean.
 void AddMeaningOptions(CLI::App* sub, stages::CalibReadOptions& options);
-/// --invert, --mirror.
-void AddPoseMendingOptions(CLI::App* sub, bool& invert, bool& mirror);
 
 /// Adds --session, --take and --allow-outside; `what` comes from the session, `unless_given` is the take without --take.
 void AddSessionArguments(CLI::App* sub, stages::SessionArguments& arguments, const std::string& what,

@@ -6,7 +6,7 @@
 #include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
-#include "stages/nets/mask_input.h"
+#include "stages/nets/mask/input.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 
@@ -71,25 +71,25 @@ TEST(MaskFrames, ThoseThatWereAskedForGetMasks) {
   }
   TakeInput take;
   take.footage.push_back({"a", folder / "a", ""});
-  MaskArguments arguments;
-  const auto job_of = [&](const std::string& frames, CommandResult* result) {
-    arguments.changes.frames = frames;
-    return ReadMaskJob(arguments, take, result, {});
+  MaskStageOptions options;
+  const auto job_of = [&](const std::string& frames, InputNotes* notes) {
+    options.changes.frames = frames;
+    return ReadMaskJob(options, take, notes, {});
   };
-  CommandResult result;
-  const MaskJob job = job_of("8-30", &result);
-  ASSERT_EQ(result.warnings.size(), 1u);
-  EXPECT_THAT(result.warnings[0].text, HasSubstr("the footage has no frames 12 to 30; it has 12 frames from 0 to 11"));
+  InputNotes notes;
+  const MaskJob job = job_of("8-30", &notes);
+  ASSERT_EQ(notes.warnings.size(), 1u);
+  EXPECT_THAT(notes.warnings[0].text, HasSubstr("the footage has no frames 12 to 30; it has 12 frames from 0 to 11"));
   EXPECT_EQ(job.cameras[0].samples.numbers.size(), 12u) << "the background is learned from all";
   const MaskTrial trial = TryBackend(job, {"background", nullptr}, false, {});
   ASSERT_EQ(trial.failed_camera, "");
-  const MaskRunResult masks = RunMasks(job, {"background", nullptr}, trial.models, folder / "masks", {});
+  const MaskRunResult masks = MakeMasks(job, {"background", nullptr}, trial.models, folder / "masks", {});
   EXPECT_EQ(masks.cameras[0].take.pictures, 4);
   EXPECT_FALSE(std::filesystem::exists(MaskPath(folder / "masks", "a", 7)));
   EXPECT_TRUE(std::filesystem::exists(MaskPath(folder / "masks", "a", 8)));
-  EXPECT_THAT(MessageOf<NothingLeftError>([&] { job_of("50-60", &result); }), HasSubstr("no frames 50 to 60; it has 12"));
-  arguments.changes.rate = {{"", "25"}};
-  EXPECT_THAT(MessageOf<UsageError>([&] { job_of("", &result); }), HasSubstr("option 'rate'"));
+  EXPECT_THAT(MessageOf<NothingLeftError>([&] { job_of("50-60", &notes); }), HasSubstr("no frames 50 to 60; it has 12"));
+  options.changes.rate = {{"", "25"}};
+  EXPECT_THAT(MessageOf<UsageError>([&] { job_of("", &notes); }), HasSubstr("option 'rate'"));
 }
 
 }  // namespace

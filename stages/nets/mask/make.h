@@ -9,41 +9,11 @@
 #include <vector>
 
 #include "core/progress.h"
-#include "dataset/detect/segment/segment.h"
 #include "dataset/masks/mask_take.h"
-#include "dataset/masks/size_rule.h"
-#include "dataset/masks/visual_hull.h"
-#include "stages/input/take_input.h"
-#include "stages/result.h"
+#include "stages/nets/mask/options.h"
 
-/// The work of `mvstudio mask`, without parsing and printing.
+/// Masks of a take whose input has been read.
 namespace mvstudio::stages {
-
-struct MaskRunOptions {
-  int hull_frames = 24;
-  int trial_frames = 6;
-  int sheet_tiles = 24;
-  bool soft = false;
-  bool hull = false;
-  bool keep_undamaged = false;
-  bool overwrite = false;
-  dataset::SizeRuleChoice size_rule = dataset::SizeRuleChoice::kAuto;
-};
-
-template <class Visitor>
-void VisitFields(Visitor&& visit, MaskRunOptions& o) {
-  visit("soft", o.soft, "write the covered share of each pixel, too: OUT/soft/CAMERA/%08d.png, 0..255");
-  visit(
-      "hull", o.hull,
-      "make the masks twice, the second time without pixels that the masks of two other cameras exclude; needs option 'calib'");
-  visit("hull-frames", o.hull_frames, "frames on which masks are compared with the visual hull; 0: none");
-  visit("trial-frames", o.trial_frames, "frames on which option 'backend' auto tries every backend");
-  visit("sheet-tiles", o.sheet_tiles, "images on each camera's contact sheet; 0: no sheet");
-  visit("size-rule", o.size_rule,
-        "footage of another size than calibrated: auto, fill, stretch, crop-right, crop-centre or crop-left");
-  visit("keep-undamaged", o.keep_undamaged, "use what decodes of damaged footage and list what is missing");
-  visit("overwrite", o.overwrite, "replace the output folder");
-}
 
 /// One camera of the take, ready to be segmented.
 struct MaskCamera {
@@ -109,8 +79,8 @@ struct MaskRunResult {
 };
 
 /// Writes the masks of the whole take to `folder`.
-MaskRunResult RunMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<dataset::CameraMaskModel>& models,
-                       const std::string& folder, const RunContext& run);
+MaskRunResult MakeMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<dataset::CameraMaskModel>& models,
+                        const std::string& folder, const RunContext& run);
 
 /// FOLDER/CAMERA/%08d.png
 std::string MaskPath(const std::string& folder, const std::string& camera, int frame);

@@ -1,4 +1,4 @@
-#include "stages/nets/mask_run.h"
+#include "stages/nets/mask/make.h"
 
 #include <algorithm>
 #include <cmath>
@@ -251,8 +251,8 @@ MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_fra
   return trial;
 }
 
-MaskRunResult RunMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<CameraMaskModel>& models,
-                       const std::string& folder, const RunContext& run) {
+MaskRunResult MakeMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<CameraMaskModel>& models,
+                        const std::string& folder, const RunContext& run) {
   TakePass pass = SegmentAll(job, backend, models, folder, "", run);
   const bool together = job.has_calibration() && job.cameras.size() > 1;
   if (job.run.hull && together) {

@@ -1,4 +1,4 @@
-#include "stages/nets/mask_input.h"
+#include "stages/nets/mask/input.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -25,8 +25,8 @@ namespace {
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
 /// The camera as its footage shows it.
-geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::RigCamera& camera, const MaskCamera& taken,
-                              const std::map<int, People>& poses, CommandResult* result) {
+geometry::RigCamera MatchSize(const MaskStageOptions& options, const geometry::RigCamera& camera, const MaskCamera& taken,
+                              const std::map<int, People>& poses, InputNotes* notes) {
   const int w = taken.samples.width, h = taken.samples.height, cw = camera.camera.width_px, ch = camera.camera.height_px;
   const std::string sizes = "footage is " + SizeText(w, h) + ", the calibration is for " + SizeText(cw, ch);
   const auto rules = dataset::SizeRules(cw, ch, w, h);
@@ -34,7 +34,7 @@ geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::Ri
   if (rules.size() == 1) return ApplySizeRule(camera, rules[0], w, h);
   dataset::SizeRule rule = rules[0];
   for (const dataset::SizeRule& r : rules) {
-    if (r.name == ToString(arguments.run.size_rule)) rule = r;
+    if (r.name == ToString(options.run.size_rule)) rule = r;
   }
   std::vector<Image> frames;
   std::vector<People> people;
@@ -43,10 +43,10 @@ geometry::RigCamera MatchSize(const MaskArguments& arguments, const geometry::Ri
     if (found == poses.end()) continue;
     frames.push_back(taken.samples.frames[f]), people.push_back(found->second);
   }
-  if (arguments.run.size_rule == dataset::SizeRuleChoice::kAuto && !frames.empty())
-    rule = dataset::DecideSizeRule(rules, camera, frames, people, 0, arguments.mask).rule;
-  result->warnings.push_back({"MSK-SIZE", "camera " + taken.footage.camera + ": " + sizes + "; taken as '" + rule.name + "'",
-                              "calibrate with footage of the size that is used, or name the rule with option 'size-rule'"});
+  if (options.run.size_rule == dataset::SizeRuleChoice::kAuto && !frames.empty())
+    rule = dataset::DecideSizeRule(rules, camera, frames, people, 0, options.mask).rule;
+  notes->warnings.push_back({"MSK-SIZE", "camera " + taken.footage.camera + ": " + sizes + "; taken as '" + rule.name + "'",
+                             "calibrate with footage of the size that is used, or name the rule with option 'size-rule'"});
   return ApplySizeRule(camera, rule, w, h);
 }
 
@@ -72,19 +72,19 @@ MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::Ma
   return camera;
 }
 
-void AddCalibration(const MaskArguments& arguments, const std::string& path, MaskJob* job, CommandResult* result) {
-  const calib::ImportedRig imported = ReadCalibrationFiles({path}, arguments.read);
+void AddCalibration(const MaskStageOptions& options, const std::string& path, MaskJob* job, InputNotes* notes) {
+  const calib::ImportedRig imported = ReadCalibrationFiles({path}, options.read);
   const geometry::Rig& rig = imported.rig;
-  AddNotes(imported.notes, result);
+  AddNotes(imported.notes, notes);
   RequirePoses(rig, path);
-  result->inputs.push_back(path);
+  notes->inputs.push_back(path);
   for (MaskCamera& camera : job->cameras) {
     const int idx = rig.Find(camera.footage.camera);
     if (idx < 0) throw FormatError(path, "cameras", "has no camera " + camera.footage.camera);
-    camera.camera = MatchSize(arguments, rig.cameras[idx], camera, job->poses, result);
+    camera.camera = MatchSize(options, rig.cameras[idx], camera, job->poses, notes);
     for (const auto& [instant, people] : job->poses) {
       const int frame = camera.FrameAt(instant);
-      if (frame >= 0) camera.bodies.frames[frame] = dataset::ProjectBody(people, *camera.camera, arguments.mask);
+      if (frame >= 0) camera.bodies.frames[frame] = dataset::ProjectBody(people, *camera.camera, options.mask);
     }
   }
 }
@@ -107,29 +107,29 @@ geometry::Rig FootageRig(const MaskJob& job) {
   return rig;
 }
 
-void AddKeypoints(const MaskArguments& arguments, MaskJob* job, CommandResult* result) {
-  const geometry::Skeleton skeleton = geometry::SkeletonFrom(arguments.skeleton);
-  if (geometry::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
+void AddKeypoints(const MaskStageOptions& options, MaskJob* job, InputNotes* notes) {
+  const geometry::Skeleton skeleton = geometry::SkeletonFrom(options.skeleton);
+  if (geometry::IsSkeletonFile(options.skeleton)) notes->inputs.push_back(options.skeleton);
   std::vector<dataset::Pose2dTrack> tracks;
-  for (const NamedPath& named : arguments.pose2d) {
+  for (const NamedPath& named : options.pose2d) {
     const auto& [name, path] = named;
     if (!CameraNamed(name, job))
       throw UsageError("option 'pose2d' " + ToString(named) + ": camera " + name + " has no footage");
     tracks.push_back(dataset::ReadPose2d(path, name, skeleton));
-    result->inputs.push_back(path);
+    notes->inputs.push_back(path);
   }
-  ApplyChanges(arguments.changes, FootageRig(*job), skeleton, &tracks);
+  ApplyChanges(options.changes, FootageRig(*job), skeleton, &tracks);
   for (const dataset::Pose2dTrack& track : tracks) {
     MaskCamera* camera = CameraNamed(track.camera, job);
     for (const auto& [frame, people] : track.frames) {
-      dataset::ProjectedBody body = dataset::BodyFromKeypoints(people, skeleton, arguments.mask);
+      dataset::ProjectedBody body = dataset::BodyFromKeypoints(people, skeleton, options.mask);
       if (!body.empty()) camera->bodies.frames[frame] = std::move(body);
     }
   }
 }
 
 /// Leaves time steps that were not asked for without masks, and says which are not there.
-void LimitToFrames(const std::string& ranges, MaskJob* job, CommandResult* result) {
+void LimitToFrames(const std::string& ranges, MaskJob* job, InputNotes* notes) {
   if (ranges.empty()) return;
   std::vector<int> there;
   for (const MaskCamera& camera : job->cameras) {
@@ -139,7 +139,7 @@ void LimitToFrames(const std::string& ranges, MaskJob* job, CommandResult* resul
   }
   const FrameChoice choice =
       KnownFrames("option 'frames'", ParseRanges("option 'frames'", ranges), std::move(there), "the footage");
-  TellFrames(choice.beyond, result);
+  TellFrames(choice.beyond, notes);
   for (MaskCamera& camera : job->cameras) {
     camera.wanted.emplace();
     for (const int frame : camera.samples.all) {
@@ -148,60 +148,58 @@ void LimitToFrames(const std::string& ranges, MaskJob* job, CommandResult* resul
   }
 }
 
-void CheckArguments(const MaskArguments& arguments, const TakeInput& take) {
+void CheckArguments(const MaskStageOptions& options, const TakeInput& take) {
   if (take.footage.empty())
     throw UsageError("no footage was given: add option 'video' CAMERA=FILE or option 'images' CAMERA=FOLDER");
   std::set<std::string> cameras;
   for (const dataset::CameraFootage& f : take.footage) {
     if (!cameras.insert(f.camera).second) throw UsageError("camera " + f.camera + " was given footage twice");
   }
-  if (!arguments.pose3d.empty() && !arguments.pose2d.empty())
-    throw UsageError("give option 'pose3d' or option 'pose2d', not both");
-  const std::string calib = arguments.calib.empty() ? take.calibration : arguments.calib;
-  if (!arguments.pose3d.empty() && calib.empty()) throw UsageError("option 'pose3d' needs option 'calib'");
-  if (arguments.run.hull && calib.empty()) throw UsageError("option 'hull' needs option 'calib'");
-  if (!arguments.changes.rate.empty())
+  if (!options.pose3d.empty() && !options.pose2d.empty()) throw UsageError("give option 'pose3d' or option 'pose2d', not both");
+  const std::string calib = options.calib.empty() ? take.calibration : options.calib;
+  if (!options.pose3d.empty() && calib.empty()) throw UsageError("option 'pose3d' needs option 'calib'");
+  if (options.run.hull && calib.empty()) throw UsageError("option 'hull' needs option 'calib'");
+  if (!options.changes.rate.empty())
     throw UsageError("option 'rate': a mask has the number of its frame, whatever the rates; joints must be numbered so");
-  if (arguments.mask.background_frames < 1) throw UsageError("option 'mask-background-frames' must be at least 1");
-  if (!(arguments.hull.voxel_m > 0)) throw UsageError("option 'hull-voxel' must be positive");
+  if (options.mask.background_frames < 1) throw UsageError("option 'mask-background-frames' must be at least 1");
+  if (!(options.hull.voxel_m > 0)) throw UsageError("option 'hull-voxel' must be positive");
 }
 
 }  // namespace
 
-MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, CommandResult* result, const RunContext& run) {
-  CheckArguments(arguments, take);
+MaskJob ReadMaskJob(const MaskStageOptions& options, const TakeInput& take, InputNotes* notes, const RunContext& run) {
+  CheckArguments(options, take);
   MaskJob job;
-  job.mask = arguments.mask, job.hull = arguments.hull, job.run = arguments.run;
-  if (!arguments.pose3d.empty()) {
-    job.poses = ReadCoco19Poses(arguments.pose3d, arguments.marker_unit);
-    result->inputs.push_back(arguments.pose3d);
+  job.mask = options.mask, job.hull = options.hull, job.run = options.run;
+  if (!options.pose3d.empty()) {
+    job.poses = ReadCoco19Poses(options.pose3d, options.marker_unit);
+    notes->inputs.push_back(options.pose3d);
   }
   job.cameras.resize(take.footage.size());
   {
     ProgressStage stage(run, "reading footage", static_cast<int64_t>(take.footage.size()));
-    ParallelFor(static_cast<int64_t>(take.footage.size()), run.num_threads, [&](int64_t c) {
-      job.cameras[c] = SampleCamera(take.footage[c], arguments.mask, arguments.run.keep_undamaged);
-    });
+    ParallelFor(static_cast<int64_t>(take.footage.size()), run.num_threads,
+                [&](int64_t c) { job.cameras[c] = SampleCamera(take.footage[c], options.mask, options.run.keep_undamaged); });
     stage.Advance(static_cast<int64_t>(take.footage.size()));
   }
-  LimitToFrames(arguments.changes.frames, &job, result);
-  const std::string calib = arguments.calib.empty() ? take.calibration : arguments.calib;
-  if (!calib.empty()) AddCalibration(arguments, calib, &job, result);
-  AddKeypoints(arguments, &job, result);
+  LimitToFrames(options.changes.frames, &job, notes);
+  const std::string calib = options.calib.empty() ? take.calibration : options.calib;
+  if (!calib.empty()) AddCalibration(options, calib, &job, notes);
+  AddKeypoints(options, &job, notes);
   return job;
 }
 
-std::vector<MaskBackend> MaskBackends(const MaskArguments& arguments, CommandResult* result) {
-  const std::string& name = arguments.backend;
+std::vector<MaskBackend> MaskBackends(const MaskStageOptions& options, InputNotes* notes) {
+  const std::string& name = options.backend;
   if (name == "background") return {{"background", nullptr}};
   if (name == "selfie") return {{"selfie", detect::SelfieSegmenter()}};
-  if (name.rfind("onnx:", 0) == 0) return {{name, detect::OnnxSegmenter(name.substr(5), arguments.onnx)}};
+  if (name.rfind("onnx:", 0) == 0) return {{name, detect::OnnxSegmenter(name.substr(5), options.onnx)}};
   if (name != "auto") throw UsageError("option 'backend' " + name + ": known are auto, background, selfie, onnx:FILE");
   std::vector<MaskBackend> backends = {{"background", nullptr}};
   if (detect::HasModel("selfie")) {
     backends.push_back({"selfie", detect::SelfieSegmenter()});
   } else {
-    result->warnings.push_back(
+    notes->warnings.push_back(
         {"MSK-NONET", "the net 'selfie' is not installed: only 'background' can be tried", "mvstudio models fetch"});
   }
   return backends;

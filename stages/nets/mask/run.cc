@@ -1,0 +1,106 @@
+#include "stages/nets/mask/run.h"
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <utility>
+
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "dataset/footage/image_io.h"
+
+namespace mvstudio::stages {
+namespace {
+
+using MaskClock = std::chrono::steady_clock;
+
+/// The first of the best: colour alone is cheaper and sharper than a net unless that is better by its figures.
+size_t BestTrial(const std::vector<MaskTrial>& trials) {
+  constexpr double kClearly = 0.005;
+  size_t best = 0;
+  for (size_t i = 1; i < trials.size(); ++i) {
+    if (trials[i].score() < trials[best].score() - kClearly) best = i;
+  }
+  return best;
+}
+
+/// What the session gives where no option does.
+void FillMaskOptions(const TakeInput& take, MaskStageOptions* options) {
+  if (options->out.empty()) options->out = take.Folder("masks");
+  if (options->out.empty()) throw UsageError("option 'out' is needed without option 'session'");
+  const std::string joints = take.Folder("pose3d");
+  const bool given = !options->pose3d.empty() || !options->pose2d.empty();
+  if (!given && !joints.empty() && std::filesystem::exists(joints + "/points.csv")) options->pose3d = joints;
+}
+
+/// What the folder of masks must not lie in.
+std::vector<std::string> MaskInputs(const TakeInput& take, const MaskStageOptions& options) {
+  std::vector<std::string> paths = take.Paths();
+  for (const NamedPath& named : options.pose2d) paths.push_back(named.path);
+  paths.insert(paths.end(), {options.pose3d, options.calib});
+  return paths;
+}
+
+/// The models of the best trial; those of the others are not kept.
+std::vector<dataset::CameraMaskModel> TryAll(const MaskJob& job, const std::vector<MaskBackend>& backends,
+                                             const RunContext& run, MaskStageReport* report) {
+  for (const MaskBackend& backend : backends) report->trials.push_back(TryBackend(job, backend, backends.size() > 1, run));
+  report->chosen = BestTrial(report->trials);
+  MaskTrial& best = report->trials[report->chosen];
+  if (!best.failed_camera.empty()) report->outcome = MaskOutcome::kNobody;
+  std::vector<dataset::CameraMaskModel> models = std::move(best.models);
+  for (MaskTrial& trial : report->trials) trial.models.clear();
+  return models;
+}
+
+/// Sheets, and the scores against exact masks; `folder` is where the masks are now.
+void FinishMasks(const std::string& folder, MaskStageReport* report) {
+  for (size_t c = 0; c < report->cameras.size(); ++c) {
+    const Image& sheet = report->masks.cameras[c].sheet;
+    if (!sheet.empty()) dataset::WriteImage(sheet, folder + "/" + report->cameras[c].name + ".sheet.png");
+  }
+  for (const auto& [camera, path] : report->options.truth) {
+    TruthScore score = CompareWithTruth(path, folder, camera);
+    if (!score.worst_picture.empty()) score.worst_picture = report->options.out + score.worst_picture.substr(folder.size());
+    report->truth.push_back(std::move(score));
+  }
+}
+
+}  // namespace
+
+bool MaskStageReport::AllEmpty() const {
+  const auto is_empty = [](const MaskCameraResult& r) { return r.take.empty == r.take.pictures; };
+  return std::all_of(masks.cameras.begin(), masks.cameras.end(), is_empty);
+}
+
+std::vector<std::string> MaskStageReport::WithoutJoints() const {
+  std::vector<std::string> without;
+  if (options.pose3d.empty() && options.pose2d.empty()) return without;
+  for (size_t c = 0; c < cameras.size(); ++c) {
+    if (masks.cameras[c].take.joints == 0) without.push_back(cameras[c].name);
+  }
+  return without;
+}
+
+MaskStageReport RunMask(MaskStageOptions options, const RunContext& run) {
+  const MaskClock::time_point start = MaskClock::now();
+  MaskStageReport report;
+  TakeInput take = ReadTakeInput(options.take, &report.notes);
+  LeaveOutUncalibrated(options.calib.empty() ? take.calibration : options.calib, &take, &report.notes);
+  FillMaskOptions(take, &options);
+  report.options = options;
+  AtomicFolder folder(options.out, options.run.overwrite, MaskInputs(take, options));
+  const std::vector<MaskBackend> backends = MaskBackends(options, &report.notes);
+  const MaskJob job = ReadMaskJob(options, take, &report.notes, run);
+  for (const MaskCamera& camera : job.cameras) report.cameras.push_back({camera.footage.camera, camera.samples.damage});
+  if (!job.poses.empty()) report.pose_frames.emplace(job.poses.begin()->first, job.poses.rbegin()->first);
+  const std::vector<dataset::CameraMaskModel> models = TryAll(job, backends, run, &report);
+  if (report.outcome == MaskOutcome::kNobody) return report;
+  report.masks = MakeMasks(job, backends[report.chosen], models, folder.work_path(), run);
+  FinishMasks(folder.work_path(), &report);
+  folder.Commit();
+  report.wall_s = std::chrono::duration<double>(MaskClock::now() - start).count();
+  return report;
+}
+
+}  // namespace mvstudio::stages
