@@ -203,7 +203,8 @@ std::string DiffText(const calib::ProjectionDiff& diff, const std::vector<double
   return text;
 }
 
-void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& arguments, CommandResult* result) {
+CommandResult CompareProjections(const Rig& rig, const Rig& reference, const Arguments& arguments) {
+  CommandResult result;
   calib::ProjectionDiffOptions options;
   options.ranges_m = ParseMetres(arguments.ranges);
   options.implied = arguments.implied;
@@ -211,39 +212,39 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
   options.grid_cols = arguments.grid;
   double worst = 0;
   std::vector<std::string> uncompared;
-  result->text += arguments.implied
-                      ? "projection by the lenses alone, with the motion of each camera that explains most of it taken out:\n"
-                      : "projection by the lenses alone:\n";
-  auto& list = result->metrics["projection"] = ordered_json::array();
+  result.text += arguments.implied
+                     ? "projection by the lenses alone, with the motion of each camera that explains most of it taken out:\n"
+                     : "projection by the lenses alone:\n";
+  auto& list = result.metrics["projection"] = ordered_json::array();
   for (const RigCamera& camera : reference.cameras) {
     const std::string& name = camera.camera.name;
     const RigCamera& other = rig.cameras[static_cast<size_t>(rig.Find(name))];
     const calib::ProjectionDiff diff = calib::CompareProjection(other.camera, camera.camera, options);
     const std::vector<double> expected_px = calib::ExpectedProjectionRms(other, camera, options);
     list.push_back(DiffJson(diff, expected_px, name));
-    result->text += DiffText(diff, expected_px, name);
+    result.text += DiffText(diff, expected_px, name);
     if (diff.status != Status::kOk) {
       uncompared.push_back(name);
-      result->warnings.push_back({"CAL-NOTCOMPARED",
-                                  "camera " + name + ": the two lenses cannot be compared: " +
-                                      (diff.ranges.empty() ? "the image sizes differ" : "no point is seen through both"),
-                                  ""});
+      result.warnings.push_back({"CAL-NOTCOMPARED",
+                                 "camera " + name + ": the two lenses cannot be compared: " +
+                                     (diff.ranges.empty() ? "the image sizes differ" : "no point is seen through both"),
+                                 ""});
     }
     for (const auto& at : diff.ranges) worst = std::max(worst, at.rms_px);
   }
   const bool none = uncompared.size() == reference.cameras.size();
-  result->metrics["max_projection_rms_px"] = none ? ordered_json(nullptr) : ordered_json(worst);
+  result.metrics["max_projection_rms_px"] = none ? ordered_json(nullptr) : ordered_json(worst);
   if (none) {
-    result->exit = kExitQualityGate;
-    result->errors.push_back(
+    result.exit = kExitQualityGate;
+    result.errors.push_back(
         {"CAL-NOTCOMPARED", "the lenses of no camera can be compared", "give two files of the same image sizes"});
-  } else if (!uncompared.empty() && result->exit == kExitOk) {
-    result->exit = kExitPartial;
   }
+  result.partial = !uncompared.empty();
   if (arguments.max_projection_px > 0 && worst > arguments.max_projection_px)
-    result->Add(Failing(Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px)));
+    result.Add(Failing(Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px)));
   else if (arguments.max_projection_px > 0 && !uncompared.empty())
-    result->Add(Failing("the projection cannot be checked of " + Join(uncompared, ", ")));
+    result.Add(Failing("the projection cannot be checked of " + Join(uncompared, ", ")));
+  return result;
 }
 
 /// The rigid motion leaves one or two cameras or coincident ones alone: said, and the lenses are compared all the same.
@@ -284,7 +285,7 @@ CommandResult Compare(const Arguments& arguments) {
     throw UsageError(arguments.rig + " and " + arguments.reference + ": no camera name is in both; use calib convert --rename");
   result.metrics["num_cameras"] = rig.rig.cameras.size();
   result.Add(ComparePoses(rig.rig, reference.rig, arguments));
-  if (result.errors.empty()) CompareProjections(rig.rig, reference.rig, arguments, &result);
+  if (result.errors.empty()) result.Add(CompareProjections(rig.rig, reference.rig, arguments));
   return result;
 }
 
