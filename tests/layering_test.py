@@ -143,6 +143,7 @@ MAY_INCLUDE |= {
     "stages/dataset": WITHOUT_TORCH | {"stages"},
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/align": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/dataset_build": WITHOUT_TORCH | {"stages", "stages/input", "stages/people"},
     "stages/dataset_export": WITHOUT_TORCH | {"stages", "stages/input", "dataset/exports"},
     "stages/dataset_pack": WITHOUT_TORCH | {"stages", "stages/input"},

@@ -34,7 +34,8 @@ struct Arguments {
 };
 
 /// Keeps the cameras of `rig` that `other` has too; the rest are named in a warning.
-void KeepCommon(const Rig& other, const std::string& path, Rig* rig, CommandResult* result) {
+CommandResult KeepCommon(const Rig& other, const std::string& path, Rig* rig) {
+  CommandResult result;
   std::string missing;
   std::vector<size_t> kept;
   for (size_t c = 0; c < rig->cameras.size(); ++c) {
@@ -45,11 +46,12 @@ void KeepCommon(const Rig& other, const std::string& path, Rig* rig, CommandResu
       missing += (missing.empty() ? "" : ", ") + name;
   }
   if (!missing.empty()) {
-    result->exit = kExitPartial;
-    result->warnings.push_back({"CAL-NOTINBOTH", path + ": left out, not in the other file: " + missing,
-                                "rename cameras with calib convert --rename"});
+    result.exit = kExitPartial;
+    result.warnings.push_back({"CAL-NOTINBOTH", path + ": left out, not in the other file: " + missing,
+                               "rename cameras with calib convert --rename"});
   }
   if (kept.size() < rig->cameras.size()) *rig = geometry::SubsetOf(*rig, kept);
+  return result;
 }
 
 /// Beyond this, errors that both covariances state make a difference in one case of twenty at most.
@@ -67,13 +69,16 @@ ordered_json TimesJson(double value, double expected) {
   return expected > 0 && std::isfinite(expected) ? FiniteOrNull(value / expected) : ordered_json(nullptr);
 }
 
-void Fail(const std::string& text, CommandResult* result) {
-  result->exit = kExitQualityGate;
-  result->warnings.push_back({"CAL-DIFFERS", text, ""});
+CommandResult Failing(const std::string& text) {
+  CommandResult result;
+  result.exit = kExitQualityGate;
+  result.warnings.push_back({"CAL-DIFFERS", text, ""});
+  return result;
 }
 
 /// Of one camera alone the alignment is its pose, so that nothing is left of it to compare.
-void AddDifference(const geometry::RigDifference& difference, bool alone, const Arguments& options, CommandResult* result) {
+CommandResult DescribeDifference(const geometry::RigDifference& difference, bool alone, const Arguments& options) {
+  CommandResult result;
   struct Row {
     const char* key;
     double value, mean, limit;
@@ -87,27 +92,29 @@ void AddDifference(const geometry::RigDifference& difference, bool alone, const 
                       {"focal_percent", 100 * difference.max_focal_relative, -1, options.max_focal_percent, "%"},
                       {"lens_px", difference.max_lens_px, -1, options.max_lens_px, "px"}};
   for (const Row& row : rows) {
-    result->metrics[std::string("max_") + row.key] = FiniteOrNull(row.value);
-    if (!(row.mean < 0)) result->metrics[std::string("mean_") + row.key] = FiniteOrNull(row.mean);
-    result->text += (std::isfinite(row.value) ? Format("%-15s max %.6g %s", row.key, row.value, row.unit)
-                     : std::isnan(row.value)  ? Format("%-15s not comparable: one camera alone is in both", row.key)
-                                              : Format("%-15s somewhere in the image one lens alone sees", row.key)) +
-                    (row.mean >= 0 ? Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
+    result.metrics[std::string("max_") + row.key] = FiniteOrNull(row.value);
+    if (!(row.mean < 0)) result.metrics[std::string("mean_") + row.key] = FiniteOrNull(row.mean);
+    result.text += (std::isfinite(row.value) ? Format("%-15s max %.6g %s", row.key, row.value, row.unit)
+                    : std::isnan(row.value)  ? Format("%-15s not comparable: one camera alone is in both", row.key)
+                                             : Format("%-15s somewhere in the image one lens alone sees", row.key)) +
+                   (row.mean >= 0 ? Format(", mean %.6g %s", row.mean, row.unit) : "") + "\n";
     if (row.limit > 0 && std::isnan(row.value))
-      Fail(Format("%s cannot be checked: one camera alone is in both", row.key), result);
+      result.Add(Failing(Format("%s cannot be checked: one camera alone is in both", row.key)));
     else if (row.limit > 0 && row.value > row.limit)
-      Fail(Format("%s is %.6g, allowed %.6g", row.key, row.value, row.limit), result);
+      result.Add(Failing(Format("%s is %.6g, allowed %.6g", row.key, row.value, row.limit)));
   }
+  return result;
 }
 
 /// metrics.cameras and a table: what is left of each camera's pose after the alignment.
-void AddCameras(const Rig& rig, const Rig& reference, const geometry::Rigid3& reference_from_rig, CommandResult* result) {
-  ordered_json& rows = result->metrics["cameras"] = ordered_json::array();
+CommandResult DescribePoses(const Rig& rig, const Rig& reference, const geometry::Rigid3& reference_from_rig) {
+  CommandResult result;
+  ordered_json& rows = result.metrics["cameras"] = ordered_json::array();
   const auto differences = calib::PoseDifferences(rig, reference, reference_from_rig);
   const auto expected = calib::ExpectedPoseDifferences(rig, reference);
   const bool known = !expected.empty() && std::isfinite(expected[0].rotation_rad);
-  result->text += std::string("camera         rotation deg  position mm") +
-                  (known ? "  expected deg, mm (both covariances)\n" : "  (no covariances: what to expect is not known)\n");
+  result.text += std::string("camera         rotation deg  position mm") +
+                 (known ? "  expected deg, mm (both covariances)\n" : "  (no covariances: what to expect is not known)\n");
   for (size_t c = 0; c < differences.size(); ++c) {
     const std::string& name = reference.cameras[c].camera.name;
     const double degrees = RadToDeg(differences[c].rotation_rad), mm = 1e3 * differences[c].translation_m;
@@ -119,11 +126,12 @@ void AddCameras(const Rig& rig, const Rig& reference, const geometry::Rigid3& re
                     {"expected_translation_mm", FiniteOrNull(expected_mm)},
                     {"rotation_times", TimesJson(degrees, expected_deg)},
                     {"translation_times", TimesJson(mm, expected_mm)}});
-    result->text += Format("%-14s %12.4f  %11.3f", name.c_str(), degrees, mm);
-    if (known) result->text += Format("  %12.4f  %.3f", expected_deg, expected_mm);
+    result.text += Format("%-14s %12.4f  %11.3f", name.c_str(), degrees, mm);
+    if (known) result.text += Format("  %12.4f  %.3f", expected_deg, expected_mm);
     const bool changed = degrees > kSignificant * expected_deg || mm > kSignificant * expected_mm;
-    result->text += known && changed ? "  a change\n" : "\n";
+    result.text += known && changed ? "  a change\n" : "\n";
   }
+  return result;
 }
 
 std::vector<double> ParseMetres(const std::string& text) {
@@ -195,7 +203,8 @@ std::string DiffText(const calib::ProjectionDiff& diff, const std::vector<double
   return text;
 }
 
-void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& arguments, CommandResult* result) {
+CommandResult CompareProjections(const Rig& rig, const Rig& reference, const Arguments& arguments) {
+  CommandResult result;
   calib::ProjectionDiffOptions options;
   options.ranges_m = ParseMetres(arguments.ranges);
   options.implied = arguments.implied;
@@ -203,55 +212,57 @@ void CompareProjections(const Rig& rig, const Rig& reference, const Arguments& a
   options.grid_cols = arguments.grid;
   double worst = 0;
   std::vector<std::string> uncompared;
-  result->text += arguments.implied
-                      ? "projection by the lenses alone, with the motion of each camera that explains most of it taken out:\n"
-                      : "projection by the lenses alone:\n";
-  auto& list = result->metrics["projection"] = ordered_json::array();
+  result.text += arguments.implied
+                     ? "projection by the lenses alone, with the motion of each camera that explains most of it taken out:\n"
+                     : "projection by the lenses alone:\n";
+  auto& list = result.metrics["projection"] = ordered_json::array();
   for (const RigCamera& camera : reference.cameras) {
     const std::string& name = camera.camera.name;
     const RigCamera& other = rig.cameras[static_cast<size_t>(rig.Find(name))];
     const calib::ProjectionDiff diff = calib::CompareProjection(other.camera, camera.camera, options);
     const std::vector<double> expected_px = calib::ExpectedProjectionRms(other, camera, options);
     list.push_back(DiffJson(diff, expected_px, name));
-    result->text += DiffText(diff, expected_px, name);
+    result.text += DiffText(diff, expected_px, name);
     if (diff.status != Status::kOk) {
       uncompared.push_back(name);
-      result->warnings.push_back({"CAL-NOTCOMPARED",
-                                  "camera " + name + ": the two lenses cannot be compared: " +
-                                      (diff.ranges.empty() ? "the image sizes differ" : "no point is seen through both"),
-                                  ""});
+      result.warnings.push_back({"CAL-NOTCOMPARED",
+                                 "camera " + name + ": the two lenses cannot be compared: " +
+                                     (diff.ranges.empty() ? "the image sizes differ" : "no point is seen through both"),
+                                 ""});
     }
     for (const auto& at : diff.ranges) worst = std::max(worst, at.rms_px);
   }
   const bool none = uncompared.size() == reference.cameras.size();
-  result->metrics["max_projection_rms_px"] = none ? ordered_json(nullptr) : ordered_json(worst);
+  result.metrics["max_projection_rms_px"] = none ? ordered_json(nullptr) : ordered_json(worst);
   if (none) {
-    result->exit = kExitQualityGate;
-    result->errors.push_back(
+    result.exit = kExitQualityGate;
+    result.errors.push_back(
         {"CAL-NOTCOMPARED", "the lenses of no camera can be compared", "give two files of the same image sizes"});
-  } else if (!uncompared.empty() && result->exit == kExitOk) {
-    result->exit = kExitPartial;
   }
+  result.partial = !uncompared.empty();
   if (arguments.max_projection_px > 0 && worst > arguments.max_projection_px)
-    Fail(Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px), result);
+    result.Add(Failing(Format("projection differs by %.6g px (rms), allowed %.6g", worst, arguments.max_projection_px)));
   else if (arguments.max_projection_px > 0 && !uncompared.empty())
-    Fail("the projection cannot be checked of " + Join(uncompared, ", "), result);
+    result.Add(Failing("the projection cannot be checked of " + Join(uncompared, ", ")));
+  return result;
 }
 
 /// The rigid motion leaves one or two cameras or coincident ones alone: said, and the lenses are compared all the same.
-void ComparePoses(const Rig& rig, const Rig& reference, const Arguments& arguments, CommandResult* result) {
+CommandResult ComparePoses(const Rig& rig, const Rig& reference, const Arguments& arguments) {
   const geometry::RigDifference difference = geometry::CompareRigs(rig, reference);
-  result->metrics["status"] = std::string(ToString(difference.status));
+  CommandResult result;
+  result.metrics["status"] = std::string(ToString(difference.status));
   if (difference.status != Status::kOk) {
-    result->exit = kExitIllPosed;
-    result->errors.push_back({"CAL-NOTALIGNED", "the rigs cannot be aligned: " + std::string(ToString(difference.status)), ""});
-    return;
+    result.exit = kExitIllPosed;
+    result.errors.push_back({"CAL-NOTALIGNED", "the rigs cannot be aligned: " + std::string(ToString(difference.status)), ""});
+    return result;
   }
   const bool alone = rig.cameras.size() == 1;
-  AddDifference(difference, alone, arguments, result);
-  if (alone) return;
-  AddCameras(rig, reference, difference.reference_from_rig, result);
-  result->text += std::to_string(rig.cameras.size()) + " cameras, after the best rigid alignment\n";
+  result.Add(DescribeDifference(difference, alone, arguments));
+  if (alone) return result;
+  result.Add(DescribePoses(rig, reference, difference.reference_from_rig));
+  result.text += std::to_string(rig.cameras.size()) + " cameras, after the best rigid alignment\n";
+  return result;
 }
 
 CommandResult Compare(const Arguments& arguments) {
@@ -268,13 +279,13 @@ CommandResult Compare(const Arguments& arguments) {
   if (rig.rig.cameras.size() == 1 && reference.rig.cameras.size() == 1) {
     rig.rig.cameras[0].camera.name = reference.rig.cameras[0].camera.name;  // whatever their names: nothing else can be meant
   }
-  KeepCommon(reference.rig, arguments.rig, &rig.rig, &result);
-  KeepCommon(rig.rig, arguments.reference, &reference.rig, &result);
+  result.Add(KeepCommon(reference.rig, arguments.rig, &rig.rig));
+  result.Add(KeepCommon(rig.rig, arguments.reference, &reference.rig));
   if (rig.rig.cameras.empty())
     throw UsageError(arguments.rig + " and " + arguments.reference + ": no camera name is in both; use calib convert --rename");
   result.metrics["num_cameras"] = rig.rig.cameras.size();
-  ComparePoses(rig.rig, reference.rig, arguments, &result);
-  if (result.errors.empty()) CompareProjections(rig.rig, reference.rig, arguments, &result);
+  result.Add(ComparePoses(rig.rig, reference.rig, arguments));
+  if (result.errors.empty()) result.Add(CompareProjections(rig.rig, reference.rig, arguments));
   return result;
 }
 
