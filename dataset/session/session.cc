@@ -138,9 +138,10 @@ const SessionTake& TakeOf(const Session& session, const std::string& name) {
 std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside) {
   allow_outside = allow_outside || session.allow_outside;
   if (path.empty() || path.find('\0') != std::string::npos) Leaves(session, path, "is not a path");
+  const std::string way_out = allow_outside ? "" : WayOut(path);
+  if (!way_out.empty() && session.trusted.empty()) Leaves(session, path, way_out);  // without a look at what is there
   const fs::path joined = PlainPath((fs::path(session.folder) / path).string());
   const fs::path fixed = FixedPart(joined);
-  const std::string way_out = allow_outside ? "" : WayOut(path);
   if (!way_out.empty() && !IsTrusted(session, fixed)) Leaves(session, path, way_out);
   std::error_code error;
   if (!fs::exists(fixed, error)) throw IoError(joined.string(), "no such file or folder (named in mvstudio.toml)");
