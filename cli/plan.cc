@@ -13,6 +13,7 @@
 #include "core/process.h"
 #include "core/text/shell_word.h"
 #include "stages/pipeline/engines.h"
+#include "stages/pipeline/need.h"
 #include "stages/report_fields.h"
 
 namespace mvstudio::cli {
@@ -47,7 +48,8 @@ std::string TaskTable(const Plan& plan) {
     const std::string after =
         task.after.empty() ? "" : "after " + Join(task.after, ", ", [](int id) { return std::to_string(id); });
     const std::string time = std::isfinite(task.seconds) ? Format("%.1f s", task.seconds) : "";
-    text += Format("%4d  %-24s %10s  %s\n", task.id, task.stage.name().c_str(), time.c_str(), after.c_str());
+    text += Format("%4d  %-24s %10s %s %s\n", task.id, task.stage.name().c_str(), time.c_str(),
+                   NeedText(task.stage.need).c_str(), after.c_str());
     if (std::isfinite(task.seconds)) seconds += task.seconds;
   }
   if (seconds > 0) text += Format("about %.0f s of work, as long as it took last time\n", seconds);
@@ -61,7 +63,8 @@ CommandResult RunPlan(PlanOptions options) {
   const std::string session_file = pipeline.session + "/mvstudio.toml";
   if (fs::exists(session_file)) pipeline.session = fs::canonical(pipeline.session).string();
   const dataset::Session session = dataset::ReadSession(pipeline.session, pipeline.allow_outside);
-  const std::vector<PipelineStage> stages = stages::PipelineOf(session, pipeline);
+  std::vector<PipelineStage> stages = stages::PipelineOf(session, pipeline);
+  stages::PredictNeeds(session, pipeline, &stages);
   Plan plan = stages::PlanOf(pipeline, stages, stages::ReadStageRecords(pipeline.session + "/run.json"));
   if (plan.tasks.empty())
     throw UsageError("nothing of this session is asked for: see `mvstudio run " + ShellWord(pipeline.session) + " --dry-run`");

@@ -9,6 +9,7 @@
 #include "core/disk/lock.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "stages/pipeline/need.h"
 #include "stages/report_fields.h"
 
 namespace mvstudio::cli {
@@ -29,6 +30,7 @@ class Pipeline {
     records_ = stages::ReadStageRecords(records_path_);
     for (const std::string& warning : session.warnings) result_.warnings.push_back({"SES-FILE", warning, ""});
     stages_ = stages::PipelineOf(session, o_);
+    if (o_.dry_run) stages::PredictNeeds(session, o_, &stages_);
     for (const PipelineStage& stage : stages_) Visit(stage);
     Summarise();
     return std::move(result_);
@@ -83,7 +85,7 @@ class Pipeline {
       row->state = RowState::kUpToDate;
       if (earlier->exit == kExitPartial) row->reason = "some cameras or frames are left out", result_.partial = true;
     } else if (o_.dry_run) {
-      row->state = RowState::kToDo;
+      row->state = RowState::kToDo, row->need = stage.need;
       to_do_.push_back(&stage);
     } else {
       Do(stage, std::move(now), row);
@@ -146,8 +148,8 @@ class Pipeline {
     for (const StageRow& row : rows_) {
       if (row.state == RowState::kNotAsked) continue;
       const std::string time = std::isfinite(row.seconds) ? Format("%.1f s", row.seconds) : "";
-      result_.text += Format("%-24s %-16s %10s  %s\n", row.stage.c_str(), std::string(ToString(row.state)).c_str(),
-                             time.c_str(), row.reason.c_str());
+      result_.text += Format("%-24s %-16s %10s %s %s\n", row.stage.c_str(), std::string(ToString(row.state)).c_str(),
+                             time.c_str(), o_.dry_run ? NeedText(row.need).c_str() : "", row.reason.c_str());
       if (row.state == RowState::kToDo && std::isfinite(row.seconds)) seconds += row.seconds;
     }
     if (o_.dry_run && seconds > 0) result_.text += Format("about %.0f s, as long as it took last time\n", seconds);

@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "cli/program/stage.h"
+#include "core/format.h"
 #include "core/join.h"
 #include "core/log.h"
 
@@ -38,6 +39,12 @@ void Judge(const PipelineStage& stage, const CommandResult& done, const StageWis
 }
 
 }  // namespace
+
+std::string NeedText(const stages::StageNeed& need) {
+  const auto cell = [](double value) { return std::isfinite(value) ? Format("%7.0f", value) : std::string(7, ' '); };
+  const bool known = std::isfinite(need.memory_mb);
+  return known ? cell(need.memory_mb) + " MB" + cell(need.disk_mb) + " MB on disk" : std::string(28, ' ');
+}
 
 CommandResult DoStage(const PipelineStage& stage, StageRecord record, const StageRecord* earlier, const StageWish& wish,
                       const StageKeeper& keep, CommandContext& context, StageRow* row) {

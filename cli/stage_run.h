@@ -16,6 +16,9 @@ using stages::PipelineStage;
 using stages::StageKind;
 using stages::StageRecord;
 
+/// "  620 MB,     4 MB on disk" of fixed width, blank where it is not known.
+std::string NeedText(const stages::StageNeed& need);
+
 /// What became of a stage.
 enum class RowState { kUpToDate, kLeftOut, kNotAsked, kDone, kPartial, kAccepted, kWithout, kFailed, kNotReached, kToDo };
 
@@ -36,6 +39,7 @@ struct StageRow {
   RowState state = RowState::kNotReached;
   double seconds = NAN;  ///< to do: as long as it took last time
   int exit = 0;
+  stages::StageNeed need;  ///< of a dry run
 };
 
 template <class Visitor>
@@ -45,6 +49,8 @@ void VisitFields(Visitor&& visit, const StageRow& row) {
   visit("reason", row.reason);
   visit("seconds", row.seconds);
   visit("exit", row.exit);
+  visit("memory_mb", row.need.memory_mb);
+  visit("disk_mb", row.need.disk_mb);
   visit("command", row.command);
 }
 

@@ -18,6 +18,7 @@
 #include "core/text/shell_word.h"
 #include "dataset/session/session_scan.h"
 #include "dataset/session/timeline_source.h"
+#include "dataset/session/trust.h"
 #include "stages/dataset/session_table.h"
 
 namespace mvstudio::cli {
@@ -104,10 +105,10 @@ void LinkRaw(const InitArguments& arguments, LinkBack* back, CommandResult* resu
     PlaceLink(PathOnDisk(arguments.scan), raw.string());
   }
   if (!fs::is_symlink(raw)) return;
-  result->warnings.push_back({"SES-OUTSIDE", raw.string() + " is a link to " + arguments.scan + ", outside the session",
-                              "every command on this session needs --allow-outside, as in: mvstudio doctor " +
-                                  ShellWord(arguments.folder) +
-                                  " --allow-outside; copy the footage in place of the link to do without"});
+  result->warnings.push_back(
+      {"SES-OUTSIDE", raw.string() + " is a link to " + arguments.scan + ", outside the session",
+       "commands on this session read it with --allow-outside, or once you ran: mvstudio session trust " +
+           ShellWord(arguments.folder) + "; copy the footage in place of the link to do without"});
 }
 
 void RequireRoomForLink(const InitArguments& arguments) {
@@ -223,6 +224,23 @@ CommandResult RunShow(const ShowArguments& arguments, CommandContext& context) {
   return result;
 }
 
+struct TrustArguments {
+  std::string folder;
+  bool forget = false;
+};
+
+CommandResult RunTrust(const TrustArguments& arguments) {
+  CommandResult result;
+  const Session session = dataset::ReadSession(arguments.folder, true);
+  const std::vector<std::string> folders = arguments.forget ? std::vector<std::string>{} : dataset::FoldersOutside(session);
+  dataset::TrustSession(session.folder, folders);
+  result.inputs = {arguments.folder};
+  result.metrics = {{"folders", folders}, {"file", dataset::TrustFile()}};
+  result.text = folders.empty() ? "reads nothing outside its folder without --allow-outside\n"
+                                : "reads from now on, until it is moved: " + Join(folders, ", ") + "\n";
+  return result;
+}
+
 CommandResult RunTimeline(const TimelineArguments& arguments, CommandContext& context) {
   CommandResult result;
   const Session session = dataset::ReadSession(arguments.folder, arguments.options.allow_outside);
@@ -282,6 +300,14 @@ void RegisterShow(CLI::App* session, Registry& registry) {
   registry.Add(sub, "session show", [arguments](CommandContext& context) { return RunShow(*arguments, context); });
 }
 
+void RegisterTrust(CLI::App* session, Registry& registry) {
+  auto arguments = std::make_shared<TrustArguments>();
+  CLI::App* sub = session->add_subcommand("trust", "Let a session read its footage outside its folder from now on");
+  AddOption(sub, "folder", arguments->folder, "the session's folder")->required();
+  AddFlag(sub, "--forget", arguments->forget, "take the trust back");
+  registry.Add(sub, "session trust", [arguments](CommandContext&) { return RunTrust(*arguments); });
+}
+
 void RegisterTimeline(CLI::App* session, Registry& registry) {
   auto arguments = std::make_shared<TimelineArguments>();
   CLI::App* sub =
@@ -307,6 +333,7 @@ void RegisterSession(CLI::App& app, Registry& registry) {
   session->require_subcommand(1);
   RegisterInit(session, registry);
   RegisterShow(session, registry);
+  RegisterTrust(session, registry);
   RegisterTimeline(session, registry);
 }
 

@@ -16,6 +16,7 @@ constexpr Example kExamples[] = {
     {"synth", "--out studio --cameras 6 --take-frames 60"},
     {"session init", "day1 --units mm --scan cards"},
     {"session show", "day1"},
+    {"session trust", "day1"},
     {"run", "day1 --to triangulate"},
     {"plan", "day1 --out plan"},
     {"task", "plan 3"},

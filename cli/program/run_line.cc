@@ -43,6 +43,7 @@ void AddGlobalOptions(CLI::App& app, GlobalOptions& global) {
 constexpr const char* kReplacing[] = {"report",
                                       "run",
                                       "task",
+                                      "session trust",
                                       "jobs submit",
                                       "jobs retry",
                                       "demo",

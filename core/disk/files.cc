@@ -258,6 +258,11 @@ void AppendToFile(const std::string& path, std::string_view content) {
   WriteAndClose(fd, path, content);
 }
 
+void MakePrivate(const std::string& path) {
+  RequireOurRoom(path);
+  if (chmod(path.c_str(), S_IRUSR | S_IWUSR) != 0) ThrowErrno(path, "cannot make it the user's alone", errno);
+}
+
 void WriteFileAtomic(const std::string& path, std::string_view content) {
   WriteFileAtomic(path, [&](const std::string& temporary) { WriteFile(temporary, content); });
 }

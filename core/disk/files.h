@@ -25,6 +25,9 @@ void WriteFile(const std::string& path, std::string_view content);
 /// Appends to such a temporary file.
 void AppendToFile(const std::string& temporary_path, std::string_view content);
 
+/// Only the user may read such a temporary file, and what it becomes (mode 0600).
+void MakePrivate(const std::string& temporary_path);
+
 /// A copy, a hard link, or a symbolic link; `to` is in a work folder and does not exist yet. HardLink is false where the
 /// file system does not support it.
 void CopyFile(const std::string& from, const std::string& to);

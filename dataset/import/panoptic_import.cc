@@ -343,9 +343,11 @@ PanopticImportReport ImportPanoptic(const std::string& root, const std::string& 
   KeepFile(job, job.sequence.sync, internal::kMaxSyncBytes);
   KeepFile(job, job.sequence.kinect_sync, internal::kMaxSyncBytes);
   if (options.pictures == ImportPictures::kLink && !session_takes.empty()) {
-    job.findings.Warning("DAT-OUTSIDE", session_folder,
-                         "its footage is symbolic links to " + root +
-                             ": commands on this session need option 'allow-outside'; option 'pictures' copy makes it whole");
+    job.findings.Warning(
+        "DAT-OUTSIDE", session_folder,
+        "its footage is symbolic links to " + root +
+            ": commands on this session need option 'allow-outside', or `mvstudio session trust` once; option 'pictures' "
+            "copy makes it whole");
   }
   WriteSessionFile(job, std::move(session_takes));
   folder.Commit();

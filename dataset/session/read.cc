@@ -14,6 +14,7 @@
 #include "dataset/json/json_file.h"
 #include "dataset/session/session.h"
 #include "dataset/session/session_scan.h"
+#include "dataset/session/trust.h"
 
 namespace mvstudio::dataset {
 namespace fs = std::filesystem;
@@ -364,6 +365,7 @@ Session ReadSession(const std::string& folder_or_file, bool allow_outside) {
   Session session;
   session.folder = file.has_parent_path() ? file.parent_path().string() : ".";
   session.allow_outside = allow_outside;
+  if (!allow_outside) session.trusted = TrustedFolders(session.folder, &session.warnings);
   TableView top(path, table, "", &session.warnings);
   ReadHead(top, &session);
   ReadLists(top, &session);

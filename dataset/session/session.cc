@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include "core/disk/paths.h"
 #include "core/disk/place.h"
@@ -30,8 +31,11 @@ bool IsWithin(const fs::path& real, const fs::path& real_folder) {
 }
 
 [[noreturn]] void Leaves(const Session& session, const std::string& path, const std::string& how) {
-  throw FormatError((fs::path(session.folder) / "mvstudio.toml").string(), path,
-                    how + "; footage must lie in the session: copy it there, or allow it with option 'allow-outside'");
+  throw FormatError(
+      (fs::path(session.folder) / "mvstudio.toml").string(), path,
+      how +
+          "; footage must lie in the session: copy it there, allow it with option 'allow-outside', or trust it from now "
+          "on: mvstudio session trust");
 }
 
 /// What a pattern begins with, up to the first part that is not there by its very name.
@@ -62,8 +66,21 @@ std::string PlaceInSession(const Session& session, const fs::path& relative) {
   return at.string();
 }
 
+bool IsTrusted(const Session& session, const fs::path& at) {
+  return std::any_of(session.trusted.begin(), session.trusted.end(),
+                     [&](const std::string& folder) { return IsWithin(Real(at), folder); });
+}
+
 void CheckLink(const Session& session, const std::string& path, const fs::path& at, const fs::path& real_folder) {
-  if (!IsWithin(Real(at), real_folder)) Leaves(session, path, "a symbolic link leads out of the session (" + at.string() + ")");
+  if (!IsWithin(Real(at), real_folder) && !IsTrusted(session, at))
+    Leaves(session, path, "a symbolic link leads out of the session (" + at.string() + ")");
+}
+
+/// How a path leaves the session by its very words; empty: it does not.
+std::string WayOut(const fs::path& path) {
+  if (path.is_absolute()) return "is an absolute path";
+  const fs::path relative = path.lexically_normal();
+  return !relative.empty() && *relative.begin() == ".." ? "leaves the session" : "";
 }
 
 /// The pictures of a folder or pattern are reached one by one.
@@ -73,6 +90,17 @@ void CheckPictures(const Session& session, const std::string& path, const std::s
   for (const std::string& file : FilesMatching(joined)) {
     if (pattern || fs::is_symlink(file)) CheckLink(session, path, file, real_folder);
   }
+}
+
+/// What the first link out of the session leads to, or the folder of what lies outside.
+std::string FolderOutside(const Session& session, const std::string& path, const fs::path& at, const fs::path& real_folder) {
+  fs::path link = session.folder;
+  for (const fs::path& part : WayOut(path).empty() ? at.lexically_relative(session.folder) : fs::path()) {
+    link /= part;
+    if (fs::is_symlink(link) && fs::is_directory(link) && !IsWithin(Real(link), real_folder)) return Real(link).string();
+  }
+  const fs::path real = Real(at);
+  return (fs::is_directory(real) ? real : real.parent_path()).string();
 }
 
 std::string KnownTakes(const Session& session) {
@@ -110,13 +138,11 @@ const SessionTake& TakeOf(const Session& session, const std::string& name) {
 std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside) {
   allow_outside = allow_outside || session.allow_outside;
   if (path.empty() || path.find('\0') != std::string::npos) Leaves(session, path, "is not a path");
-  if (!allow_outside) {
-    if (fs::path(path).is_absolute()) Leaves(session, path, "is an absolute path");
-    const fs::path relative = fs::path(path).lexically_normal();
-    if (!relative.empty() && *relative.begin() == "..") Leaves(session, path, "leaves the session");
-  }
+  const std::string way_out = allow_outside ? "" : WayOut(path);
+  if (!way_out.empty() && session.trusted.empty()) Leaves(session, path, way_out);  // without a look at what is there
   const fs::path joined = PlainPath((fs::path(session.folder) / path).string());
   const fs::path fixed = FixedPart(joined);
+  if (!way_out.empty() && !IsTrusted(session, fixed)) Leaves(session, path, way_out);
   std::error_code error;
   if (!fs::exists(fixed, error)) throw IoError(joined.string(), "no such file or folder (named in mvstudio.toml)");
   if (!allow_outside) {
@@ -125,6 +151,28 @@ std::string ResolveInSession(const Session& session, const std::string& path, bo
     CheckPictures(session, path, joined.string(), real_folder);
   }
   return joined.string();
+}
+
+std::vector<std::string> FoldersOutside(const Session& session) {
+  std::set<std::string> folders;
+  const fs::path real_folder = Real(session.folder);
+  const auto add = [&](const std::string& path) {
+    if (path.empty()) return;
+    const std::string joined = ResolveInSession(session, path, true);
+    std::vector<std::string> reached = {FixedPart(joined).string()};
+    if (IsPattern(joined) || fs::is_directory(joined)) {
+      const std::vector<std::string> files = FilesMatching(joined);
+      reached.insert(reached.end(), files.begin(), files.end());
+    }
+    for (const std::string& at : reached)
+      if (!IsWithin(Real(at), real_folder)) folders.insert(FolderOutside(session, path, at, real_folder));
+  };
+  for (const SessionTake& take : session.takes) {
+    for (const SessionFootage& footage : take.footage) add(footage.path), add(footage.plate);
+    add(take.timestamps), add(take.sync);
+  }
+  add(session.calibration);
+  return {folders.begin(), folders.end()};
 }
 
 std::string CalibrationOf(const Session& session, bool allow_outside) {

@@ -45,13 +45,14 @@ struct SessionSetting {
 };
 
 struct Session {
-  std::string folder;            ///< folder of mvstudio.toml
-  std::string units;             ///< "m", "cm" or "mm"
-  std::string source;            ///< a note; may be empty
-  std::string board;             ///< as accepted by `calib::ParseBoard`; several with blanks between; may be empty
-  std::string calibration;       ///< relative path; empty: calib/calibration.json if it exists
-  std::optional<double> fps_hz;  ///< of all footage that does not state it
-  bool allow_outside = false;    ///< the caller allows paths outside the folder; the session file itself cannot
+  std::string folder;                ///< folder of mvstudio.toml
+  std::string units;                 ///< "m", "cm" or "mm"
+  std::string source;                ///< a note; may be empty
+  std::string board;                 ///< as accepted by `calib::ParseBoard`; several with blanks between; may be empty
+  std::string calibration;           ///< relative path; empty: calib/calibration.json if it exists
+  std::optional<double> fps_hz;      ///< of all footage that does not state it
+  bool allow_outside = false;        ///< the caller allows paths outside the folder; the session file itself cannot
+  std::vector<std::string> trusted;  ///< folders outside that it may read (dataset/session/trust.h), links followed
   std::vector<SessionCamera> cameras;
   std::vector<SessionTake> takes;
   std::map<std::string, std::vector<SessionSetting>>
@@ -78,8 +79,12 @@ const SessionTake& TakeOf(const Session& session, const std::string& name);
 
 /// An existing path (or pattern) of the session, joined with its folder. Throws FormatError when it leaves the session by
 /// `..`, an absolute path or a symbolic link, also for a single picture in a folder. `allow_outside`, here or in the
-/// session, permits it.
+/// session, permits it, and so does a trusted folder in which it lies.
 std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside = false);
+
+/// The folders outside the session in which what it reads lies, links followed, sorted: what a link in the session leads to, or
+/// the folder of a file. Throws IoError for what is missing.
+std::vector<std::string> FoldersOutside(const Session& session);
 
 /// The calibration that the session names, or calib/calibration.json; empty when there is none.
 std::string CalibrationOf(const Session& session, bool allow_outside = false);

@@ -1,6 +1,7 @@
 #include "stages/pipeline/engines.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -13,6 +14,8 @@
 
 namespace mvstudio::stages {
 namespace {
+
+constexpr double kMemoryMargin = 2;  // a task that needs more than it asked for is killed
 
 std::string ForNinja(const std::string& path) {
   std::string escaped;
@@ -128,6 +131,18 @@ std::string JobsBefore(const Plan& plan, const std::vector<JobArray>& arrays, si
   return Join(jobs, ":");
 }
 
+/// " --mem=…", twice what the neediest task of the array is foretold to need, rounded up to 100 MiB; empty where one is not
+/// known.
+std::string MemoryOf(const Plan& plan, const std::vector<int>& ids) {
+  double most_mb = 0;
+  for (const int id : ids) {
+    const double memory_mb = TaskOf(plan, id).stage.need.memory_mb;
+    if (!std::isfinite(memory_mb)) return "";
+    most_mb = std::max(most_mb, memory_mb);
+  }
+  return " --mem=" + std::to_string(100 * static_cast<int64_t>(std::ceil(kMemoryMargin * most_mb / 100))) + "M";
+}
+
 std::string SlurmText(const Plan& plan, const std::vector<int>& ids, const EngineOptions& options) {
   const std::vector<JobArray> arrays = ArraysOf(plan, ids, options.max_array);
   std::string text =
@@ -146,6 +161,7 @@ std::string SlurmText(const Plan& plan, const std::vector<int>& ids, const Engin
     if (!before.empty()) {
       text += std::string(" --kill-on-invalid-dep=yes --dependency=") + (array.reports ? "afterany:" : "afterok:") + before;
     }
+    text += MemoryOf(plan, array.ids);
     if (!options.sbatch.empty()) text += " " + options.sbatch;
     text += " --wrap " + ShellWord(command) + ")\necho \"" + array.name + " $job" + std::to_string(k + 1) + "\"\n";
   }

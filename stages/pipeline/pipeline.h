@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -7,6 +8,12 @@
 #include "stages/pipeline/options.h"
 
 namespace mvstudio::stages {
+
+/// What a stage needs of a machine. NaN: not known.
+struct StageNeed {
+  double memory_mb = NAN;  ///< MiB at once, on two cores
+  double disk_mb = NAN;    ///< MiB of its output
+};
 
 /// One stage of one session: the command line that does it, what it reads and what it writes. Paths begin as the session's.
 struct PipelineStage {
@@ -18,6 +25,7 @@ struct PipelineStage {
   std::string output;                            ///< a file or a folder
   std::string left_out;                          ///< why this session does not need it; empty: it does
   bool may_fail = false;                         ///< the others go on without its result
+  StageNeed need = {};                           ///< of a machine; filled by PredictNeeds
 
   /// The command line without the program's name; `dashes` stand before the names of options.
   std::vector<std::string> Words(const std::string& dashes = "") const;

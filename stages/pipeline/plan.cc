@@ -31,6 +31,14 @@ bool MadeByAny(const std::vector<const PipelineStage*>& makers, const std::strin
   return std::any_of(makers.begin(), makers.end(), [&](const PipelineStage* maker) { return Reads(reader, *maker); });
 }
 
+PlanJson OrNull(double value) { return std::isfinite(value) ? PlanJson(value) : PlanJson(nullptr); }
+
+/// NaN where it is null, or missing as in plans of earlier versions.
+double OrNan(const PlanJson& json, const char* key) {
+  const auto found = json.find(key);
+  return found != json.end() && found->is_number() ? found->get<double>() : NAN;
+}
+
 PlanJson TaskJson(const PlanTask& task) {
   PlanJson json = {{"id", task.id},
                    {"stage", ToString(task.stage.kind)},
@@ -41,7 +49,9 @@ PlanJson TaskJson(const PlanTask& task) {
                    {"output", task.stage.output},
                    {"after", task.after},
                    {"may_fail", task.stage.may_fail},
-                   {"seconds", std::isfinite(task.seconds) ? PlanJson(task.seconds) : PlanJson(nullptr)}};
+                   {"seconds", OrNull(task.seconds)},
+                   {"memory_mb", OrNull(task.stage.need.memory_mb)},
+                   {"disk_mb", OrNull(task.stage.need.disk_mb)}};
   for (const dataset::SessionSetting& option : task.stage.options)
     json["options"].push_back({{"name", option.key}, {"values", option.values}});
   json["inputs"] = PlanJson::array();
@@ -61,7 +71,8 @@ PlanTask TaskFrom(const PlanJson& json) {
   task.stage.output = json.at("output").get<std::string>();
   task.stage.may_fail = json.at("may_fail").get<bool>();
   task.after = json.at("after").get<std::vector<int>>();
-  if (json.at("seconds").is_number()) task.seconds = json.at("seconds").get<double>();
+  task.seconds = OrNan(json, "seconds");
+  task.stage.need = {OrNan(json, "memory_mb"), OrNan(json, "disk_mb")};
   for (const PlanJson& input : json.at("inputs")) task.inputs.push_back(PrintFrom(input));
   return task;
 }

@@ -114,6 +114,7 @@ const Row kRows[] = {
     {"report", 3, "studio --with none --out new", "nothing to report here"},
     {"report", 3, "--study a b --truth a --out new", "no file name in common"},
     {"session show", 3, "none", "holds no mvstudio.toml"},
+    {"session trust", 3, "none", "holds no mvstudio.toml"},
     {"session timeline", 6, "short --out new", "cam_03"},
     {"doctor", 3, "none", "no footage was found"},
     {"board check", 3, "studio/raw/plate/cam_01.png", "no board that was tried is in any of the images"},

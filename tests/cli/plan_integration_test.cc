@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <sstream>
 
 #include "tests/support/run_cli.h"
 
@@ -28,6 +29,13 @@ class PlanCommands : public ::testing::Test {
     const nlohmann::json json = RunCli({"jobs", "status", Path("plan"), "--json"}).Json();
     return json["metrics"]["num_done"].get<int>();
   }
+  /// A number of a task's line in plan.jsonl.
+  static double Foretold(int task, const char* key) {
+    std::istringstream lines(Slurp(Path("plan/plan.jsonl")));
+    std::string line;
+    for (int i = 0; i <= task; ++i) std::getline(lines, line);
+    return nlohmann::json::parse(line)[key].get<double>();
+  }
   static inline TempDir* folder_ = nullptr;
 };
 
@@ -35,10 +43,18 @@ class PlanCommands : public ::testing::Test {
 TEST_F(PlanCommands, DoWhatRunDoes) {
   const CliRun plan = RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "triangulate", "--write", "ninja", "slurm"});
   ASSERT_EQ(plan.exit, 0) << plan.err;
-  EXPECT_THAT(plan.out, HasSubstr("3  triangulate take1                    after 1, 2"));
+  EXPECT_THAT(plan.out, HasSubstr("3  triangulate take1 "));
+  EXPECT_THAT(plan.out, HasSubstr(" MB on disk after 1, 2"));
+  EXPECT_THAT(Slurp(Path("plan/submit.sh")), HasSubstr("--mem="));
   EXPECT_EQ(RunCli({"task", Path("plan"), "3"}).exit, 2) << "before those that it waits for";
   EXPECT_EQ(RunCli({"task", Path("plan"), "4"}).exit, 2) << "there are three";
   EXPECT_EQ(RunCli({"jobs", "status", Path("plan")}).exit, 6);
+  const nlohmann::json first = RunCli({"task", Path("plan"), "1", "--json"}).Json();
+  const double peak_mb = first["timing"]["peak_rss_mb"].get<double>(), foretold_mb = Foretold(1, "memory_mb");
+  if (!kSanitized) {
+    EXPECT_GT(foretold_mb, peak_mb / 2);
+    EXPECT_LT(foretold_mb, peak_mb * 2);
+  }
   const CliRun all = RunCli({"jobs", "submit", Path("plan")});
   EXPECT_EQ(all.exit, 0) << all.err << Slurp(Path("plan/submit.log"));
   EXPECT_EQ(NumDone(), 3);

@@ -66,6 +66,24 @@ TEST_F(SessionInit, ChaptersAreReadAsOneVideo) {
   EXPECT_THAT(gap.err, HasSubstr("chapter 2 of the recording is missing"));
 }
 
+TEST_F(SessionInit, ATrustedSessionIsReadWithoutTheFlag) {
+  fs::create_directories(folder_ / "card/walk/left");
+  WriteClip(folder_ / "card/walk/left/a.mp4", Regular(8));
+  const CliRun init = Init();
+  ASSERT_EQ(init.exit, 0);
+  EXPECT_THAT(init.out, HasSubstr("mvstudio session trust"));
+  const std::string state = "XDG_STATE_HOME=" + ShellQuote(folder_ / "state") + " ";
+  EXPECT_EQ(RunCli({"session", "timeline", folder_ / "s"}, state).exit, 3);
+  const CliRun trust = RunCli({"session", "trust", folder_ / "s"}, state);
+  ASSERT_EQ(trust.exit, 0) << trust.err;
+  EXPECT_THAT(trust.out, HasSubstr(fs::canonical(folder_ / "card").string()));
+  EXPECT_EQ(RunCli({"session", "timeline", folder_ / "s"}, state).exit, 0);
+  EXPECT_EQ(RunCli({"session", "show", folder_ / "s"}, state).exit, 0);
+  EXPECT_EQ(RunCli({"doctor", folder_ / "s", "--json"}, state).out.find("allow-outside"), std::string::npos);
+  ASSERT_EQ(RunCli({"session", "trust", folder_ / "s", "--forget"}, state).exit, 0);
+  EXPECT_EQ(RunCli({"session", "timeline", folder_ / "s", "--overwrite"}, state).exit, 3);
+}
+
 TEST_F(SessionInit, AChapterThatWasNotCopiedIsTold) {
   fs::create_directories(folder_ / "card/walk/gopro1");
   WriteClip(folder_ / "card/walk/gopro1/GX020001.MP4", Regular(8));

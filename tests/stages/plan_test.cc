@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 
@@ -176,6 +177,24 @@ TEST_F(PlanFolder, SlurmGetsAnArrayForEachStage) {
   EXPECT_THAT(Text(Engine::kSlurm, {3, 7}), HasSubstr("--dependency=afterok:$job1 "));
   limits.max_array = 0;
   EXPECT_THROW(Text(Engine::kSlurm, {1}, limits), UsageError);
+}
+
+TEST_F(PlanFolder, SlurmIsAskedForTwiceTheMemory) {
+  plan.tasks[1].stage.need.memory_mb = 130, plan.tasks[2].stage.need.memory_mb = 260;
+  plan.tasks[0].stage.need = {99.5, 0.25};
+  EngineOptions limits;
+  limits.sbatch = "--mem=1G";
+  const std::string text = Text(Engine::kSlurm, {1, 2, 3, 4, 5, 6, 7}, limits);
+  EXPECT_THAT(text.substr(0, text.find("job2=")), HasSubstr(" --mem=200M --mem=1G --wrap"));
+  EXPECT_THAT(text, HasSubstr(" --mem=600M --mem=1G --wrap")) << "the neediest of two, and the caller has the last word";
+  size_t asked = 0;
+  for (size_t at = text.find("--mem="); at != std::string::npos; at = text.find("--mem=", at + 1)) ++asked;
+  EXPECT_EQ(asked, 2u + 4u) << "two arrays are known, four have the caller's alone";
+  Put("plan.jsonl", PlanText(plan));
+  const Plan read = ReadPlan(folder.path());
+  EXPECT_EQ(read.tasks[0].stage.need.memory_mb, 99.5);
+  EXPECT_EQ(read.tasks[0].stage.need.disk_mb, 0.25);
+  EXPECT_TRUE(std::isnan(read.tasks[3].stage.need.memory_mb));
 }
 
 TEST_F(PlanFolder, TheReportIsMadeAfterFailures) {

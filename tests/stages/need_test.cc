@@ -1,0 +1,55 @@
+#include "stages/pipeline/need.h"
+
+#include <gtest/gtest.h>
+
+/// What stages are foretold to need, against peaks that `/usr/bin/time -v` measured of `mvstudio task` on synthetic studios.
+namespace mvstudio::stages {
+namespace {
+
+struct MeasuredNeed {
+  StageKind kind;
+  FootageSize size;  // of the board's take for calibrate
+  double memory_mb, disk_mb;
+};
+
+constexpr double kSmall = 0.1728, kLarge = 0.6912;  // 480x360, 960x720
+
+const MeasuredNeed kMeasured[] = {
+    {StageKind::kCalibrate, {3, kSmall, 60}, 243, 0.23},  {StageKind::kCalibrate, {3, kLarge, 60}, 294, 0.29},
+    {StageKind::kCalibrate, {6, kSmall, 60}, 259, 0.47},  {StageKind::kCalibrate, {3, kSmall, 120}, 241, NAN},
+    {StageKind::kSync, {3, kSmall, 20}, 195, 0.012},      {StageKind::kTriangulate, {3, kSmall, 20}, 211, 0.18},
+    {StageKind::kTriangulate, {3, kLarge, 20}, 221, 0.2}, {StageKind::kMask, {3, kSmall, 20}, 609, 3.06},
+    {StageKind::kMask, {3, kLarge, 20}, 839, 3.14},       {StageKind::kMask, {6, kSmall, 20}, 448, 6.25},
+    {StageKind::kMask, {3, kSmall, 60}, 707, 3.95},       {StageKind::kDataset, {3, kSmall, 20}, 234, 2.41},
+    {StageKind::kDataset, {3, kLarge, 20}, 314, 6.87},    {StageKind::kDataset, {6, kSmall, 20}, 234, 4.71},
+    {StageKind::kDataset, {3, kSmall, 60}, 242, 7.13},    {StageKind::kVerify, {3, kLarge, 20}, 205, 0.01},
+    {StageKind::kSplit, {3, kSmall, 20}, 185, 0.005},     {StageKind::kAvatar, {3, kSmall, 20}, 572, 52.1},
+    {StageKind::kAvatar, {3, kLarge, 20}, 543, 51.9},     {StageKind::kAvatar, {6, kSmall, 20}, 617, 51.9},
+    {StageKind::kEval, {3, kSmall, 20}, 562, NAN},        {StageKind::kReport, {3, kSmall, 20}, 202, NAN}};
+
+TEST(Need, IsWithinAFactorOfTwoOfWhatWasMeasured) {
+  for (const MeasuredNeed& run : kMeasured) {
+    const StageNeed need = NeedOf(run.kind, run.size);
+    const std::string which = std::string(ToString(run.kind)) + " " + std::to_string(run.size.cameras) + " cameras, " +
+                              std::to_string(run.size.megapixels) + " Mpx, " + std::to_string(run.size.num_frames) + " frames";
+    EXPECT_GT(need.memory_mb, run.memory_mb / 1.5) << which;
+    EXPECT_LT(need.memory_mb, run.memory_mb * 1.5) << which;
+    if (std::isnan(run.disk_mb)) continue;
+    EXPECT_GT(need.disk_mb, run.disk_mb / 2) << which;
+    EXPECT_LT(need.disk_mb, run.disk_mb * 2 + 0.01) << which;
+  }
+}
+
+TEST(Need, OfMasksGrowsWithTheFramesThatAreHeldAndNoFurther) {
+  const double few = NeedOf(StageKind::kMask, {8, 2, 12}).memory_mb, all = NeedOf(StageKind::kMask, {8, 2, 24}).memory_mb;
+  EXPECT_NEAR(all - few, 8 * 2e6 * 12 * 3 / (1 << 20), 1e-6) << "RGB";
+  EXPECT_EQ(NeedOf(StageKind::kMask, {8, 2, 2400}).memory_mb, all);
+}
+
+TEST(Need, IsNotKnownWhereNothingWasMeasured) {
+  EXPECT_TRUE(std::isnan(NeedOf(StageKind::kPose2d, {3, 1, 100}).memory_mb)) << "a net of the user's";
+  EXPECT_TRUE(std::isnan(NeedOf(StageKind::kExport, {3, 1, 100}).disk_mb));
+}
+
+}  // namespace
+}  // namespace mvstudio::stages
