@@ -34,6 +34,7 @@ struct PoseArguments {
   std::vector<std::string> without_joints = {};  ///< names of joints whose detections are left out
   PoseChanges changes = {};
   std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, DeepLabCut's and SLEAP's too, one per camera
+  std::vector<NamedPath> footage = {};  ///< videos and images of the same frames, where they are known: no options of their own
 };
 
 /// What triangulate and sync take; the other fields are filled from projects and by other commands.

@@ -15,6 +15,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "stages/frame_notice.h"
 #include "stages/input/calib_read.h"
+#include "stages/input/first_frames.h"
 #include "stages/input/pose3d_input.h"
 #include "stages/words.h"
 
@@ -107,6 +108,34 @@ geometry::Rig FootageRig(const MaskJob& job) {
   return rig;
 }
 
+/// Of cameras whose joints have the numbers of its frames.
+std::vector<NamedPath> UntimedFootage(const MaskJob& job) {
+  std::vector<NamedPath> footage;
+  for (const MaskCamera& camera : job.cameras) {
+    if (!camera.frame_at) footage.push_back({camera.footage.camera, camera.footage.path});
+  }
+  return footage;
+}
+
+/// The same for time steps of 3D joints.
+void NumberPoses(const MaskArguments& arguments, MaskJob* job, CommandResult* result) {
+  int first = FirstFrameOf(arguments.changes, "");
+  if (arguments.changes.first_frame.empty()) {
+    std::vector<std::string> paths;
+    for (const NamedPath& named : UntimedFootage(*job)) paths.push_back(named.path);
+    std::set<int64_t> steps;
+    for (const auto& [step, people] : job->poses) steps.insert(step);
+    const auto found =
+        paths.size() == job->cameras.size() ? dataset::FirstNumberOf(steps, paths) : dataset::FirstNumber::kAsFrames;
+    TellFirstNumber(found, "the 3D joints", result);
+    first = found == dataset::FirstNumber::kOne ? 1 : 0;
+  }
+  if (first == 0) return;
+  std::map<int, People> poses;
+  for (auto& [step, people] : job->poses) poses.emplace(step - first, std::move(people));
+  job->poses = std::move(poses);
+}
+
 void AddKeypoints(const MaskArguments& arguments, MaskJob* job, CommandResult* result) {
   const geometry::Skeleton skeleton = geometry::SkeletonFrom(arguments.skeleton);
   if (geometry::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
@@ -118,6 +147,7 @@ void AddKeypoints(const MaskArguments& arguments, MaskJob* job, CommandResult* r
     tracks.push_back(dataset::ReadPose2d(path, name, skeleton));
     result->inputs.push_back(path);
   }
+  NumberFromZero(arguments.changes, UntimedFootage(*job), &tracks, result);
   ApplyChanges(arguments.changes, FootageRig(*job), skeleton, &tracks);
   for (const dataset::Pose2dTrack& track : tracks) {
     MaskCamera* camera = CameraNamed(track.camera, job);
@@ -184,6 +214,7 @@ MaskJob ReadMaskJob(const MaskArguments& arguments, const TakeInput& take, Comma
     });
     stage.Advance(static_cast<int64_t>(take.footage.size()));
   }
+  NumberPoses(arguments, &job, result);
   LimitToFrames(arguments.changes.frames, &job, result);
   const std::string calib = arguments.calib.empty() ? take.calibration : arguments.calib;
   if (!calib.empty()) AddCalibration(arguments, calib, &job, result);

@@ -92,5 +92,28 @@ TEST(MaskFrames, ThoseThatWereAskedForGetMasks) {
   EXPECT_THAT(MessageOf<UsageError>([&] { job_of("", &result); }), HasSubstr("option 'rate'"));
 }
 
+/// Twelve images 0 to 11 and joints of frames 1 to 12.
+TEST(MaskFrames, JointsFromOneAreTakenForTheFramesFromZero) {
+  const TempDir folder;
+  dataset::Pose2dTrack track{"a", {}};
+  for (int frame = 0; frame < 12; ++frame) {
+    dataset::WriteImage(Image(96, 64, 3), folder / ("a/" + std::to_string(frame) + ".png"));
+    dataset::Person2d person;
+    for (int j = 0; j < 25; ++j) person.keypoints.push_back({10.0 + frame + j, 20.0 + j, 0.9});
+    track.frames[frame + 1].push_back(person);
+  }
+  dataset::WriteOpenPoseFolder(track, folder / "joints");
+  TakeInput take;
+  take.footage.push_back({"a", folder / "a", ""});
+  MaskArguments arguments;
+  arguments.pose2d = {{"a", folder / "joints"}};
+  CommandResult result;
+  const MaskJob job = ReadMaskJob(arguments, take, &result, {});
+  ASSERT_EQ(job.cameras[0].bodies.frames.size(), 12u);
+  EXPECT_EQ(job.cameras[0].bodies.frames.begin()->first, 0);
+  ASSERT_EQ(result.warnings.size(), 1u);
+  EXPECT_EQ(result.warnings[0].code, "POSE-FIRST");
+}
+
 }  // namespace
 }  // namespace mvstudio::stages
