@@ -282,7 +282,8 @@ void ApplyChanges(const PoseChanges& changes, const geometry::Rig& rig, const ge
         key->score = seen ? 1 : 0;
       });
     }
-    const PixelChange change = PixelChangeOf(changes, rig.cameras[static_cast<size_t>(camera)].camera);
+    PixelChange change = PixelChangeOf(changes, rig.cameras[static_cast<size_t>(camera)].camera);
+    change.normalized |= std::exchange(track.normalized, false);
     if (change.IsNeeded()) ForEachKeypoint(&track, [&](Keypoint2d* key) { change.Apply(key); });
     if (changes.swap_sides.Has(track.camera)) SwapSides(skeleton, &track);
   }
