@@ -138,6 +138,13 @@ void AddTruth(const stages::MaskArguments& arguments, const std::string& folder,
     stages::TruthScore score = stages::CompareWithTruth(path, folder, camera);
     if (!score.worst_picture.empty()) score.worst_picture = arguments.out + score.worst_picture.substr(folder.size());
     const double n = std::max(1, score.pictures);
+    if (score.from_one) {
+      result->warnings.push_back({"MSK-TRUTH",
+                                  "camera " + camera +
+                                      ": exact masks are numbered 1 to N and the N frames 0 to N - 1: exact mask "
+                                      "1 was compared with frame 0",
+                                  "number exact masks as frames, from 0, and nothing is said"});
+    }
     if (score.pictures == 0) {
       result->warnings.push_back({"MSK-TRUTH",
                                   "camera " + camera + ": no mask of " + path + " has the number of one of its frames",

@@ -243,8 +243,11 @@ TruthScore CompareWithTruth(const std::string& truth, const std::string& folder,
   std::map<int, std::string> exact;
   const std::vector<std::string> files = FilesMatching(truth);
   const std::vector<int64_t> numbers = dataset::NumberFrames(truth, files).numbers;
-  for (size_t i = 0; i < files.size(); ++i) exact[static_cast<int>(numbers[i])] = files[i];
-  if (exact.empty()) throw IoError(truth, "no exact mask is there");
+  if (files.empty()) throw IoError(truth, "no exact mask is there");
+  const auto num_masks = dataset::FramesFrom0(folder + "/" + camera);
+  const std::set<int64_t> distinct(numbers.begin(), numbers.end());
+  score.from_one = num_masks && dataset::FirstNumberOf(distinct, *num_masks) == dataset::FirstNumber::kOne;
+  for (size_t i = 0; i < files.size(); ++i) exact[static_cast<int>(numbers[i]) - (score.from_one ? 1 : 0)] = files[i];
   score.masks = dataset::MeaningOfMasks(files);
   for (const auto& [frame, path] : exact) {
     const std::string own = MaskPath(folder, camera, frame);

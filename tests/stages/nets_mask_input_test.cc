@@ -56,6 +56,20 @@ TEST(MaskTruth, WithoutTruthOrOfOtherSizesThereIsNoScore) {
               HasSubstr("1.png: is 5x4, the footage 4x4"));
 }
 
+/// Two frames, the person left and then right; exact masks called 1 and 2.
+TEST(MaskTruth, ExactMasksFromOneAreComparedWithFramesFromZero) {
+  const TempDir folder;
+  for (const int frame : {0, 1}) {
+    const Image mask = Mask(4, 4, 2 * frame, 2 * frame + 2, 0, 4);
+    dataset::WriteImage(mask, MaskPath(folder / "masks", "a", frame));
+    dataset::WriteImage(mask, folder / ("truth/" + std::to_string(frame + 1) + ".png"));
+  }
+  const TruthScore score = CompareWithTruth(folder / "truth", folder / "masks", "a");
+  EXPECT_TRUE(score.from_one);
+  EXPECT_EQ(score.pictures, 2);
+  EXPECT_EQ(score.worst, 1);
+}
+
 /// Twelve frames of a block that walks over a wall.
 TEST(MaskFrames, ThoseThatWereAskedForGetMasks) {
   const TempDir folder;
