@@ -67,7 +67,7 @@ std::optional<LayoutFault> FaultOf(int index, const Board& board, const std::vec
     last_id = std::max(last_id, *std::max_element(d->corner_ids.begin(), d->corner_ids.end()));
   }
   const double near = kMaxShare * UpperMedian(std::move(extents));
-  LayoutFault fault{index, board.cols, board.rows, board.cols, board.rows, MedianDistance(views, board.cols, 0), 0};
+  LayoutFault fault{index, board.cols, board.rows, board.cols, board.rows, MedianDistance(views, board.cols, 0), 0, ""};
   if (!(fault.told_px > near)) return std::nullopt;
   fault.found_px = std::numeric_limits<double>::infinity();
   for (int cols = 2; cols <= std::min(kMaxCols, last_id); ++cols) {
@@ -76,7 +76,11 @@ std::optional<LayoutFault> FaultOf(int index, const Board& board, const std::vec
     if (distance < fault.found_px) fault.found_px = distance, fault.cols = cols, fault.rows = last_id / cols + 1;
   }
   const bool believed = fault.found_px <= near && kClear * fault.found_px < fault.told_px;
-  return believed ? std::optional<LayoutFault>(fault) : std::nullopt;
+  if (!believed) return std::nullopt;
+  Board mended = board;
+  mended.cols = fault.cols, mended.rows = fault.rows;
+  fault.mended = ToString(mended);
+  return fault;
 }
 
 }  // namespace
@@ -84,8 +88,10 @@ std::optional<LayoutFault> FaultOf(int index, const Board& board, const std::vec
 std::string ToString(const LayoutFault& fault) {
   return Format(
       "the corners of board %d stand as on a board of %d columns and %d rows, not of %d columns and %d rows as described: they "
-      "lie within %.2g px of a plane's image instead of %.3g px",
-      fault.board, fault.cols, fault.rows, fault.told_cols, fault.told_rows, fault.found_px, fault.told_px);
+      "lie within %.2g px of a plane's image instead of %.3g px%s; give option 'board' %s",
+      fault.board, fault.cols, fault.rows, fault.told_cols, fault.told_rows, fault.found_px, fault.told_px,
+      fault.cols == fault.told_rows && fault.rows == fault.told_cols ? ": columns and rows are exchanged" : "",
+      fault.mended.c_str());
 }
 
 std::optional<LayoutFault> FindLayoutFault(const std::vector<Board>& boards, const std::vector<Detection>& detections) {

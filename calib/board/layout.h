@@ -15,6 +15,7 @@ struct LayoutFault {
   int told_cols = 0, told_rows = 0, cols = 0, rows = 0;
   double told_px = 0, found_px = 0;  ///< median distance of the corners from a homography's image of the board: as described
                                      ///< (told) and as found
+  std::string mended;                ///< text of the board that was found
 };
 
 /// One line.

@@ -85,6 +85,7 @@ struct ReadOptions {
   geometry::LensKind lens =
       geometry::LensKind::kUnsaid;    ///< where the file does not say it (opencv, easymocap, nerfstudio, toml)
   double allow_approximation_px = 0;  ///< a skew is replaced by a turn about the axis if no pixel moves farther than this
+  double frame_rate_hz = 0;           ///< of cameras whose file states time offsets in seconds (kalibr); 0: unknown
 };
 
 /// Reads any format but panoptic. Formats with a file per camera (mrcal, opencv) take several paths; formats with several

@@ -253,21 +253,35 @@ void AddChain(const std::vector<ValueView>& chain, bool by_imu, bool placed, boo
   }
 }
 
-/// Kalibr's clocks: t_imu = t_cam + timeshift_cam_imu, in seconds. Equal shifts mean nothing for cameras among each other.
-void NoteTimeShifts(const std::vector<ValueView>& chain, ImportedRig* imported) {
-  std::vector<double> shifts;
-  for (const ValueView& view : chain) {
-    if (view.Has("timeshift_cam_imu")) shifts.push_back(view["timeshift_cam_imu"].Number());
+/// Kalibr's clocks, t_imu = t_cam + timeshift_cam_imu in seconds, against the first camera's: at one moment a camera's stamp is
+/// later by what its shift is less, and equal frame numbers mean equal stamps. Equal shifts mean nothing.
+void CarryTimeShifts(const std::vector<std::vector<ValueView>>& chains, const ReadOptions& options, ImportedRig* imported) {
+  std::vector<double> shifts_s;
+  for (const auto& chain : chains) {
+    for (const ValueView& view : chain) {
+      if (view.Has("timeshift_cam_imu")) shifts_s.push_back(view["timeshift_cam_imu"].Number());
+    }
   }
-  if (shifts.size() < 2) return;
-  const auto [least, most] = std::minmax_element(shifts.begin(), shifts.end());
-  constexpr double kLeastApart = 1e-4;  // s
-  if (*most - *least < kLeastApart) return;
-  imported->notes.push_back({"CAL-KEYS",
-                             chain[0].place().path +
-                                 Format(": timeshift_cam_imu differs by up to %.3g ms: ", (*most - *least) * 1e3) +
-                                 "the clocks of these cameras are offset against each other; that is not carried on",
-                             "find the offsets of the recording by mvstudio sync"});
+  if (shifts_s.size() < 2) return;
+  const auto [least, most] = std::minmax_element(shifts_s.begin(), shifts_s.end());
+  constexpr double kLeastApart_s = 1e-4;
+  if (*most - *least < kLeastApart_s) return;
+  std::vector<geometry::RigCamera>& cameras = imported->rig.cameras;
+  const bool all = shifts_s.size() == cameras.size();
+  const std::string text = chains[0][0].place().path +
+                           Format(": timeshift_cam_imu differs by up to %.3g ms: ", (*most - *least) * 1e3) +
+                           "the clocks of these cameras are offset against each other; ";
+  if (!all || options.frame_rate_hz <= 0) {
+    imported->notes.push_back(
+        {"CAL-KEYS", text + (all ? "frames need their rate" : "one camera states none") + ", so that it is not carried on",
+         all ? "option 'frame-rate' of calib convert carries it on, or find the offsets by mvstudio sync"
+             : "find the offsets of the recording by mvstudio sync"});
+    return;
+  }
+  for (size_t c = 0; c < cameras.size(); ++c)
+    cameras[c].time_offset = geometry::TimeOffset{(shifts_s[0] - shifts_s[c]) * options.frame_rate_hz, 0};
+  imported->notes.push_back({"CAL-KEYS", text + Format("taken as time offsets at %g frames a second", options.frame_rate_hz),
+                             "they hold where frames of equal numbers have equal time stamps"});
 }
 
 }  // namespace
@@ -294,10 +308,8 @@ ImportedRig internal::ReadKalibrChains(const std::vector<std::string>& paths, co
                       "nothing places its cameras against those of " + paths[0] +
                           ": several camchains are one rig where every camera has T_cam_imu; else give one");
   ImportedRig imported;
-  for (const auto& chain : chains) {
-    AddChain(chain, by_imu, placed, several, options, &imported);
-    NoteTimeShifts(chain, &imported);
-  }
+  for (const auto& chain : chains) AddChain(chain, by_imu, placed, several, options, &imported);
+  CarryTimeShifts(chains, options, &imported);
   imported.rig.gauge =
       by_imu ? geometry::RigGauge::Other("Kalibr's IMU") : geometry::RigGauge::OfCamera(imported.rig.cameras[0].camera.name);
   for (size_t f = 0; f < paths.size(); ++f) {

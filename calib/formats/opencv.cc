@@ -11,6 +11,7 @@
 #include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/some_of.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -237,6 +238,34 @@ ImportedRig ReadMany(const std::vector<std::string>& paths, const std::vector<En
   return imported;
 }
 
+/// Cameras in tables of their own. Sizes, and of two cameras the pose of the second, may stand beside them.
+ImportedRig ReadNested(const std::string& path, const Entries& root, std::vector<internal::NestedCamera> cameras,
+                       const ReadOptions& options) {
+  ImportedRig imported;
+  std::vector<Entries> files(1);
+  size_t placed = 0;
+  for (internal::NestedCamera& camera : cameras) {
+    for (const char* key : {"imagewidth", "width", "imageheight", "height", "resolution", "imagesize", "imgsize"}) {
+      if (const Entry* const size = FindEntry(root, key)) camera.entries.emplace(key, *size);
+    }
+    placed += AddSingle(camera.entries, camera.name, path, options, &imported);
+    files.push_back(std::move(camera.entries));
+  }
+  const Entry *rotation = FindEntry(root, "r"), *translation = FindEntry(root, "t");
+  std::vector<geometry::RigCamera>& read = imported.rig.cameras;
+  const bool stereo = placed == 0 && read.size() == 2 && rotation && translation;
+  if (stereo) read[1].cam_from_world = read[1].cam_from_world * ReadPose(*rotation, *translation, options.metres_per_unit);
+  if (placed > 0 && placed < read.size())
+    throw FormatError(path, "R, T", "some cameras have them and others do not: give all or none");
+  imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
+  if (stereo) imported.rig.gauge = geometry::RigGauge::OfCamera(read[0].camera.name);
+  if (stereo || placed > 0) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  if (!stereo && placed == 0) internal::StateLensesOnly(&imported);
+  files[0] = root;  // with what was used
+  AddUnusedNote({path}, files, options, &imported);
+  return imported;
+}
+
 std::string LensText(const geometry::Camera& camera, const std::string& matrix_key, const std::string& distortion_key) {
   const internal::OpenCvLens lens = internal::OpenCvLensOf(camera);
   Eigen::RowVectorXd distortion =
@@ -315,11 +344,16 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOpti
     imported.rig.gauge =
         placed ? geometry::RigGauge{geometry::RigGauge::Kind::kImported} : geometry::RigGauge::OfCamera("camera");
     if (placed) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
+  } else if (std::vector<internal::NestedCamera> cameras = internal::FindNestedCameras(entries, kMatrixKeys);
+             !cameras.empty()) {
+    return ReadNested(paths.front(), entries, std::move(cameras), options);
   } else {
+    const std::vector<std::string> matrices = internal::MatrixPaths(entries);
     throw FormatError(
         paths.front(), "",
         "no calibration in it: neither camera_matrix (cameraMatrix, K, mtx) nor M1 and M2 (K1 and K2, cameraMatrix1 and "
-        "cameraMatrix2)");
+        "cameraMatrix2)" +
+            (matrices.empty() ? "" : "; its matrices are " + SomeOf(matrices)));
   }
   AddUnusedNote(paths, {entries}, options, &imported);
   return imported;

@@ -13,14 +13,6 @@
 namespace mvstudio::calib::internal {
 namespace {
 
-std::string Normalised(const std::string& key) {
-  std::string plain;
-  for (const char c : key) {
-    if (c != '_') plain += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  }
-  return plain;
-}
-
 [[noreturn]] void Fail(const Place& place, const std::string& what) { throw FormatError(place.path, place.where, what); }
 
 double NumberOf(const Value& value, const Place& place) {
@@ -48,6 +40,14 @@ int SizeOf(const Entry& entry, const char* key) {
 
 }  // namespace
 
+std::string NormalisedKey(const std::string& key) {
+  std::string plain;
+  for (const char c : key) {
+    if (c != '_') plain += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  }
+  return plain;
+}
+
 void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   const std::string text = ReadFile(path);
   const bool is_xml = text.find("<opencv_storage") != std::string::npos;
@@ -63,7 +63,7 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   }
   for (auto& [key, value] : root.entries) {
     const std::string where = value.line > 0 ? "line " + std::to_string(value.line) : Printable(key);
-    const auto [entry, is_new] = entries->insert({normalised ? Normalised(key) : key, {}});
+    const auto [entry, is_new] = entries->insert({normalised ? NormalisedKey(key) : key, {}});
     if (!is_new) throw FormatError(path, where, "the key '" + Printable(key) + "' occurs twice");
     entry->second = {std::move(value), {path, Printable(key)}};
   }

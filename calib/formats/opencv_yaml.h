@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "calib/formats/document.h"
 #include "calib/formats/format_camera.h"
@@ -27,6 +28,21 @@ Value ParseOpenCvXml(const std::string& path, const std::string& text);
 /// Keys as written or, if `normalised`, in lower case without underscores, because OpenCV's own samples write
 /// camera_matrix, Camera_Matrix and cameraMatrix. Adds to `entries`; throws FormatError for a key that is already there.
 void ReadEntries(const std::string& path, bool normalised, Entries* entries);
+
+/// A key in lower case without underscores.
+std::string NormalisedKey(const std::string& key);
+
+/// A camera whose entries are a table of their own.
+struct NestedCamera {
+  std::string name;  ///< as the table says, else its key, in a list with its number
+  Entries entries;   ///< normalised; their places are paths, `cameras[0].K`
+};
+/// Cameras in tables of the root, one with a matrix under one of `matrix_keys` each: `cam0: {K: …}`, in a table of cameras, or
+/// in a list. What holds them counts as used. Throws FormatError for another table or list beside them, where they are not at
+/// the root.
+std::vector<NestedCamera> FindNestedCameras(const Entries& root, std::initializer_list<const char*> matrix_keys);
+/// The paths of all matrices with rows, cols and data.
+std::vector<std::string> MatrixPaths(const Entries& root);
 
 /// Whether a text is a message of ROS's camera_info as `topic echo` prints it: distortion_model, k and d.
 bool IsCameraInfo(std::string_view text);

@@ -87,7 +87,7 @@ CommandResult RunConvert(Arguments arguments) {
 constexpr char kPointsHelp[] =
     "folder of `triangulate`, its points.csv or pose3d.json, or a file: .trc, .c3d, .bvh, .csv, .sto, .npz, .npy, .h5; or a "
     "folder "
-    "of FreeMoCap or DeepLabCut with 3D joints";
+    "of FreeMoCap, DeepLabCut or EasyMocap with 3D joints";
 
 void AddInput(CLI::App* sub, Arguments& arguments) {
   AddOption(sub, "points", arguments.points.path, kPointsHelp);

@@ -15,6 +15,9 @@ void AddReadOptions(CLI::App* sub, stages::CalibReadOptions& options) {
   AddChoice(sub, "--unit", options.unit, "unit of length of files that name none: m, cm, mm or in")
       ->capture_default_str()
       ->check(OneOf({"m", "cm", "mm", "in"}));
+  AddOption(sub, "--frame-rate", options.frame_rate_hz,
+            "Hz, of the cameras: kalibr's time shifts become time offsets in frames; they are left out, and said, unless given")
+      ->check(CLI::PositiveNumber);
   AddOption(sub, "--qca-distortion-divisor", options.qca_distortion_divisor,
             "qca: the distortion is divided by this when read, multiplied when written (1: coefficients as they stand; 64: as "
             "Pose2Sim does)")

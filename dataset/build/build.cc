@@ -18,6 +18,7 @@
 #include "core/statistics.h"
 #include "dataset/build/build_camera.h"
 #include "dataset/build/footage_check.h"
+#include "dataset/build/joint_numbers.h"
 #include "dataset/build/scene_joints.h"
 #include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
@@ -271,6 +272,7 @@ void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose, BuildReport* report)
 Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
   Pose3d pose = SceneFilesAt(inputs.pose3d).empty() ? ReadPointsOf(inputs, report) : ReadSceneJoints(inputs.pose3d);
   if (!inputs.skeleton.empty()) UseSkeleton(geometry::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
+  internal::NumberJointsAsFrames(inputs, &pose, &report->warnings);
   KeepTimeSteps(inputs, &pose, report);
   RequireJoints(inputs.pose3d, pose);
   return pose;
@@ -339,8 +341,8 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   report.world = pose.world;
   const std::map<int, People> poses = ToCoco19(pose);
   const std::optional<OwnJoints> own = OwnJointsOf(inputs, pose, &report);
-  const auto given = wanted.masks ? internal::FindGivenMasks(inputs) : std::map<std::string, internal::GivenMasks>{};
-  if (const auto notice = internal::NoticeOfMasksFromOne(inputs, given)) report.warnings.push_back(*notice);
+  auto given = wanted.masks ? internal::FindGivenMasks(inputs) : std::map<std::string, internal::GivenMasks>{};
+  Append(internal::NumberMasksAsFrames(inputs, &given), &report.warnings);
   const BuildOptions options = WithPossibleMasks(wanted, own, poses, !given.empty(), &report);
   AtomicFolder folder(out, wanted.overwrite, InputsOf(inputs));
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path(), given);

@@ -31,6 +31,8 @@ struct BuildInputs {
   std::string masks = {};        ///< folder with a folder of masks for each camera, instead of making them; may be empty
   std::string skeleton = {};     ///< name or file of the joints' skeleton, instead of what `pose3d` states; may be empty
   std::vector<int> frames = {};  ///< time steps of the joints that are built, sorted; empty: all
+  int first_frame = 0;           ///< number of the joints for the footage's first frame
+  int first_mask = 0;            ///< the same of `masks`
 };
 
 struct BuildOptions {

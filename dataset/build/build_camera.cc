@@ -96,7 +96,10 @@ void Settle(const CameraJob& job, const std::set<int>& gaps, const std::set<int>
   if (!lost.empty() && !options.keep_undamaged) {
     throw FormatError(job.footage.path, "frame " + std::to_string(*lost.begin()),
                       "has 3D joints and no image; the footage holds " + std::to_string(count) + " frames, the last is " +
-                          std::to_string(last) + ": is it the footage of this take, and whole?");
+                          std::to_string(last) + ": is it the footage of this take, and whole?" +
+                          (lost.size() == 1 && *lost.begin() == count
+                               ? " If the joints' program counts frames from 1, option 'first-frame' 1 says so"
+                               : ""));
   }
   std::set<int> all = gaps;
   all.insert(lost.begin(), lost.end());

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <set>
 
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "dataset/footage/first_number.h"
 #include "dataset/footage/frames.h"
 
 namespace mvstudio::dataset::internal {
@@ -49,6 +51,18 @@ void AddFiles(const std::string& folder, GivenMasks* masks) {
                                   Join(inputs.footage, ", ", &CameraFootage::camera));
 }
 
+/// Mask `first` is of frame 0.
+void CountFrom(int first, GivenMasks* masks) {
+  std::map<int64_t, std::string> files;
+  for (auto& [number, path] : masks->files) {
+    if (number < first)
+      throw FormatError(
+          path, "", "has a number below option 'first-mask' " + std::to_string(first) + ", which is that of the first frame");
+    files.emplace(number - first, std::move(path));
+  }
+  masks->files = std::move(files);
+}
+
 }  // namespace
 
 std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs) {
@@ -73,21 +87,38 @@ std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs) {
   return all;
 }
 
-std::optional<Notice> NoticeOfMasksFromOne(const BuildInputs& inputs, const std::map<std::string, GivenMasks>& given) {
-  std::vector<std::string> cameras;
+std::vector<Notice> NumberMasksAsFrames(const BuildInputs& inputs, std::map<std::string, GivenMasks>* given) {
+  std::vector<std::string> moved, unclear;
   for (const CameraFootage& footage : inputs.footage) {
-    const auto found = given.find(footage.camera);
-    if (found == given.end() || !fs::is_regular_file(footage.path)) continue;
-    const std::map<int64_t, std::string>& files = found->second.files;
-    const bool from_one =
-        files.size() > 1 && files.begin()->first == 1 && files.rbegin()->first == static_cast<int64_t>(files.size());
-    if (from_one) cameras.push_back(footage.camera);
+    const auto found = given->find(footage.camera);
+    if (found == given->end()) continue;
+    if (inputs.first_mask != 0) {
+      CountFrom(inputs.first_mask, &found->second);
+      continue;
+    }
+    std::set<int64_t> numbers;
+    for (const auto& [number, path] : found->second.files) numbers.insert(number);
+    if (numbers.empty() || *numbers.begin() == 0) continue;
+    const std::optional<int64_t> num_frames = FramesFrom0(footage.path);
+    const FirstNumber first = num_frames ? FirstNumberOf(numbers, *num_frames) : FirstNumber::kAsFrames;
+    if (first == FirstNumber::kOne) CountFrom(1, &found->second), moved.push_back(footage.camera);
+    if (first == FirstNumber::kUnclear) unclear.push_back(footage.camera);
   }
-  if (cameras.empty()) return std::nullopt;
-  return Notice{"DAT-MASK",
-                "masks of " + Join(cameras, ", ") +
-                    " are numbered from 1 without a gap, frames of a video count from 0: mask 1 was taken for the second frame",
-                "if mask 1 is of the first frame, number the masks of these cameras from 0"};
+  std::vector<Notice> notices;
+  if (!moved.empty())
+    notices.push_back(
+        {"DAT-MASK",
+         "masks of " + Join(moved, ", ") +
+             " are numbered 1 to N and the N frames of the footage 0 to N - 1: mask 1 was taken for the first frame",
+         "number masks as frames, from 0, and nothing is said"});
+  if (!unclear.empty())
+    notices.push_back(
+        {"DAT-MASK",
+         "masks of " + Join(unclear, ", ") +
+             " are numbered from 1, or beyond the last frame, and frames count from 0: mask 1 was taken for the second "
+             "frame",
+         "if mask 1 is of the first frame, option 'first-mask' 1 says so"});
+  return notices;
 }
 
 Image GivenMask(const GivenMasks& masks, int64_t frame, int width, int height) {

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,9 +21,10 @@ struct GivenMasks {
 /// MeaningOfMasks throws.
 std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs);
 
-/// A notice where masks are numbered 1 to N beside a video, whose frames count from 0: mask n was taken for frame n, which may
-/// be one too late. Nothing without such masks.
-std::optional<Notice> NoticeOfMasksFromOne(const BuildInputs& inputs, const std::map<std::string, GivenMasks>& given);
+/// Gives masks the numbers of their frames where those count from 0 and the masks from `first_mask`, or, where that is 0, from
+/// 1 for sure (FirstNumber::kOne). A notice says which cameras' were moved, and another which may have to be. Throws
+/// FormatError for a mask below `first_mask`.
+std::vector<Notice> NumberMasksAsFrames(const BuildInputs& inputs, std::map<std::string, GivenMasks>* given);
 
 /// The mask of a frame; empty where there is none. Throws FormatError for another size.
 Image GivenMask(const GivenMasks& masks, int64_t frame, int width, int height);

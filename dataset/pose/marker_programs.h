@@ -40,6 +40,12 @@ MarkerFile ReadStudioTable(const std::string& path, const std::string& unit);
 /// Qualisys QTM's .tsv: mm, z up; frame 1 is frame 0 where it numbers its rows.
 MarkerFile ReadTsvMarkers(const std::string& path, const std::string& unit);
 
+/// EasyMocap's folder keypoints3d, FRAME.json: a list of {id, keypoints3d}, x, y, z and a confidence of each point; 0: not
+/// seen. Points are named by their number, 17, 25, 67 or 137; the face of the last is left out, and noted. Ids become persons.
+MarkerFile ReadEasyMocapMarkers(const std::string& folder, const std::string& unit);
+/// That folder, itself or in `folder`; empty: it is not there.
+std::string FindEasyMocapPoints(const std::string& folder);
+
 /// The file with the 3D joints of a recording of FreeMoCap or of a project of DeepLabCut; empty: the folder is neither. Throws
 /// FormatError where several of DeepLabCut's lie there.
 std::string FindProgramPoints(const std::string& folder);

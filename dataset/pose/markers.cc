@@ -107,6 +107,9 @@ void LeaveOutZeros(MarkerFile* file) {
 const std::vector<std::string> kPointFiles = {".trc", ".c3d", ".bvh", ".csv", ".tsv", ".sto", ".npz", ".npy", ".h5"};
 
 MarkerFile ReadByExtension(const std::string& path, const std::string& unit) {
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error) && internal::FindEasyMocapPoints(path) == path)
+    return internal::ReadEasyMocapMarkers(path, unit);
   const std::string extension = ExtensionOf(path);
   if (extension == ".c3d") return ReadC3dMarkers(path, unit);
   if (extension == ".trc") return ReadTrcMarkers(path, unit);
@@ -122,9 +125,10 @@ MarkerFile ReadByExtension(const std::string& path, const std::string& unit) {
                       "Parquet is not read; give FreeMoCap's *_by_trajectory.csv of the same recording, or its folder");
   if (extension == ".mot")
     throw FormatError(path, "", "holds joint angles or forces, no positions; give the .trc of the same trial");
-  throw FormatError(path, "",
-                    "is no file of 3D points: a folder of triangulate, FreeMoCap or DeepLabCut, .trc, .c3d, .bvh, .csv, .tsv, "
-                    ".sto, .npz, .npy or .h5");
+  throw FormatError(
+      path, "",
+      "is no file of 3D points: a folder of triangulate, FreeMoCap, DeepLabCut or EasyMocap, .trc, .c3d, .bvh, .csv, .tsv, "
+      ".sto, .npz, .npy or .h5");
 }
 
 }  // namespace
@@ -150,6 +154,7 @@ std::optional<double> MetresPerUnit(std::string_view word) {
 bool IsPointsFile(const std::string& path) {
   const std::string extension = ExtensionOf(path);
   std::error_code error;
+  if (std::filesystem::is_directory(path, error)) return internal::FindEasyMocapPoints(path) == path;
   return std::find(kPointFiles.begin(), kPointFiles.end(), extension) != kPointFiles.end() &&
          std::filesystem::is_regular_file(path, error);
 }
@@ -207,7 +212,9 @@ std::string PointsFileAt(const std::string& path) {
   for (const fs::path& folder : {fs::path(path), fs::path(path) / "pose3d"}) {
     if (fs::exists(folder / "points.csv", error)) return (folder / "points.csv").string();
   }
-  return fs::exists(fs::path(path) / "pose3d.json", error) ? "" : internal::FindProgramPoints(path);
+  if (fs::exists(fs::path(path) / "pose3d.json", error)) return "";
+  const std::string easymocap = internal::FindEasyMocapPoints(path);
+  return easymocap.empty() ? internal::FindProgramPoints(path) : easymocap;
 }
 
 Pose3d ReadPoints3d(const std::string& path, const std::string& unit, const std::string& up, MarkerFile* file) {

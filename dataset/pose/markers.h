@@ -20,12 +20,12 @@ struct MarkerFile {
 /// "m", "mm", "millimeters", "inches", …, or the length of one unit, "25mm"; metres, or nothing for another word.
 std::optional<double> MetresPerUnit(std::string_view word);
 
-/// Reads a .trc, .c3d, .bvh, .csv, .tsv, .sto, .npz, .npy or .h5 file (dataset/pose/marker_formats.h, marker_programs.h). `unit`
-/// replaces what the file says; empty: the file's own. `up` (x, y or z) replaces the axis that the format or the file says is
-/// up: x_in_world = (y, z, x), (z, x, y) or (x, y, z) of the file. Throws UsageError for an unknown unit, axis or extension;
-/// IoError; FormatError with the place, also for a file that states no unit.
+/// Reads a .trc, .c3d, .bvh, .csv, .tsv, .sto, .npz, .npy or .h5 file (dataset/pose/marker_formats.h, marker_programs.h).
+/// `unit` replaces what the file says; empty: the file's own. `up` (x, y or z) replaces the axis that the format or the file
+/// says is up: x_in_world = (y, z, x), (z, x, y) or (x, y, z) of the file. Throws UsageError for an unknown unit, axis or
+/// extension; IoError; FormatError with the place, also for a file that states no unit.
 MarkerFile ReadMarkers(const std::string& path, const std::string& unit = {}, const std::string& up = {});
-/// True for the extensions that ReadMarkers knows.
+/// True for files with the extensions that ReadMarkers knows, and for EasyMocap's folder keypoints3d, which it takes, too.
 bool IsPointsFile(const std::string& path);
 
 /// The world's axes, z up, as x_in_world of a position in a file whose axis `up` is up: see ReadMarkers. Throws UsageError.

@@ -137,7 +137,8 @@ const char* ListOf(Kind kind) {
   return "pose_keypoints_2d";
 }
 
-std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string& camera) {
+/// The .json files, else YOLO's labels.
+std::vector<fs::path> ListPoseFiles(const std::string& folder, const std::string& camera) {
   std::error_code error;
   if (!fs::is_directory(folder, error)) {
     const bool there = fs::exists(folder, error);
@@ -146,21 +147,18 @@ std::vector<fs::path> ListJsonFiles(const std::string& folder, const std::string
                                      : ": no such file or folder of 2D poses") +
                               "; check the path after `" + camera + "=`");
   }
-  std::vector<fs::path> files;
+  std::vector<fs::path> files, labels;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
-    if (entry.path().extension() == ".json" && name[0] != '.' && entry.is_regular_file()) files.push_back(entry.path());
+    if (name[0] == '.' || !entry.is_regular_file()) continue;
+    if (entry.path().extension() == ".json") files.push_back(entry.path());
+    if (entry.path().extension() == ".txt" && name != "classes.txt") labels.push_back(entry.path());
   }
+  if (files.empty()) files = std::move(labels);
   if (error) throw IoError(folder, "camera " + camera + ": cannot be listed: " + error.message());
-  const auto is_label = [](const fs::directory_entry& entry) { return entry.path().extension() == ".txt"; };
-  if (files.empty() && std::any_of(fs::directory_iterator(folder, error), fs::directory_iterator(), is_label)) {
-    throw IoError(folder,
-                  "camera " + camera +
-                      ": holds no .json file but .txt files. YOLO's labels are not read; give one JSON file an image, as "
-                      "to_json() of Ultralytics' results writes them (x, y in px)");
-  }
   if (files.empty()) {
-    throw IoError(folder, "camera " + camera + ": the folder holds no .json file; was the pose detector run on this camera?");
+    throw IoError(folder,
+                  "camera " + camera + ": the folder holds no .json or .txt file; was the pose detector run on this camera?");
   }
   std::sort(files.begin(), files.end());
   return files;
@@ -231,7 +229,7 @@ std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
 
 std::map<int, fs::path> FilesByFrame(const std::string& folder, const std::string& camera) {
   std::map<int, fs::path> files;
-  const std::vector<fs::path> paths = ListJsonFiles(folder, camera);
+  const std::vector<fs::path> paths = ListPoseFiles(folder, camera);
   std::vector<std::string> names;
   for (const fs::path& path : paths) names.push_back(path.filename().string());
   const std::map<std::string, std::optional<int>> frames = internal::FramesOfNames(names);
@@ -290,8 +288,12 @@ Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& cam
     if (frame < range.first || frame > range.last) continue;
     const int number = frame;
     const PoseFile file{path.string(), "camera " + camera + ", frame " + std::to_string(number), skeleton};
+    const bool yolo = path.extension() == ".txt";
+    track.normalized = yolo;
     tolerant.Try([&, text_path = path.string()] {
-      track.frames[number] = ParsePeople(internal::ParsePoseJson(ReadFile(text_path), file), file);
+      const std::string text = ReadFile(text_path);
+      track.frames[number] =
+          yolo ? internal::ParseYoloLabels(text, file) : ParsePeople(internal::ParsePoseJson(text, file), file);
     });
   }
   if (!range.is_part) tolerant.Finish();

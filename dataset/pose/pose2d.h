@@ -24,6 +24,7 @@ struct Pose2dTrack {
   std::string camera;
   std::map<int, std::vector<Person2d>> frames;
   std::vector<std::string> skipped = {};  ///< unreadable parts that were left out: "FILE: place: why", one per frame
+  bool normalized = false;                ///< x and y are shares of the image's width and height (YOLO), not pixels
 };
 
 /// Frames to read, both ends included.
@@ -33,9 +34,10 @@ struct FrameRange {
 };
 
 /// Reads a folder of OpenPose JSON files (`*.json`, one per frame). The frame number is the last run of digits in the file
-/// name before `_keypoints` or the extension. A skeleton of several parts takes them from `pose_keypoints_2d`,
-/// `face_keypoints_2d`, `hand_left_keypoints_2d` and `hand_right_keypoints_2d` (an empty list: not detected). All come
-/// from `pose_keypoints_2d` where that list is long enough. People without a body are left out.
+/// name before `_keypoints` or the extension. Without JSON, YOLO's labels of a pose model (`*.txt`): a normalized track. A
+/// skeleton of several parts takes them from `pose_keypoints_2d`, `face_keypoints_2d`, `hand_left_keypoints_2d` and
+/// `hand_right_keypoints_2d` (an empty list: not detected). All come from `pose_keypoints_2d` where that list is long enough.
+/// People without a body are left out.
 ///
 /// Unreadable files are left out and listed, unless they are more than half: then the first one's error is thrown. Throws
 /// IoError for a missing or empty folder. Throws FormatError (path, place) for truncated JSON, invalid numbers, or a

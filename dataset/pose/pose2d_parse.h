@@ -44,6 +44,14 @@ void AppendKeypoints(const nlohmann::json& numbers, size_t num_joints, const std
 /// Appends a person of MMPose (`keypoints` [[x, y], …] and `keypoint_scores`) or of COCO's kind (one flat `keypoints`).
 void AppendPerson(const nlohmann::json& entry, const std::string& where, const PoseFile& file, std::vector<Person2d>* people);
 
+/// The skeletons with as many joints, as advice.
+std::string FittingSkeletons(size_t num_joints);
+
+/// The people of an image in YOLO's labels of a pose model, a line each: class, box (4 numbers), then x, y and visibility or
+/// confidence of each joint, or x and y (0 0: not labelled), perhaps a confidence and a track; x and y are shares of the
+/// image's width and height, and stay so. Throws FormatError.
+std::vector<Person2d> ParseYoloLabels(const std::string& text, const PoseFile& file);
+
 /// Runs `read` and turns a FormatError into a line of `skipped`. Gives up after tens of thousands of errors with almost
 /// nothing readable.
 class Tolerant {

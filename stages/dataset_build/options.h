@@ -16,6 +16,8 @@ struct DatasetBuildOptions {
   TakeArguments take;
   std::string pose3d;       ///< see dataset::BuildInputs; empty: that of the session's take
   std::string frames;       ///< "80-99" or "1,4,7-9": time steps of the joints; empty: all
+  int first_frame = 0;      ///< see dataset::BuildInputs
+  int first_mask = 0;       ///< the same
   std::string marker_unit;  ///< of a file of markers; empty: as it states
   std::string skeleton;     ///< of the 3D joints; empty: as they state
   std::string out;          ///< new folder; empty: that of the session's take
@@ -38,6 +40,9 @@ void VisitFields(Visitor&& visit, DatasetBuildOptions& o) {
       "folder with points.csv, as triangulate writes it, a dataset or folder of body3DScene_*.json, or a file of markers; the "
       "session's pose3d/TAKE unless given");
   visit("frames", o.frames, "80-99 or 1,4,7-9: time steps of the joints; all unless given");
+  visit(
+      "first-frame", o.first_frame,
+      "number that the joints give the footage's first frame; 1 is found where they are numbered 1 to N and the footage has N");
   visit("marker-unit", o.marker_unit,
         "m, cm, mm, in or the length of one unit, e.g. 25mm: instead of what the file of markers states");
   visit("skeleton", o.skeleton,
@@ -48,6 +53,7 @@ void VisitFields(Visitor&& visit, DatasetBuildOptions& o) {
   visit("masks", o.masks,
         "folder with a folder of masks for each camera, named by frame; alone: make masks. The session's masks/TAKE, where it "
         "is there, unless given");
+  visit("first-mask", o.first_mask, "number of the first frame's mask, where frames count from 0; 1 is found in the same way");
   VisitStyled(visit, OptionStyle::kSwitch, "no-masks", o.no_masks, "no masks");
   VisitFields(visit, o.build);
 }

@@ -47,6 +47,7 @@ dataset::BuildInputs ToBuildInputs(DatasetBuildOptions* options, InputNotes* not
   inputs.calibration = options->calib.empty() ? take.calibration : options->calib;
   if (inputs.calibration.empty()) throw UsageError("option 'calib' is needed: the calibration of these cameras");
   inputs.pose3d = options->pose3d.empty() ? take.Folder("pose3d") : options->pose3d;
+  inputs.first_frame = options->first_frame, inputs.first_mask = options->first_mask;
   inputs.marker_unit = options->marker_unit, inputs.skeleton = options->skeleton;
   if (!options->frames.empty()) inputs.frames = ParseRanges("option 'frames'", options->frames);
   if (inputs.pose3d.empty()) throw UsageError("option 'pose3d' is needed: the folder that triangulate wrote");

@@ -106,7 +106,7 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
   read.metres_per_unit = MetresPer(options.unit);
   read.qca_distortion_divisor = options.qca_distortion_divisor;
   read.lens = options.lens;
-  read.allow_approximation_px = options.allow_approximation_px;
+  read.allow_approximation_px = options.allow_approximation_px, read.frame_rate_hz = options.frame_rate_hz;
   const auto layout = options.from ? std::nullopt : exports::DetectLayout(paths.front());
   const calib::CalibrationFormat format = options.from ? *options.from
                                           : layout     ? layout->format

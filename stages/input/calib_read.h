@@ -27,6 +27,7 @@ struct CalibReadOptions {
   bool invert = false;                                    ///< the file's poses go the other way (geometry/rig/meeting.h)
   bool mirror = false;                                    ///< the file is left-handed
   double allow_approximation_px = 0;                      ///< see calib::ReadOptions
+  double frame_rate_hz = 0;                               ///< the same
 };
 
 /// Reads a calibration of any format from one or several files, or from a folder that holds one (calib::CalibrationIn);

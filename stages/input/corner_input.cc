@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "calib/board/layout.h"
 #include "calib/check/same_corners.h"
 #include "core/error.h"
 #include "core/join.h"
@@ -197,6 +198,8 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
   calib::CornerFileOptions options = arguments.corner_files;
   if (!arguments.boards.empty()) options.board = arguments.boards[0];
   const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);
+  if (const auto fault = calib::FindLayoutFault(file.boards, file.detections))
+    throw FormatError(arguments.corners, "", calib::ToString(*fault));
   notes->inputs.push_back(arguments.corners);
   Append(file.notes, &notes->warnings);
   CornerInput corners;

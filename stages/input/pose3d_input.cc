@@ -17,7 +17,7 @@ using Poses = std::map<int, std::map<int, dataset::Coco19Pose>>;
 
 constexpr char kForms[] =
     "is no 3D joints: a folder with points.csv, a .trc, .c3d, .bvh, .csv, .sto, .npz, .npy or .h5 file, a dataset, or "
-    "a folder of body3DScene_*.json, FreeMoCap or DeepLabCut";
+    "a folder of body3DScene_*.json, FreeMoCap, DeepLabCut or EasyMocap";
 
 bool AnyJoint(const Poses& poses) {
   for (const auto& [frame, people] : poses) {

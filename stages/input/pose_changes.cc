@@ -72,8 +72,10 @@ void CheckNames(const PoseChanges& changes, const std::vector<Pose2dTrack>& trac
   for (const auto& [option, set] : sets) {
     for (const std::string& name : set->names) CheckKnown(option, name, tracks);
   }
-  const std::pair<const char*, const std::vector<CameraValue>*> values[] = {
-      {"rotate", &changes.rotate}, {"image-size", &changes.image_size}, {"rate", &changes.rate}};
+  const std::pair<const char*, const std::vector<CameraValue>*> values[] = {{"rotate", &changes.rotate},
+                                                                            {"image-size", &changes.image_size},
+                                                                            {"rate", &changes.rate},
+                                                                            {"first-frame", &changes.first_frame}};
   for (const auto& [option, list] : values) {
     std::set<std::string> seen;
     for (const CameraValue& value : *list) {
@@ -280,7 +282,8 @@ void ApplyChanges(const PoseChanges& changes, const geometry::Rig& rig, const ge
         key->score = seen ? 1 : 0;
       });
     }
-    const PixelChange change = PixelChangeOf(changes, rig.cameras[static_cast<size_t>(camera)].camera);
+    PixelChange change = PixelChangeOf(changes, rig.cameras[static_cast<size_t>(camera)].camera);
+    change.normalized |= std::exchange(track.normalized, false);
     if (change.IsNeeded()) ForEachKeypoint(&track, [&](Keypoint2d* key) { change.Apply(key); });
     if (changes.swap_sides.Has(track.camera)) SwapSides(skeleton, &track);
   }
@@ -337,6 +340,15 @@ void LimitFrames(const PoseChanges& changes, std::vector<Pose2dTrack>* tracks, I
     for (auto it = track.frames.begin(); it != track.frames.end();)
       it = std::binary_search(kept.begin(), kept.end(), it->first) ? std::next(it) : track.frames.erase(it);
   }
+}
+
+int FirstFrameOf(const PoseChanges& changes, const std::string& camera) {
+  const CameraValue* first = ValueOf(changes.first_frame, camera);
+  if (!first) return 0;
+  const double number = NumberOf("first-frame", *first);
+  if (number != std::floor(number) || std::abs(number) > 999999999)
+    throw UsageError("option 'first-frame' " + ToString(*first) + ": must be a whole number, as 0 or 1");
+  return static_cast<int>(number);
 }
 
 double StepRateHz(const PoseChanges& changes) {

@@ -46,9 +46,10 @@ struct PoseChanges {
   CameraSet flip_x;                          ///< the images are mirrored: x becomes width - 1 - x
   CameraSet swap_sides;             ///< left and right joints bear each other's name, as detectors make it of mirrored images
   std::vector<CameraValue> rotate;  ///< 90, 180, 270: degrees clockwise by which the images are turned; turned back
-  std::vector<CameraValue> image_size;  ///< WIDTHxHEIGHT of the images, where they are scaled against the calibrated ones
-  std::vector<CameraValue> rate;        ///< frames a second; only their ratios matter
-  std::string frames = {};              ///< "80-99" or "1,4,7-9", as the files number them: the others are left out; empty: all
+  std::vector<CameraValue> image_size;        ///< WIDTHxHEIGHT of the images, where they are scaled against the calibrated ones
+  std::vector<CameraValue> rate;              ///< frames a second; only their ratios matter
+  std::vector<CameraValue> first_frame = {};  ///< number that the files give the footage's first frame, which becomes 0
+  std::string frames = {};  ///< "80-99" or "1,4,7-9", as the files number them: the others are left out; empty: all
 };
 
 template <class Visitor>
@@ -68,6 +69,10 @@ void VisitFields(Visitor&& visit, PoseChanges& o) {
         "WIDTHxHEIGHT, or CAMERA=WIDTHxHEIGHT: of the images in which the joints were found, where they are scaled against "
         "the calibrated ones");
   visit("rate", o.rate, "HZ, or CAMERA=HZ: frames a second, where cameras differ; time steps count at HZ, else at the lowest");
+  visit(
+      "first-frame", o.first_frame,
+      "NUMBER, or CAMERA=NUMBER: what the files call the footage's first frame, which becomes frame 0; 1 is found where other "
+      "cameras or the footage tell");
   visit("frames", o.frames, "80-99 or 1,4,7-9: frames, as the files number them; all unless given");
   visit("swap-cameras", o.swap_cameras, "A,B: the 2D joints of these two cameras bear each other's name");
   VisitStyled(visit, OptionStyle::kList, "without-camera", o.without_cameras,
@@ -80,6 +85,9 @@ void VisitFields(Visitor&& visit, PoseChanges& o) {
 void LimitFrames(const PoseChanges& changes, std::vector<dataset::Pose2dTrack>* tracks, InputNotes* notes);
 /// The same for the numbers of the frames of all cameras.
 std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>& there, InputNotes* notes);
+
+/// By `changes.first_frame`; 0 where nothing is said. Throws UsageError for what is no whole number.
+int FirstFrameOf(const PoseChanges& changes, const std::string& camera);
 
 /// Time steps a second after ApplyChanges, where rates were given; else 0.
 double StepRateHz(const PoseChanges& changes);

@@ -9,6 +9,7 @@
 #include "geometry/rig/lenses_only.h"
 #include "geometry/skeleton/skeleton_text.h"
 #include "stages/input/calib_read.h"
+#include "stages/input/first_frames.h"
 #include "stages/input/take_frames.h"
 #include "stages/input/tracker_input.h"
 
@@ -190,6 +191,8 @@ PoseInput ReadWholeTracks(const PoseArguments& arguments, InputNotes* notes) {
     TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, notes), {arguments.points2d}, notes, &input);
     LimitFrames(arguments.changes, &input.tracks, notes);
   }
+  if (arguments.changes.frames.empty() || !arguments.changes.first_frame.empty())
+    NumberFromZero(arguments.changes, arguments.footage, &input.tracks, notes);
   const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
   if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, notes);
   Change(arguments, input.rig, &input);
@@ -237,6 +240,8 @@ PoseParts::PoseParts(const PoseArguments& arguments, InputNotes* notes) : argume
     input_.limbs = LimbsOf(input_.skeleton);
     if (!arguments.changes.rate.empty())
       throw UsageError("option 'rate' needs the whole take: leave option 'chunk-frames' out");
+    if (!arguments.changes.first_frame.empty())
+      throw UsageError("option 'first-frame' needs the whole take: leave option 'chunk-frames' out");
     const auto& without = arguments.changes.without_cameras;
     for (const auto& [camera, folder] : arguments.pose2d) {
       if (std::find(without.begin(), without.end(), camera) == without.end()) input_.cameras.push_back(camera);

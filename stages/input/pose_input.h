@@ -34,6 +34,7 @@ struct PoseArguments {
   std::vector<std::string> without_joints = {};  ///< names of joints whose detections are left out
   PoseChanges changes = {};
   std::vector<NamedPath> pose2d;  ///< folders of OpenPose JSON files, or files, DeepLabCut's and SLEAP's too, one per camera
+  std::vector<NamedPath> footage = {};  ///< videos and images of the same frames, where they are known: no options of their own
 };
 
 /// What triangulate and sync take; the other fields are filled from projects and by other commands.
@@ -42,7 +43,8 @@ void VisitFields(Visitor&& visit, PoseArguments& o) {
   StartGroup(visit, "Calibration and 2D joints");
   visit("calib", o.calib, "calibration file: ours, Panoptic's, or any that calib convert reads");
   visit("pose2d", o.pose2d,
-        "NAME=FOLDER of OpenPose JSON files, or NAME=FILE with the results of a whole video: COCO, AlphaPose, MMPose, "
+        "NAME=FOLDER of OpenPose JSON files or YOLO-pose labels, or NAME=FILE with the results of a whole video: COCO, "
+        "AlphaPose, MMPose, "
         "DeepLabCut (.h5, .csv), SLEAP (analysis .h5, .csv); repeat for each camera");
   visit("points2d", o.points2d,
         "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals, or "

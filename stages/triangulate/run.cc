@@ -143,6 +143,11 @@ TriangulateReport RunTriangulate(TriangulateOptions options, const RunContext& r
   report.options = std::move(options);
   const std::optional<FoundTake> found = SettleInput(&report);
   CheckOptions(report.options, report.project, found.has_value());
+  if (!found) {
+    report.options.pose.footage = report.options.video;
+    report.options.pose.footage.insert(report.options.pose.footage.end(), report.options.images.begin(),
+                                       report.options.images.end());
+  }
   FillMarkerOptions(found, FootageRateHz(report.options), report.options.pose.changes, &report.options.markers, &report.notes);
   const std::string& out = report.options.out;
   const OutputFolder place(out, InputsOfTake(report.options), FilesOfTake(report.project));

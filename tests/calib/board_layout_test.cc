@@ -36,6 +36,7 @@ TEST(BoardLayout, ExchangedColumnsAndRowsAreFound) {
   EXPECT_EQ(fault->cols, board.cols);
   EXPECT_EQ(fault->rows, board.rows);
   EXPECT_NE(ToString(*fault).find(std::to_string(board.cols) + " columns"), std::string::npos);
+  EXPECT_EQ(fault->mended, ToString(board));
 }
 
 TEST(BoardLayout, AColumnTooManyIsFound) {

@@ -239,6 +239,29 @@ TEST(ReadKalibr, ClocksThatAreApartAreSaid) {
   EXPECT_THAT(text("0.012"), HasSubstr("differs by up to 10 ms"));
 }
 
+/// One event, at 5 s of the IMU's clock. Camera c stamps it 5 - shift_c; its frames have stamps f / 50, so that it is in frame
+/// (5 - shift_c) * 50: for cam0 249.9, for cam1 249.4. A time offset is the camera's frame less the rig's.
+TEST(ReadKalibr, TimeShiftsBecomeOffsetsOfFrames) {
+  const TempDir folder;
+  const std::string lens = "  camera_model: pinhole\n  intrinsics: [400, 400, 320, 240]\n  resolution: [640, 480]\n";
+  const std::string cam0 = "cam0:\n" + lens + "  timeshift_cam_imu: 0.002\n", cam1 = "cam1:\n" + lens;
+  WriteFileAtomic(folder / "all.yaml", cam0 + cam1 + "  timeshift_cam_imu: 0.012\n");
+  WriteFileAtomic(folder / "one.yaml", cam0 + cam1);
+  ReadOptions options;
+  options.frame_rate_hz = 50;
+  const geometry::Rig rig = ReadCalibration(CalibrationFormat::kKalibr, {folder / "all.yaml"}, options).rig;
+  const double event_s = 5, in_cam0 = (event_s - 0.002) * 50, in_cam1 = (event_s - 0.012) * 50;
+  ASSERT_TRUE(rig.cameras[0].time_offset && rig.cameras[1].time_offset);
+  EXPECT_EQ(rig.cameras[0].time_offset->frames, 0);
+  EXPECT_NEAR(rig.cameras[1].time_offset->frames, in_cam1 - in_cam0, 1e-12);
+  EXPECT_FALSE(ReadCalibration(CalibrationFormat::kKalibr, {folder / "one.yaml"}, options).rig.cameras[1].time_offset);
+  options.frame_rate_hz = 0;
+  const ImportedRig unknown = ReadCalibration(CalibrationFormat::kKalibr, {folder / "all.yaml"}, options);
+  EXPECT_FALSE(unknown.rig.cameras[1].time_offset);
+  ASSERT_FALSE(unknown.notes.empty());
+  EXPECT_THAT(unknown.notes[0].hint, HasSubstr("option 'frame-rate'"));
+}
+
 /// Chains that are not whole, several of them, and lenses whose words do not agree.
 TEST(ReadKalibr, PosesAndLensesThatTheFileDoesNotHold) {
   const TempDir folder;

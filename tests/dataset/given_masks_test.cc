@@ -7,6 +7,9 @@
 #include <fstream>
 
 #include "core/error.h"
+#include "dataset/build/joint_numbers.h"
+#include "dataset/footage/image_io.h"
+#include "tests/dataset/clip_writer.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 
@@ -33,23 +36,71 @@ TEST(GivenMasks, WhatIsNoFolderOfMasksIsSaidByItsKind) {
   EXPECT_THAT(message(folder.path()), AllOf(HasSubstr("`000000`"), HasSubstr("the objects of a frame in one image")));
 }
 
-/// Frames of a video count from 0. A first mask 0, a gap and footage of images, which has numbers itself, say nothing.
-TEST(GivenMasks, MasksFromOneBesideAVideoAreSaid) {
+/// A video of three frames, 0 to 2, with masks 0 or 1 to N.
+TEST(GivenMasks, MasksFromOneBesideAVideoAreMovedOrSaid) {
   const testing::TempDir folder;
-  std::ofstream(folder / "cam1.mp4") << "video";
+  testing::WriteClip(folder / "cam1.mp4", testing::Regular(3));
   BuildInputs inputs;
   inputs.footage.resize(1);
   inputs.footage[0].camera = "cam1";
   inputs.footage[0].path = folder / "cam1.mp4";
-  const auto notice = [&](const std::map<int64_t, std::string>& files) {
-    return internal::NoticeOfMasksFromOne(inputs, {{"cam1", {files, {}}}});
+  std::map<std::string, internal::GivenMasks> given;
+  const auto notices = [&](const std::map<int64_t, std::string>& files) {
+    given = {{"cam1", {files, {}}}};
+    return internal::NumberMasksAsFrames(inputs, &given);
   };
-  ASSERT_TRUE(notice({{1, "1.png"}, {2, "2.png"}, {3, "3.png"}}));
-  EXPECT_THAT(notice({{1, "1.png"}, {2, "2.png"}})->text, AllOf(HasSubstr("cam1"), HasSubstr("the second frame")));
-  EXPECT_FALSE(notice({{0, "0.png"}, {1, "1.png"}}));
-  EXPECT_FALSE(notice({{1, "1.png"}, {3, "3.png"}}));
-  inputs.footage[0].path = folder.path();
-  EXPECT_FALSE(notice({{1, "1.png"}, {2, "2.png"}}));
+  using Files = std::map<int64_t, std::string>;
+  const Files from_one{{1, "a"}, {2, "b"}, {3, "c"}}, from_zero{{0, "a"}, {1, "b"}, {2, "c"}};
+  ASSERT_EQ(notices(from_one).size(), 1u);
+  EXPECT_EQ(given.at("cam1").files, from_zero);
+  EXPECT_TRUE(notices(from_zero).empty());
+  EXPECT_EQ(given.at("cam1").files, from_zero);
+  for (const Files& unclear : {Files{{1, "a"}, {2, "b"}}, Files{{1, "a"}, {3, "c"}}}) {
+    const std::vector<Notice> said = notices(unclear);
+    ASSERT_EQ(said.size(), 1u);
+    EXPECT_THAT(said[0].text, AllOf(HasSubstr("cam1"), HasSubstr("the second frame")));
+    EXPECT_THAT(said[0].hint, HasSubstr("option 'first-mask' 1"));
+    EXPECT_EQ(given.at("cam1").files, unclear);
+  }
+  inputs.first_mask = 1;
+  EXPECT_TRUE(notices({{1, "a"}, {2, "b"}}).empty());
+  EXPECT_EQ(given.at("cam1").files, (Files{{0, "a"}, {1, "b"}}));
+  EXPECT_THROW(notices(from_zero), FormatError);
+}
+
+/// Images have numbers themselves: only those from 0 leave one for masks from 1.
+TEST(GivenMasks, OfImagesTheNumbersDecide) {
+  const testing::TempDir folder;
+  for (const char* name : {"0/0.png", "0/1.png", "1/1.png", "1/2.png"}) WriteImage(Image(2, 2, 3), folder / name);
+  BuildInputs inputs;
+  inputs.footage = {{"cam1", folder / "0", ""}, {"cam2", folder / "1", ""}};
+  std::map<std::string, internal::GivenMasks> given = {{"cam1", {{{1, "a"}, {2, "b"}}, {}}},
+                                                       {"cam2", {{{1, "a"}, {2, "b"}}, {}}}};
+  EXPECT_EQ(internal::NumberMasksAsFrames(inputs, &given).size(), 1u);
+  EXPECT_EQ(given["cam1"].files.begin()->first, 0);
+  EXPECT_EQ(given["cam2"].files.begin()->first, 1);
+}
+
+TEST(JointNumbers, JointsFromOneAreMovedOrSaid) {
+  const testing::TempDir folder;
+  testing::WriteClip(folder / "cam1.mp4", testing::Regular(3));
+  BuildInputs inputs;
+  inputs.footage = {{"cam1", folder / "cam1.mp4", ""}};
+  const auto first_of = [&](std::vector<int> frames, size_t num_notices) {
+    Pose3d pose;
+    for (const int frame : frames) pose.rows.emplace_back().frame = frame;
+    std::vector<Notice> notices;
+    internal::NumberJointsAsFrames(inputs, &pose, &notices);
+    EXPECT_EQ(notices.size(), num_notices);
+    return pose.rows[0].frame;
+  };
+  EXPECT_EQ(first_of({1, 2, 3}, 1), 0);
+  EXPECT_EQ(first_of({0, 1, 2}, 0), 0);
+  EXPECT_EQ(first_of({1, 2}, 1), 1);
+  EXPECT_EQ(first_of({2}, 0), 2);
+  inputs.first_frame = 1;
+  EXPECT_EQ(first_of({2}, 0), 1);
+  EXPECT_THROW(first_of({0}, 0), FormatError);
 }
 
 }  // namespace

@@ -35,12 +35,44 @@ class Pose2dPrograms : public ::testing::Test {
 };
 
 TEST_F(Pose2dPrograms, FilesOfLabelProgramsAreNamed) {
-  Put("0.txt", "0 0.5 0.5 0.1 0.1 0.2 0.3 2\n");
-  EXPECT_THAT(Message<IoError>(), AllOf(HasSubstr("YOLO"), HasSubstr("to_json()")));
   Put("1.json", "<annotations/>");
   EXPECT_THAT(Message<FormatError>(), AllOf(HasSubstr("XML, no JSON"), HasSubstr("COCO Keypoints")));
   Put("1.json", "frame;nose_x;nose_y\n");
   EXPECT_THAT(Message<FormatError>(), HasSubstr("a text, no JSON"));
+}
+
+/// Ultralytics' `class cx cy w h`, then x y v of each joint as shares, then a confidence and a track; none, one or two people.
+TEST_F(Pose2dPrograms, YoloLabelsAreSharesOfTheImage) {
+  std::string with_v = "0 0.5 0.5 0.25 0.5", without_v = with_v, pixels = with_v;
+  for (int k = 0; k < 17; ++k) {
+    with_v += " 0." + std::to_string(10 + k) + " 0.25 " + std::to_string(k % 3);
+    pixels += " 640 360 2";
+    without_v += k == 4 ? " 0 0" : " 0." + std::to_string(10 + k) + " 0.5";
+  }
+  Put("take_1.txt", with_v + "\n" + with_v + " 0.9 3\n");
+  Put("take_2.txt", without_v + "\n");
+  Put("take_3.txt", "");
+  const auto read = [&] { return ReadPose2d(folder_.path(), "cam_03", geometry::SkeletonByName("coco17")); };
+  const Pose2dTrack track = read();
+  EXPECT_TRUE(track.normalized);
+  ASSERT_EQ(track.frames.size(), 3u);
+  ASSERT_EQ(track.frames.at(1).size(), 2u);
+  const auto& joints = track.frames.at(1)[1].keypoints;
+  EXPECT_EQ(joints[2].x_px, 0.12);
+  EXPECT_EQ(joints[2].y_px, 0.25);
+  EXPECT_EQ(joints[0].score, 0) << "not labelled";
+  EXPECT_EQ(joints[1].score, 1) << "hidden";
+  EXPECT_EQ(joints[2].score, 1);
+  EXPECT_EQ(track.frames.at(2)[0].keypoints[4].score, 0);
+  EXPECT_EQ(track.frames.at(2)[0].keypoints[5].score, 1);
+  EXPECT_TRUE(track.frames.at(3).empty());
+  for (const auto& [text, why] : {std::pair<std::string, std::string>("0 0.5 0.5 0.2 0.2", "a box without joints"),
+                                  {"0 0.5 0.5 0.2 0.2 0.1 0.1 2 0.1 0.1 2", "11 numbers, not 5 + 3 x 17"},
+                                  {"0 0.5 x", "`x` is no number"},
+                                  {pixels, "is not at 0 to 1"}}) {
+    for (const char* name : {"take_1.txt", "take_2.txt", "take_3.txt"}) Put(name, text);
+    EXPECT_THAT(testing::MessageOf<FormatError>(read), HasSubstr(why));
+  }
 }
 
 /// {"0007.jpg": {"bodies": […]}} and {"0007.jpg": {"people": […]}}; older MMPose has [[x, y, score], …] for each image.

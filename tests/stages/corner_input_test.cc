@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "stages/input/board_footage.h"
+#include "stages/result.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 
@@ -47,6 +48,29 @@ TEST(BoardFootage, WhatIsMissingOrGivenTwiceIsNamed) {
               HasSubstr("is the same recording as " + a.path + ": cameras a and b"));
   EXPECT_THAT(MessageOf<UsageError>([&] { OpenFootage({a, a}, &result); }), HasSubstr("option 'camera' a is given twice"));
   EXPECT_THAT(MessageOf<IoError>([&] { OpenFootage({{"b", folder / "none"}}, &result); }), HasSubstr(folder / "none"));
+}
+
+/// Four plane projective views of a grid of 5 columns and 3 rows, numbered row by row.
+TEST(CornerInputs, ColumnsAndRowsThatAreExchangedAreNamedWithTheBoard) {
+  const TempDir folder;
+  std::string text = "camera,frame,corner,x_px,y_px\n";
+  for (int frame = 0; frame < 4; ++frame) {
+    for (int id = 0; id < 15; ++id) {
+      const double col = id % 5, row = id / 5, depth = 1 + 0.02 * frame * col + 0.01 * row;
+      text += "a," + std::to_string(frame) + "," + std::to_string(id) + "," + std::to_string((100 + 40 * col) / depth) + "," +
+              std::to_string((80 + 40 * row) / depth) + "\n";
+    }
+  }
+  WriteFileAtomic(folder / "corners.csv", text);
+  CornerArguments arguments;
+  arguments.corners = folder / "corners.csv";
+  CommandResult result;
+  arguments.boards = {calib::ParseBoard("chessboard:5x3:30mm")};
+  EXPECT_EQ(ReadCornerInput(arguments, {}, &result).input.detections.size(), 4u);
+  arguments.boards = {calib::ParseBoard("chessboard:3x5:30mm")};
+  const std::string refused = MessageOf<FormatError>([&] { ReadCornerInput(arguments, {}, &result); });
+  EXPECT_THAT(refused, HasSubstr("columns and rows are exchanged"));
+  EXPECT_THAT(refused, HasSubstr("give option 'board' chessboard:5x3:"));
 }
 
 TEST(CornerInputs, ContradictionsAreRefusedByName) {

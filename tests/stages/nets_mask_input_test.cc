@@ -56,6 +56,20 @@ TEST(MaskTruth, WithoutTruthOrOfOtherSizesThereIsNoScore) {
               HasSubstr("1.png: is 5x4, the footage 4x4"));
 }
 
+/// Two frames, the person left and then right; exact masks called 1 and 2.
+TEST(MaskTruth, ExactMasksFromOneAreComparedWithFramesFromZero) {
+  const TempDir folder;
+  for (const int frame : {0, 1}) {
+    const Image mask = Mask(4, 4, 2 * frame, 2 * frame + 2, 0, 4);
+    dataset::WriteImage(mask, MaskPath(folder / "masks", "a", frame));
+    dataset::WriteImage(mask, folder / ("truth/" + std::to_string(frame + 1) + ".png"));
+  }
+  const TruthScore score = CompareWithTruth(folder / "truth", folder / "masks", "a");
+  EXPECT_TRUE(score.from_one);
+  EXPECT_EQ(score.pictures, 2);
+  EXPECT_EQ(score.worst, 1);
+}
+
 /// Twelve frames of a block that walks over a wall.
 TEST(MaskFrames, ThoseThatWereAskedForGetMasks) {
   const TempDir folder;
@@ -90,6 +104,29 @@ TEST(MaskFrames, ThoseThatWereAskedForGetMasks) {
   EXPECT_THAT(MessageOf<NothingLeftError>([&] { job_of("50-60", &notes); }), HasSubstr("no frames 50 to 60; it has 12"));
   options.changes.rate = {{"", "25"}};
   EXPECT_THAT(MessageOf<UsageError>([&] { job_of("", &notes); }), HasSubstr("option 'rate'"));
+}
+
+/// Twelve images 0 to 11 and joints of frames 1 to 12.
+TEST(MaskFrames, JointsFromOneAreTakenForTheFramesFromZero) {
+  const TempDir folder;
+  dataset::Pose2dTrack track{"a", {}};
+  for (int frame = 0; frame < 12; ++frame) {
+    dataset::WriteImage(Image(96, 64, 3), folder / ("a/" + std::to_string(frame) + ".png"));
+    dataset::Person2d person;
+    for (int j = 0; j < 25; ++j) person.keypoints.push_back({10.0 + frame + j, 20.0 + j, 0.9});
+    track.frames[frame + 1].push_back(person);
+  }
+  dataset::WriteOpenPoseFolder(track, folder / "joints");
+  TakeInput take;
+  take.footage.push_back({"a", folder / "a", ""});
+  MaskArguments arguments;
+  arguments.pose2d = {{"a", folder / "joints"}};
+  CommandResult result;
+  const MaskJob job = ReadMaskJob(arguments, take, &result, {});
+  ASSERT_EQ(job.cameras[0].bodies.frames.size(), 12u);
+  EXPECT_EQ(job.cameras[0].bodies.frames.begin()->first, 0);
+  ASSERT_EQ(result.warnings.size(), 1u);
+  EXPECT_EQ(result.warnings[0].code, "POSE-FIRST");
 }
 
 }  // namespace

@@ -65,6 +65,17 @@ TEST(PoseChanges, PixelsBecomeThoseOfTheCalibratedImage) {
   EXPECT_EQ(Changed(half, 30.5 / 2 - 0.5, 50.5 / 2 - 0.5), pixel);
 }
 
+/// A quarter of 1920 and half of 1080, of a file that states shares.
+TEST(PoseChanges, TracksOfSharesBecomePixelsOnce) {
+  std::vector<dataset::Pose2dTrack> tracks = Tracks();
+  tracks[0].frames = {{0, {{{{0.25, 0.5, 1}, {0, 0, 0}}}}}};
+  tracks[0].normalized = true;
+  for (int times = 0; times < 2; ++times) ApplyChanges({}, Rig(), geometry::PointsSkeleton({"p", "q"}), &tracks);
+  EXPECT_EQ(tracks[0].frames.at(0)[0].keypoints[0].x_px, 480);
+  EXPECT_EQ(tracks[0].frames.at(0)[0].keypoints[0].y_px, 540);
+  EXPECT_EQ(tracks[1].frames.at(0)[0].keypoints[0].x_px, 700);
+}
+
 TEST(PoseChanges, RatesPutFramesAtCommonTimeSteps) {
   PoseChanges changes;
   changes.rate = {{"", "30"}, {"a", "60"}};

@@ -97,6 +97,32 @@ TEST(PoseInput, FoldersOfTwoCamerasOfThree) {
   EXPECT_TRUE(result.warnings.empty());
 }
 
+/// Of six frames one program calls the first 0, the other 1.
+TEST(PoseInput, FramesFromOneBesideFramesFromZeroAreMoved) {
+  const TempDir folder;
+  PoseArguments arguments;
+  arguments.calib = PutRig(folder, {"a", "b"});
+  arguments.pose2d = {PutPoses(folder, "a", {0, 1, 2, 3, 4, 5}), PutPoses(folder, "b", {1, 2, 3, 4, 5, 6})};
+  const auto pixel_of_b = [&](size_t frame, InputNotes* notes) {
+    const PoseInput input = ReadPoseInput(arguments, notes);
+    return input.frames.at(frame).people.at(1).at(0)[0].px.x();
+  };
+  InputNotes found, stated, kept;
+  EXPECT_EQ(pixel_of_b(2, &found), 300) << "the file's frame 3";
+  ASSERT_EQ(found.warnings.size(), 1u);
+  EXPECT_EQ(found.warnings[0].code, "POSE-FIRST");
+  EXPECT_THAT(found.warnings[0].text, AllOf(HasSubstr("of b are numbered 1 to 6"), HasSubstr("a 0 to 5")));
+  arguments.changes.first_frame = {{"b", "1"}};
+  EXPECT_EQ(pixel_of_b(2, &stated), 300);
+  EXPECT_TRUE(stated.warnings.empty());
+  arguments.changes.first_frame = {{"", "0"}};
+  EXPECT_EQ(pixel_of_b(2, &kept), 200);
+  arguments.changes.first_frame = {{"", "1"}};
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadPoseInput(arguments, &kept); }), HasSubstr("camera a: frame 0: is before"));
+  arguments.changes.first_frame = {{"", "half"}};
+  EXPECT_THAT(MessageOf<UsageError>([&] { ReadPoseInput(arguments, &kept); }), HasSubstr("option 'first-frame'"));
+}
+
 TEST(PoseInput, ACameraThatFilmedLessIsNamed) {
   const TempDir folder;
   PoseArguments arguments;

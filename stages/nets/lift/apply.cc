@@ -4,6 +4,7 @@
 #include "core/error.h"
 #include "core/join.h"
 #include "dataset/footage/frame_rate.h"
+#include "stages/input/first_frames.h"
 #include "stages/input/pose3d_input.h"
 #include "stages/nets/lift/run.h"
 
@@ -30,6 +31,7 @@ std::map<int, avatar::LiftView> ReadViews(const LiftApplyOptions& options, const
   const geometry::Skeleton skeleton = geometry::SkeletonFrom(options.skeleton);
   std::vector<dataset::Pose2dTrack> tracks = {dataset::ReadPose2d(options.pose2d, options.camera, skeleton)};
   LimitFrames(options.changes, &tracks, notes);
+  NumberFromZero(options.changes, {}, &tracks, notes);
   ApplyChanges(options.changes, rig, skeleton, &tracks);
   if (tracks.empty()) throw UsageError("option 'without-camera' " + options.camera + ": it is the only one here");
   const geometry::Projector projector(camera);

@@ -184,6 +184,13 @@ CommandResult DescribeTruth(const MaskStageReport& report) {
   for (size_t i = 0; i < report.truth.size(); ++i) {
     const auto& [camera, path] = report.options.truth[i];
     const TruthScore& score = report.truth[i];
+    if (score.from_one) {
+      result.warnings.push_back({"MSK-TRUTH",
+                                 "camera " + camera +
+                                     ": exact masks are numbered 1 to N and the N frames 0 to N - 1: exact mask "
+                                     "1 was compared with frame 0",
+                                 "number exact masks as frames, from 0, and nothing is said"});
+    }
     if (score.pictures == 0) {
       result.warnings.push_back({"MSK-TRUTH",
                                  "camera " + camera + ": no mask of " + path + " has the number of one of its frames",

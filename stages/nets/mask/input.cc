@@ -15,6 +15,7 @@
 #include "dataset/panoptic/panoptic.h"
 #include "stages/frame_notice.h"
 #include "stages/input/calib_read.h"
+#include "stages/input/first_frames.h"
 #include "stages/input/pose3d_input.h"
 #include "stages/words.h"
 
@@ -107,6 +108,34 @@ geometry::Rig FootageRig(const MaskJob& job) {
   return rig;
 }
 
+/// Of cameras whose joints have the numbers of its frames.
+std::vector<NamedPath> UntimedFootage(const MaskJob& job) {
+  std::vector<NamedPath> footage;
+  for (const MaskCamera& camera : job.cameras) {
+    if (!camera.frame_at) footage.push_back({camera.footage.camera, camera.footage.path});
+  }
+  return footage;
+}
+
+/// The same for time steps of 3D joints.
+void NumberPoses(const MaskStageOptions& options, MaskJob* job, InputNotes* notes) {
+  int first = FirstFrameOf(options.changes, "");
+  if (options.changes.first_frame.empty()) {
+    std::vector<std::string> paths;
+    for (const NamedPath& named : UntimedFootage(*job)) paths.push_back(named.path);
+    std::set<int64_t> steps;
+    for (const auto& [step, people] : job->poses) steps.insert(step);
+    const auto found =
+        paths.size() == job->cameras.size() ? dataset::FirstNumberOf(steps, paths) : dataset::FirstNumber::kAsFrames;
+    TellFirstNumber(found, "the 3D joints", notes);
+    first = found == dataset::FirstNumber::kOne ? 1 : 0;
+  }
+  if (first == 0) return;
+  std::map<int, People> poses;
+  for (auto& [step, people] : job->poses) poses.emplace(step - first, std::move(people));
+  job->poses = std::move(poses);
+}
+
 void AddKeypoints(const MaskStageOptions& options, MaskJob* job, InputNotes* notes) {
   const geometry::Skeleton skeleton = geometry::SkeletonFrom(options.skeleton);
   if (geometry::IsSkeletonFile(options.skeleton)) notes->inputs.push_back(options.skeleton);
@@ -118,6 +147,7 @@ void AddKeypoints(const MaskStageOptions& options, MaskJob* job, InputNotes* not
     tracks.push_back(dataset::ReadPose2d(path, name, skeleton));
     notes->inputs.push_back(path);
   }
+  NumberFromZero(options.changes, UntimedFootage(*job), &tracks, notes);
   ApplyChanges(options.changes, FootageRig(*job), skeleton, &tracks);
   for (const dataset::Pose2dTrack& track : tracks) {
     MaskCamera* camera = CameraNamed(track.camera, job);
@@ -182,6 +212,7 @@ MaskJob ReadMaskJob(const MaskStageOptions& options, const TakeInput& take, Inpu
                 [&](int64_t c) { job.cameras[c] = SampleCamera(take.footage[c], options.mask, options.run.keep_undamaged); });
     stage.Advance(static_cast<int64_t>(take.footage.size()));
   }
+  NumberPoses(options, &job, notes);
   LimitToFrames(options.changes.frames, &job, notes);
   const std::string calib = options.calib.empty() ? take.calibration : options.calib;
   if (!calib.empty()) AddCalibration(options, calib, &job, notes);
@@ -210,8 +241,11 @@ TruthScore CompareWithTruth(const std::string& truth, const std::string& folder,
   std::map<int, std::string> exact;
   const std::vector<std::string> files = FilesMatching(truth);
   const std::vector<int64_t> numbers = dataset::NumberFrames(truth, files).numbers;
-  for (size_t i = 0; i < files.size(); ++i) exact[static_cast<int>(numbers[i])] = files[i];
-  if (exact.empty()) throw IoError(truth, "no exact mask is there");
+  if (files.empty()) throw IoError(truth, "no exact mask is there");
+  const auto num_masks = dataset::FramesFrom0(folder + "/" + camera);
+  const std::set<int64_t> distinct(numbers.begin(), numbers.end());
+  score.from_one = num_masks && dataset::FirstNumberOf(distinct, *num_masks) == dataset::FirstNumber::kOne;
+  for (size_t i = 0; i < files.size(); ++i) exact[static_cast<int>(numbers[i]) - (score.from_one ? 1 : 0)] = files[i];
   score.masks = dataset::MeaningOfMasks(files);
   for (const auto& [frame, path] : exact) {
     const std::string own = MaskPath(folder, camera, frame);

@@ -24,6 +24,7 @@ struct TruthScore {
   std::string worst_picture;
   double too_much_px = 0, too_little_px = 0;
   dataset::MaskMeaning masks = {};  ///< of the exact ones
+  bool from_one = false;            ///< they are numbered 1 to N and ours 0 to N - 1: 1 was compared with 0
 };
 TruthScore CompareWithTruth(const std::string& truth, const std::string& folder, const std::string& camera);
 

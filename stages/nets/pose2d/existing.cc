@@ -58,6 +58,8 @@ std::vector<CameraPoses> ReadExistingPoses(const std::string& folder, const std:
   for (const std::string& name : CamerasOf(folder, footage)) {
     CameraPoses camera;
     camera.track = dataset::ReadOpenPoseFolder(folder + "/" + name, name, skeleton);
+    if (camera.track.normalized)
+      throw FormatError(folder + "/" + name, "", "YOLO's labels have no pixels; give them to triangulate, option 'pose2d'");
     notes->inputs.push_back(folder + "/" + name);
     camera.damage = camera.track.skipped;
     for (const dataset::CameraFootage& f : footage) {

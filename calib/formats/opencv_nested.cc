@@ -1,0 +1,106 @@
+#include <algorithm>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "calib/formats/opencv_yaml.h"
+#include "core/error.h"
+
+namespace mvstudio::calib::internal {
+namespace {
+
+constexpr int kMaxTables = 4;  // one in the other
+
+bool IsStoredMatrix(const Value& value) {
+  const auto has = [&](const char* key) {
+    return std::any_of(value.entries.begin(), value.entries.end(), [&](const auto& entry) { return entry.first == key; });
+  };
+  return value.kind == Value::Kind::kTable && has("rows") && has("cols") && has("data");
+}
+
+bool IsCameraTable(const Value& table, std::initializer_list<const char*> matrix_keys) {
+  return table.kind == Value::Kind::kTable && std::any_of(table.entries.begin(), table.entries.end(), [&](const auto& entry) {
+           const bool named = std::any_of(matrix_keys.begin(), matrix_keys.end(),
+                                          [&](const char* key) { return NormalisedKey(entry.first) == key; });
+           return named && (entry.second.kind == Value::Kind::kList || IsStoredMatrix(entry.second));
+         });
+}
+
+Entries EntriesIn(const Value& table, const Place& place) {
+  Entries entries;
+  for (const auto& [key, value] : table.entries) {
+    const Place here{place.path, place.where + "." + Printable(key)};
+    if (!entries.insert({NormalisedKey(key), {value, here}}).second)
+      throw FormatError(place.path, here.where, "this key occurs twice");
+  }
+  return entries;
+}
+
+/// What the table calls itself, else `unless`.
+std::string NameOf(const Entries& entries, const std::string& unless) {
+  const Entry* const name = FindFirst(entries, {"name", "cameraname", "camera", "id", "cameraid", "serial", "serialnumber"});
+  const bool said = name && !name->value.text.empty();
+  return said ? name->value.text : unless;
+}
+
+using Visit = std::function<void(const Value&, const Place&, const std::string& name)>;
+
+/// The values of a table or list, with their paths and names.
+void ForEachIn(const Value& value, const Place& place, const std::string& name, const Visit& visit) {
+  for (const auto& [key, child] : value.entries) visit(child, {place.path, place.where + "." + Printable(key)}, key);
+  for (size_t i = 0; i < value.items.size(); ++i) {
+    const std::string number = std::to_string(i);
+    visit(value.items[i], {place.path, place.where + "[" + number + "]"}, name + number);
+  }
+}
+
+bool CollectCameras(const Value& value, const Place& place, const std::string& name,
+                    std::initializer_list<const char*> matrix_keys, int depth, std::vector<NestedCamera>* cameras) {
+  if (IsCameraTable(value, matrix_keys)) {
+    Entries entries = EntriesIn(value, place);
+    const std::string own = NameOf(entries, name);
+    cameras->push_back({own, std::move(entries)});
+    return true;
+  }
+  if (IsStoredMatrix(value) || depth > kMaxTables) return false;
+  std::optional<Place> other;
+  bool found = false;
+  ForEachIn(value, place, name, [&](const Value& child, const Place& where, const std::string& child_name) {
+    if (CollectCameras(child, where, child_name, matrix_keys, depth + 1, cameras)) {
+      found = true;
+    } else if (child.kind == Value::Kind::kTable || child.kind == Value::Kind::kList) {
+      other = where;
+    }
+  });
+  if (found && other)
+    throw FormatError(other->path, other->where, "stands among cameras and is none: it has no camera_matrix, K or mtx");
+  return found;
+}
+
+void CollectMatrices(const Value& value, const Place& place, int depth, std::vector<std::string>* paths) {
+  if (IsStoredMatrix(value)) return paths->push_back(place.where);
+  if (depth > kMaxTables) return;
+  ForEachIn(value, place, "", [&](const Value& child, const Place& where, const std::string&) {
+    CollectMatrices(child, where, depth + 1, paths);
+  });
+}
+
+}  // namespace
+
+std::vector<NestedCamera> FindNestedCameras(const Entries& root, std::initializer_list<const char*> matrix_keys) {
+  std::vector<NestedCamera> cameras;
+  for (const auto& [key, entry] : root) {
+    if (CollectCameras(entry.value, entry.place, entry.place.where, matrix_keys, 1, &cameras)) entry.value.used = true;
+  }
+  return cameras;
+}
+
+std::vector<std::string> MatrixPaths(const Entries& root) {
+  std::vector<std::string> paths;
+  for (const auto& [key, entry] : root) CollectMatrices(entry.value, entry.place, 1, &paths);
+  return paths;
+}
+
+}  // namespace mvstudio::calib::internal
