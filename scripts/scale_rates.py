@@ -33,7 +33,7 @@ STAGES = {
     "sync": (("calibrate", "pose2d"), True, None),
     "triangulate": (("calibrate", "pose2d", "sync"), True, None),
     "mask": (("calibrate", "triangulate"), True, None),
-    "dataset": (("calibrate", "sync", "triangulate", "mask"), True, None),
+    "dataset": (("calibrate", "triangulate", "mask"), True, None),
     "verify": (("dataset",), True, None),
     "pack": (("dataset",), True, None),
     "split": (("dataset",), True, None),
@@ -79,6 +79,6 @@ RATES = {
     "dataset": rate("dataset", footage=2, read=MASK, files=2, opens=4, spread="images"),
     "verify": rate("verify", read=IMAGE, opens=4, write=(0, 0), spread="cameras"),
     "pack": rate("pack", read=IMAGE, opens=4, spread="images"),
-    "split": Rate(fixed=START),
+    "split": Rate(fixed=START, opens=2),
     "report": Rate(fixed=WIDE["stages"]["report"][0]),
 }
