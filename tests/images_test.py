@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+"""Images that documents name: they exist, have an alt text, are small, and scripts/pictures makes them.
+
+Usage: images_test.py ROOT. Prints FILE:LINE: REASON for every finding, exits 1 when there is one.
+"""
+import pathlib
+import re
+import sys
+import tempfile
+
+IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)")
+MAX_BYTES, MAX_ALL_BYTES = 250_000, 1_500_000
+
+
+def findings(root):
+    made = (root / "scripts/pictures").read_text(encoding="utf-8")
+    named = set()
+    for page in [*sorted(root.glob("*.md")), *sorted((root / "docs").rglob("*.md"))]:
+        for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
+            place = f"{page.relative_to(root)}:{number}"
+            if "<img" in re.sub(r"`[^`]*`", "", line):
+                yield f"{place}: write ![alt text](path) in place of <img>"
+            for alt, target in IMAGE.findall(line):
+                path = (page.parent / target).resolve()
+                named.add(path)
+                if len(alt.split()) < 3:
+                    yield f"{place}: {target} has no alt text that says what it shows"
+                if not path.is_file():
+                    yield f"{place}: no image {target}"
+                elif path.stat().st_size > MAX_BYTES:
+                    yield f"{place}: {target} has {path.stat().st_size} bytes, more than {MAX_BYTES}"
+                if f'"{path.name}"' not in made:
+                    yield f"{place}: scripts/pictures does not make {target}"
+    kept = [path.resolve() for path in sorted((root / "docs/img").glob("*"))]
+    yield from (f"docs/img/{path.name}:1: no document shows it" for path in kept if path not in named)
+    if sum(path.stat().st_size for path in kept) > MAX_ALL_BYTES:
+        yield f"docs/img:1: more than {MAX_ALL_BYTES} bytes together"
+
+
+def check_self():
+    """Each kind of trouble is found once, and a sound tree has none."""
+    with tempfile.TemporaryDirectory() as name:
+        root = pathlib.Path(name).resolve()
+        (root / "docs/img").mkdir(parents=True)
+        (root / "scripts").mkdir()
+        (root / "scripts/pictures").write_text('"a.webp" "big.webp" "gone.webp"')
+        (root / "docs/img/a.webp").write_bytes(b"a")
+        (root / "README.md").write_text("![one two three](docs/img/a.webp)\n")
+        assert not list(findings(root)), list(findings(root))
+        for image, size in (("big.webp", MAX_BYTES + 1), ("foreign.webp", 1), ("unused.webp", MAX_ALL_BYTES)):
+            (root / "docs/img" / image).write_bytes(b"x" * size)
+        (root / "docs/page.md").write_text("![](img/a.webp) ![one two three](img/big.webp)\n![one two three](img/gone.webp)\n"
+                                           '![one two three](img/foreign.webp) <img src="img/a.webp">\n')
+        found = "\n".join(findings(root))
+        expected = ("no alt text", "more than 250000", "no image img/gone", "does not make img/foreign", "in place of <img>",
+                    "unused.webp:1: no document", "bytes together")
+        assert len(found.splitlines()) == len(expected) and all(text in found for text in expected), found
+
+
+check_self()
+reasons = list(findings(pathlib.Path(sys.argv[1]).resolve()))
+print("\n".join(reasons), end="\n" if reasons else "")
+sys.exit(1 if reasons else 0)
