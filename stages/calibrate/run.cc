@@ -160,8 +160,12 @@ void WriteBoardFiles(const RunContext& run, BoardCalibration* found, CalibrateRe
   const calib::CalibrateReport& solved = found->solved.report;
   const std::string& out = report->options.out;
   report->path = out + "/calibration.json";
-  geometry::WriteRig(solved.rig, report->path);
-  if (!FindsLenses(report->options)) found->poses_path = WriteBoardPoses(solved, out);
+  {
+    FilesTogether together;
+    geometry::WriteRig(solved.rig, report->path);
+    if (!FindsLenses(report->options)) found->poses_path = WriteBoardPoses(solved, out);
+    together.Commit();
+  }
   found->views = WriteBoardViews(report->options.corners, solved, found->solved.kept, out, run);
 }
 
