@@ -119,14 +119,14 @@ TEST(MaskFrames, JointsFromOneAreTakenForTheFramesFromZero) {
   dataset::WriteOpenPoseFolder(track, folder / "joints");
   TakeInput take;
   take.footage.push_back({"a", folder / "a", ""});
-  MaskArguments arguments;
-  arguments.pose2d = {{"a", folder / "joints"}};
-  CommandResult result;
-  const MaskJob job = ReadMaskJob(arguments, take, &result, {});
+  MaskStageOptions options;
+  options.pose2d = {{"a", folder / "joints"}};
+  InputNotes notes;
+  const MaskJob job = ReadMaskJob(options, take, &notes, {});
   ASSERT_EQ(job.cameras[0].bodies.frames.size(), 12u);
   EXPECT_EQ(job.cameras[0].bodies.frames.begin()->first, 0);
-  ASSERT_EQ(result.warnings.size(), 1u);
-  EXPECT_EQ(result.warnings[0].code, "POSE-FIRST");
+  ASSERT_EQ(notes.warnings.size(), 1u);
+  EXPECT_EQ(notes.warnings[0].code, "POSE-FIRST");
 }
 
 }  // namespace
