@@ -148,9 +148,10 @@ std::vector<fs::path> ListPoseFiles(const std::string& folder, const std::string
                               "; check the path after `" + camera + "=`");
   }
   std::vector<fs::path> files, labels;
+  std::error_code unknown;  // a link that leads nowhere is no file
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
-    if (name[0] == '.' || !entry.is_regular_file()) continue;
+    if (name[0] == '.' || !entry.is_regular_file(unknown)) continue;
     if (entry.path().extension() == ".json") files.push_back(entry.path());
     if (entry.path().extension() == ".txt" && name != "classes.txt") labels.push_back(entry.path());
   }
