@@ -35,6 +35,7 @@ MAY_INCLUDE = {
     "core/charts": {"core"},
     "core/optimise": {"core"},
     "core/text": {"core"},
+    "core/imgcodecs": {"core"},
     "geometry/rigid": {"core"},
     "geometry/solve": {"core"},
     "geometry/lens/models": {"core"},

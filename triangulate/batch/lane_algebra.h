@@ -91,17 +91,17 @@ MVS_INLINE Inverse<S> Invert(const Symmetric<S>& m) {
 }
 
 template <class S>
-struct Triple {
+struct Vec3 {
   Value<S> x{}, y{}, z{};
 };
 
 template <class S>
-MVS_INLINE Triple<S> Apply(const Symmetric<S>& m, const Triple<S>& v) {
+MVS_INLINE Vec3<S> Apply(const Symmetric<S>& m, const Vec3<S>& v) {
   return {m.xx * v.x + m.xy * v.y + m.xz * v.z, m.xy * v.x + m.yy * v.y + m.yz * v.z, m.xz * v.x + m.yz * v.y + m.zz * v.z};
 }
 
 template <class S>
-MVS_INLINE Value<S> Dot(const Triple<S>& u, const Triple<S>& v) {
+MVS_INLINE Value<S> Dot(const Vec3<S>& u, const Vec3<S>& v) {
   return u.x * v.x + u.y * v.y + u.z * v.z;
 }
 

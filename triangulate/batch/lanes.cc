@@ -31,7 +31,7 @@ struct alignas(32) LaneView {
 template <class S>
 struct LaneSums {
   Symmetric<S> information;
-  Triple<S> gradient;
+  Vec3<S> gradient;
   Value<S> chi_squared{}, worst_squared{}, squared_px{};
   Value<S> nearest_squared;
   Mask<S> failed{};
@@ -39,7 +39,7 @@ struct LaneSums {
 
 /// Gauss-Newton terms of all views at x.
 template <class S>
-MVS_INLINE LaneSums<S> Linearize(const LaneRig<S>& rig, const LaneView<S>* views, const Triple<S>& x) {
+MVS_INLINE LaneSums<S> Linearize(const LaneRig<S>& rig, const LaneView<S>* views, const Vec3<S>& x) {
   LaneSums<S> sums;
   const Value<S> far = Broadcast<S>(std::numeric_limits<S>::max()), zero{};
   sums.nearest_squared = far;
@@ -59,10 +59,10 @@ MVS_INLINE LaneSums<S> Linearize(const LaneRig<S>& rig, const LaneView<S>* views
     const Value<S> scale_a = view.weight_a * inverse, scale_b = view.weight_b * inverse;
     const Value<S> ax = scale_a * m.a_by_a, ay = scale_a * m.a_by_b, az = -(ax * a + ay * b);
     const Value<S> bx = scale_b * m.b_by_a, by = scale_b * m.b_by_b, bz = -(bx * a + by * b);
-    const Triple<S> row_a{ax * r[0] + ay * r[3] + az * r[6], ax * r[1] + ay * r[4] + az * r[7],
-                          ax * r[2] + ay * r[5] + az * r[8]};
-    const Triple<S> row_b{bx * r[0] + by * r[3] + bz * r[6], bx * r[1] + by * r[4] + bz * r[7],
-                          bx * r[2] + by * r[5] + bz * r[8]};
+    const Vec3<S> row_a{ax * r[0] + ay * r[3] + az * r[6], ax * r[1] + ay * r[4] + az * r[7],
+                        ax * r[2] + ay * r[5] + az * r[8]};
+    const Vec3<S> row_b{bx * r[0] + by * r[3] + bz * r[6], bx * r[1] + by * r[4] + bz * r[7],
+                        bx * r[2] + by * r[5] + bz * r[8]};
     const Value<S> one = Broadcast<S>(1);
     sums.information.AddOuter(one, row_a.x, row_a.y, row_a.z);
     sums.information.AddOuter(one, row_b.x, row_b.y, row_b.z);
@@ -128,10 +128,10 @@ MVS_INLINE void Undistort(const LaneCamera<S>& camera, LaneView<S>* lane_view, M
 /// Adds a view's ray to the normal equations of the point nearest to all rays.
 template <class S>
 MVS_INLINE void AddRay(const LaneCamera<S>& camera, const LaneView<S>& view, const Value<S>& weight, Symmetric<S>* sum,
-                       Triple<S>* right) {
+                       Vec3<S>* right) {
   const S *r = camera.rotation, *c = camera.center;
   const Value<S>&a = view.ray_a, &b = view.ray_b;
-  const Triple<S> ray{r[0] * a + r[3] * b + r[6], r[1] * a + r[4] * b + r[7], r[2] * a + r[5] * b + r[8]};
+  const Vec3<S> ray{r[0] * a + r[3] * b + r[6], r[1] * a + r[4] * b + r[7], r[2] * a + r[5] * b + r[8]};
   const Value<S> per_square = weight / (a * a + b * b + S(1));
   sum->AddOuter(-per_square, ray.x, ray.y, ray.z);
   sum->xx += weight, sum->yy += weight, sum->zz += weight;
@@ -143,7 +143,7 @@ MVS_INLINE void AddRay(const LaneCamera<S>& camera, const LaneView<S>& view, con
 
 template <class S>
 struct LaneFit {
-  Triple<S> x;
+  Vec3<S> x;
   LaneSums<S> sums;
   Symmetric<S> covariance;
   Mask<S> good;
@@ -153,16 +153,16 @@ struct LaneFit {
 /// Midpoint of the rays, weighted by their angular noise unless that is what is asked for; with `near`, by the inverse squared
 /// distance from it too.
 template <class S>
-MVS_INLINE Triple<S> SolveRays(const LaneRig<S>& rig, const LaneView<S>* views, bool weighted, const Triple<S>* near,
-                               Mask<S>* failed) {
+MVS_INLINE Vec3<S> SolveRays(const LaneRig<S>& rig, const LaneView<S>* views, bool weighted, const Vec3<S>* near,
+                             Mask<S>* failed) {
   Symmetric<S> sum;
-  Triple<S> right;
+  Vec3<S> right;
   const Value<S> one = Broadcast<S>(1), zero{};
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const LaneCamera<S>& camera = rig.cameras[c];
     Value<S> weight = weighted ? views[c].weight_a * views[c].weight_b : views[c].seen ? one : zero;
     if (near) {
-      const Triple<S> apart{near->x - camera.center[0], near->y - camera.center[1], near->z - camera.center[2]};
+      const Vec3<S> apart{near->x - camera.center[0], near->y - camera.center[1], near->z - camera.center[2]};
       weight = views[c].seen ? weight / Dot(apart, apart) : zero;
     }
     AddRay(camera, views[c], weight, &sum, &right);
@@ -207,14 +207,14 @@ MVS_INLINE LaneFit<S> Fit(const LaneRig<S>& rig, const PointBatch& batch, const 
   fit.broken = failed;
   fit.x = SolveRays<S>(rig, views, method != PointMethod::kMidpoint, nullptr, &failed);
   if (method == PointMethod::kLinear) {
-    const Triple<S> near = fit.x;
+    const Vec3<S> near = fit.x;
     fit.x = SolveRays<S>(rig, views, true, &near, &failed);
   }
   const int steps = closed ? 0 : options.gauss_newton_steps > 0 ? options.gauss_newton_steps : Lanes<S>::kSteps;
   for (int step = 0;; ++step) {
     fit.sums = Linearize(rig, views, fit.x);
     fit.covariance = Invert(fit.sums.information).matrix;
-    const Triple<S> move = Apply(fit.covariance, fit.sums.gradient);
+    const Vec3<S> move = Apply(fit.covariance, fit.sums.gradient);
     failed |= fit.sums.failed;
     if (step == steps) {
       fit.sums.failed |= failed;
