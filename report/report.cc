@@ -25,7 +25,8 @@ std::string Header(const std::string& title, Verdict verdict, const RunData& dat
   std::string line =
       std::to_string(data.stages.size()) + (data.stages.size() == 1 ? " result" : " results") + " in " + data.root;
   if (!options.generated_at.empty()) line += ", written " + options.generated_at;
-  return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(line, "muted");
+  return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(VerdictSentence(data, true), "sentence") +
+         ParagraphHtml(line, "muted");
 }
 
 Value NoticesToValue(const std::vector<Notice>& notices) {
@@ -95,6 +96,7 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
       context.script);
   Value json = Value::Object();
   json.Set("schema", "mvstudio.report/1").Set("title", title).Set("verdict", std::string(ToString(report.verdict)));
+  json.Set("sentence", VerdictSentence(data, true));
   json.Set("generated_at", options.generated_at).Set("version", options.version).Set("stages", StagesToValue(data));
   for (const auto& [key, value] : context.json.fields()) json.Set(key, value);
   json.Set("warnings", NoticesToValue(report.warnings));

@@ -37,6 +37,11 @@ Section VerdictSection(SectionContext* context);
 
 /// Worst of the stages' verdicts; an unreadable file is a warning.
 Verdict OverallVerdict(const RunData& data);
+/// "Nothing failed; 3 of 8 results have warnings. First, calibrate: …"; the last part only `with_reason`.
+std::string VerdictSentence(const RunData& data, bool with_reason);
+/// Failures before warnings, causes before what follows from them; one line a code with its cameras. Names the worst camera and
+/// frame.
+std::string WhatToFix(const SectionContext& context);
 
 // Helpers shared by the sections.
 

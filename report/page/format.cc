@@ -65,6 +65,7 @@ KeyLabel LabelOfKey(const std::string& key) {
   KeyLabel result{key, ""};
   const bool is_rate = key.size() > 6 && key.compare(key.size() - 6, 6, "_per_s") == 0;
   if (is_rate) result.label += "econd";
+  if (key == "it_per_s") result.label = "steps per second";
   for (const auto& [suffix, unit] : kUnits) {
     const std::string end = suffix;
     if (is_rate || key.size() <= end.size() || key.compare(key.size() - end.size(), end.size(), end) != 0) continue;
