@@ -8,6 +8,7 @@
 #include "report/page/format.h"
 #include "report/page/picture.h"
 #include "report/page/player.h"
+#include "report/page/slider.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {
@@ -153,12 +154,19 @@ std::string ReadOutput(SectionContext* context, const Stage& stage, const Value&
   }
 }
 
+void NeedScript(SectionContext* context, std::string_view script) {
+  if (context->script.find(script) == std::string::npos) context->script += script;
+}
+
 std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
-                        const std::vector<std::string>& legend) {
+                        const std::vector<std::string>& legend, bool compared) {
   const std::string content = ReadOutput(
       context, stage, output, [](std::string_view bytes) { return !PictureType(bytes).empty(); }, "neither PNG nor JPEG");
   if (content.empty()) return {};
-  std::string html = legend.empty() ? "<div>" : "<div class=\"strip\">";
+  int width = 0, height = 0;
+  const bool with_slider = compared && legend.size() > 1 && PngSize(content, &width, &height) && width >= 2 * height;
+  if (with_slider) NeedScript(context, SliderScript());
+  std::string html = legend.empty() ? "<div>" : with_slider ? "<div class=\"strip\" data-compared>" : "<div class=\"strip\">";
   if (!legend.empty()) {
     html += "<div class=\"legend\">";
     for (const std::string& part : legend) html += "<span>" + EscapeHtml(part) + "</span>";
@@ -170,7 +178,7 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
 std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value& output) {
   const std::string content = ReadOutput(context, stage, output, IsPlayerFile, "no file of Gaussians in motion");
   if (content.empty()) return {};
-  context->script = PlayerScript();
+  NeedScript(context, PlayerScript());
   const std::string caption =
       "The trained Gaussians at instants of the take, moved with the fitted body; drag to turn, wheel to come closer. Colours "
       "are those of degree 0: what changes with the direction of sight is left out.";

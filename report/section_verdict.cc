@@ -70,7 +70,7 @@ std::string CardNumber(double number, const std::string& unit) {
   return FormatWithUnit(number, unit, 3);
 }
 
-std::string StageCard(const Stage& stage, bool with_folder) {
+std::string StageCard(const Stage& stage, bool with_folder, bool with_errors) {
   std::vector<std::pair<std::string, std::string>> pairs;
   const Value& metrics = stage.metrics();
   for (const KeyFigure& figure : KeyFigures()) {
@@ -90,19 +90,22 @@ std::string StageCard(const Stage& stage, bool with_folder) {
   if (std::isfinite(stage.result.Path("timing.wall_s").Number()))
     pairs.emplace_back("took", FormatDuration(stage.result.Path("timing.wall_s").Number()));
   std::string body = Pairs(pairs);
+  if (!with_errors) return Card(stage.command, stage.verdict, body);
   for (const Value& error : stage.result["errors"].items()) body += ParagraphHtml(error["text"].Text(error.Text()));
   const std::string name = stage.command + (with_folder && !stage.folder.empty() ? " \u2013 " + stage.folder : "");
   return Card(name, stage.verdict, body);
 }
 
-std::string Cards(const RunData& data) {
+}  // namespace
+
+std::string StageCards(const RunData& data, bool for_studio) {
   std::string cards;
-  for (const Stage& stage : data.stages) cards += StageCard(stage, data.All(stage.command).size() > 1);
+  for (const Stage& stage : data.stages) cards += StageCard(stage, data.All(stage.command).size() > 1, for_studio);
   return cards.empty() ? "" : "<div class=\"cards\">" + cards + "</div>\n";
 }
 
-}  // namespace
-
-Section VerdictSection(SectionContext* context) { return {"verdict", "Verdict", Cards(context->data) + WhatToFix(*context)}; }
+Section VerdictSection(SectionContext* context) {
+  return {"verdict", "Verdict", StageCards(context->data, true) + WhatToFix(*context)};
+}
 
 }  // namespace mvstudio::report

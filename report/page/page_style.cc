@@ -57,9 +57,14 @@ figure{margin:.4rem 0 1.2rem;min-width:0;overflow-wrap:anywhere}figcaption{font-
 .grid.small{grid-template-columns:repeat(auto-fill,minmax(min(100%,17.5rem),1fr))}
 .grid.methods{grid-template-columns:repeat(auto-fill,minmax(min(30%,9rem),1fr));gap:.4rem .6rem}.grid.methods img{width:100%}
 details{margin:.3rem 0 1rem}summary{cursor:pointer;color:var(--c0)}
+video{max-width:100%;max-height:40rem;display:block}
 img{max-width:100%;height:auto;display:block;border:1px solid var(--rule);background:#888}
 .strip img{width:100%}.strip .legend{display:grid;grid-auto-flow:column;grid-auto-columns:1fr;text-align:center;
 font-size:.8em;color:var(--muted)}
+.compared{position:relative;max-width:22rem;overflow:hidden;border:1px solid var(--rule)}
+.compared div{position:absolute;inset:0;overflow:hidden}.compared img{position:absolute;max-width:none;border:0}
+.compared+input{width:100%;max-width:22rem;display:block;margin:.3rem 0 .6rem}
+@media print{.compared,.compared+input{display:none}}
 .player canvas{width:min(100%,48rem);height:30rem;display:block;background:#000;touch-action:none;cursor:grab}
 .player input{width:min(60%,24rem);vertical-align:middle}
 svg{max-width:100%;height:auto;display:block}
