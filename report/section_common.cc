@@ -43,6 +43,22 @@ std::string ScalarText(const Value& value) {
   return FormatNumber(value.Number());
 }
 
+/// Standard deviation of the number `key` among its neighbours: of "rate_ppm" it is "rate_sigma_ppm"; NaN where there is none.
+double SigmaOf(const Value& object, const std::string& key) {
+  const size_t unit = std::min(key.rfind('_'), key.size());
+  const bool own = key.rfind("median", 0) != 0;  // "median_sigma_mm" is the median of deviations
+  return own ? object.FirstNumber({key.substr(0, unit) + "_sigma" + key.substr(unit), key + "_sigma"}) : std::nan("");
+}
+
+/// A field, with the digits that its standard deviation allows; the deviation itself with two.
+std::string FieldText(const Value& object, const std::string& key) {
+  const Value& value = object[key];
+  if (value.kind() != Value::Kind::kNumber) return ScalarText(value);
+  const double own = key.find("_sigma") != std::string::npos ? value.Number() : std::nan("");
+  const double sigma = std::isfinite(own) ? own : SigmaOf(object, key);
+  return sigma >= 1e-5 ? FormatWithin(value.Number(), sigma) : ScalarText(value);
+}
+
 void AddNumbers(const std::string& prefix, const Value& object, int depth, Table* table) {
   for (const auto& [key, value] : object.fields()) {
     const KeyLabel label = LabelOfKey(key);
@@ -51,7 +67,7 @@ void AddNumbers(const std::string& prefix, const Value& object, int depth, Table
       AddNumbers(name + " \u203a ", value, depth + 1, table);
     } else if (IsScalar(value) || IsShortNumbers(value) || value.IsNull()) {
       const bool has_unit = !label.unit.empty() && !value.IsText() && !value.IsNull();
-      table->AddRow({name, value.IsNull() ? kNoNumber : ScalarText(value) + (has_unit ? "\u00a0" + label.unit : "")});
+      table->AddRow({name, value.IsNull() ? kNoNumber : FieldText(object, key) + (has_unit ? "\u00a0" + label.unit : "")});
     }
   }
 }
@@ -100,7 +116,7 @@ std::string ObjectsTable(const std::string& caption, const Value& array, const s
     std::vector<Table::Cell> cells;
     for (const ColumnOfKey& column : columns) {
       const Value& value = item[column.key];
-      cells.emplace_back(value.IsNull() ? kNoNumber : ScalarText(value));
+      cells.emplace_back(value.IsNull() ? kNoNumber : FieldText(item, column.key));
     }
     table.AddRow(std::move(cells));
   }

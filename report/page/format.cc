@@ -22,6 +22,10 @@ std::string FormatFixed(double value, int decimals) {
   return text;
 }
 
+std::string FormatWithin(double value, double sigma) {
+  return FormatFixed(value, std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, 6));
+}
+
 std::string FormatNumber(double value, int significant) {
   if (!std::isfinite(value)) return kNoNumber;
   if (value == 0) return "0";
