@@ -29,7 +29,8 @@ void NeedScript(SectionContext* context, std::string_view script);
 
 bool ForClient(const ReportOptions& options);
 
-/// Videos of the avatar, and for clients the player of Gaussians; without a body when there are none.
+/// Videos of the avatar, else some of its rendered images, and for clients the player of Gaussians; without a body when there
+/// are none.
 Section PreviewSection(SectionContext* context);
 Section CalibrationSection(SectionContext* context);
 Section TriangulationSection(SectionContext* context);

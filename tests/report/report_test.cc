@@ -435,6 +435,21 @@ TEST_F(ReportTest, AClientSeesThePreviewFirstAndNeitherPathsNorAdvice) {
   EXPECT_THROW(BuildReport(run_, options), UsageError);
 }
 
+TEST_F(ReportTest, ATurnWithoutAVideoIsShownByEightOfItsImages) {
+  Json render = Result("avatar render", {{"images", 20}});
+  for (int i = 0; i < 20; ++i) {
+    const std::string name = "turn/turn_000000" + std::to_string(10 + i) + ".png";
+    SavePng("render/" + name);
+    render["outputs"].push_back({{"path", "/gone/render/" + name}, {"role", "rendered-picture"}});
+  }
+  Save("render/avatar_render.result.json", render);
+  const std::string html = Build().html;
+  size_t images = 0;
+  for (size_t at = html.find("<img "); at != std::string::npos; at = html.find("<img ", at + 1)) ++images;
+  EXPECT_EQ(images, 8u);
+  EXPECT_THAT(html, AllOf(HasSubstr(">turn 00000010<"), HasSubstr(">turn 00000027<"), Not(HasSubstr("turn 00000011"))));
+}
+
 TEST_F(ReportTest, CaptionsAreWordsAndNotPaths) {
   SavePng("masks/cam_01.sheet.png");
   SavePng("masks/other_view.png");
