@@ -32,7 +32,9 @@ void Redact(report::Report* page) {
   page->json = JsonText(RedactedJson(numbers));
 }
 
-CommandResult RunReport(report::ReportOptions options, const std::string& run, const std::string& out) {
+CommandResult RunReport(report::ReportOptions options, const std::string& run, const std::string& out,
+                        const std::vector<std::string>& argv) {
+  if (options.audience == "client") StartRedacting(argv);
   options.generated_at = UtcNow();
   options.version = MVSTUDIO_VERSION;
   const std::string html_path = out.empty() ? run + "/report.html" : out;
@@ -86,7 +88,7 @@ void RegisterReport(CLI::App& app, Registry& registry) {
     study->follow_links = options->follow_links;
     if (!study->sides.empty()) return stages::RunStudy(*study, *out, context.run.seed);
     if (!study->tally.empty()) return stages::RunStudyTally(*study);
-    return RunReport(*options, *run, *out);
+    return RunReport(*options, *run, *out, context.argv);
   });
 }
 

@@ -18,14 +18,17 @@ namespace {
 
 std::string TitleOf(const std::string& run_folder, const ReportOptions& options) {
   if (!options.title.empty()) return options.title;
+  if (ForClient(options)) return "Capture report";
   return "Capture report: " + fs::path(PathOnDisk(run_folder)).filename().string();
 }
 
 std::string Header(const std::string& title, Verdict verdict, const RunData& data, const ReportOptions& options) {
-  std::string line =
-      std::to_string(data.stages.size()) + (data.stages.size() == 1 ? " result" : " results") + " in " + data.root;
+  const bool client = ForClient(options);
+  std::string line = std::to_string(data.stages.size()) + (data.stages.size() == 1 ? " result" : " results") +
+                     (client ? "" : " in " + data.root);
   if (!options.generated_at.empty()) line += ", written " + options.generated_at;
-  return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(line, "muted");
+  return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(VerdictSentence(data, !client), "sentence") +
+         ParagraphHtml(line, "muted");
 }
 
 Value NoticesToValue(const std::vector<Notice>& notices) {
@@ -36,11 +39,16 @@ Value NoticesToValue(const std::vector<Notice>& notices) {
   return list;
 }
 
-Value StagesToValue(const RunData& data) {
+Value StagesToValue(const RunData& data, bool client) {
   Value list = Value::Array();
   for (const Stage& stage : data.stages) {
     Value entry = Value::Object();
-    entry.Set("file", stage.file).Set("command", stage.command).Set("verdict", std::string(ToString(stage.verdict)));
+    if (!client) entry.Set("file", stage.file);
+    entry.Set("command", stage.command).Set("verdict", std::string(ToString(stage.verdict)));
+    if (client) {
+      list.Append(std::move(entry));
+      continue;
+    }
     for (const char* key : {"version", "status", "exit", "metrics", "outputs", "warnings", "errors", "timing", "argv"}) {
       entry.Set(key, stage.result[key]);
     }
@@ -64,18 +72,37 @@ void AddAvatars(const std::string& folder, bool follow_links, RunData* data) {
   for (Notice& warning : other.warnings) data->warnings.push_back(std::move(warning));
 }
 
+std::vector<Section> StudioSections(SectionContext* context) {
+  std::vector<Section> sections = {PreviewSection(context),     HeldOutSection(context),       FootageSection(context),
+                                   CalibrationSection(context), TriangulationSection(context), DatasetSection(context),
+                                   AvatarSection(context),      TruthSection(context),         ProvenanceSection(context)};
+  sections.insert(sections.begin() + 2, VerdictSection(context));
+  return sections;
+}
+
+std::vector<Section> ClientSections(SectionContext* context) {
+  std::vector<Section> sections = {
+      PreviewSection(context), HeldOutSection(context), {"verdict", "Verdict", StageCards(context->data, false)}};
+  if (!context->data.calibrations.empty()) {
+    const CsvFile* points = context->data.points.empty() ? nullptr : &context->data.points.front();
+    sections.push_back({"rig", "Rig", RigFigures(context->data.calibrations.front().value, points, Value())});
+  }
+  return sections;
+}
+
 }  // namespace
+
+bool ForClient(const ReportOptions& options) { return options.audience == "client"; }
 
 Report BuildReport(const std::string& run_folder, const ReportOptions& options) {
   MVS_CHECK(options.max_heldout_pictures >= 0 && options.max_picture_mb >= 0 && options.max_pictures_total_mb >= 0,
             "limits of images must not be negative");
+  const bool client = ForClient(options);
+  if (!client && options.audience != "studio") throw UsageError("option 'for' " + options.audience + ": give studio or client");
   RunData data = ScanRun(run_folder, options.follow_links);
   for (const std::string& folder : options.with) AddAvatars(folder, options.follow_links, &data);
   SectionContext context{data, options, Value::Object(), {}, 0, {}};
-  std::vector<Section> sections = {FootageSection(&context),   CalibrationSection(&context), TriangulationSection(&context),
-                                   DatasetSection(&context),   AvatarSection(&context),      TruthSection(&context),
-                                   ProvenanceSection(&context)};
-  sections.insert(sections.begin(), VerdictSection(&context));
+  std::vector<Section> sections = client ? ClientSections(&context) : StudioSections(&context);
   // What was not run is told last. A section without a body had nothing to say, not even that.
   std::stable_partition(sections.begin(), sections.end(), [](const Section& section) { return section.has_results; });
   std::vector<Section> shown;
@@ -95,9 +122,10 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
       context.script);
   Value json = Value::Object();
   json.Set("schema", "mvstudio.report/1").Set("title", title).Set("verdict", std::string(ToString(report.verdict)));
-  json.Set("generated_at", options.generated_at).Set("version", options.version).Set("stages", StagesToValue(data));
+  json.Set("sentence", VerdictSentence(data, !client));
+  json.Set("generated_at", options.generated_at).Set("version", options.version).Set("stages", StagesToValue(data, client));
   for (const auto& [key, value] : context.json.fields()) json.Set(key, value);
-  json.Set("warnings", NoticesToValue(report.warnings));
+  if (!client) json.Set("warnings", NoticesToValue(report.warnings));
   report.json = json.Dump(1) + "\n";
   return report;
 }

@@ -10,20 +10,23 @@
 namespace mvstudio::report {
 
 struct ReportOptions {
-  std::vector<std::string> with;   ///< further folders whose scored avatars are compared with those of the run
-  std::string title;               ///< empty: the run folder's name
-  std::string generated_at;        ///< shown as it is; empty: left out (the library reads no clock)
-  std::string version;             ///< of the program that writes the report
-  bool follow_links = false;       ///< read what lies outside of the run's folder, too
-  int max_heldout_pictures = 24;   ///< of each evaluation; the rest is listed by name
-  int max_picture_mb = 8;          ///< a larger picture is named, not embedded
-  int max_pictures_total_mb = 48;  ///< all pictures together
+  std::vector<std::string> with;    ///< further folders whose scored avatars are compared with those of the run
+  std::string title;                ///< empty: the run folder's name
+  std::string audience = "studio";  ///< or "client": the result alone, without paths, command lines and advice
+  std::string generated_at;         ///< shown as it is; empty: left out (the library reads no clock)
+  std::string version;              ///< of the program that writes the report
+  bool follow_links = false;        ///< read what lies outside of the run's folder, too
+  int max_heldout_pictures = 24;    ///< of each evaluation; the rest is listed by name
+  int max_picture_mb = 8;           ///< a larger picture is named, not embedded
+  int max_pictures_total_mb = 48;   ///< all pictures together
 };
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, ReportOptions& o) {
   visit("with", o.with, "folders of other runs: their scored avatars stand beside those of this one");
   visit("title", o.title, "title of the page; the run folder's name by default");
+  visit("for", o.audience,
+        "studio, or client: begins with videos of the avatar and leaves paths, command lines, the machine and what to fix out");
   visit("follow-links", o.follow_links,
         "embed images, and read results, that a run names or links to outside of its folder; off names them instead");
   visit("max-heldout-pictures", o.max_heldout_pictures, "images shown of each evaluation");
@@ -42,7 +45,8 @@ struct Report {
 /// Reads the files below `run_folder` (four levels deep): `*.result.json`, `calibration.json`, `points.csv`,
 /// `history.csv`, `provenance.jsonl` and the pictures that the results list. An unreadable file, and a path that leads out of
 /// the folder, becomes a warning of the report. Of the folders `with`, only results of `avatar eval` and `avatar train` are
-/// taken, with their absolute paths. Throws IoError when a folder is missing or contains nothing to report.
+/// taken, with their absolute paths. Throws UsageError for an unknown audience, and IoError when a folder is missing or
+/// contains nothing to report.
 Report BuildReport(const std::string& run_folder, const ReportOptions& options = {});
 
 /// Path of a page's numbers: beside it, with the extension .json. Throws UsageError when that is the page itself.

@@ -1,8 +1,6 @@
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <limits>
-#include <set>
 
 #include "core/statistics.h"
 #include "report/page/format.h"
@@ -212,78 +210,6 @@ std::string CameraBars(const Value& per_camera) {
   return figures.empty() ? "" : GridHtml(figures, "grid small");
 }
 
-std::set<std::string> CameraNames(const Value& metrics) {
-  std::set<std::string> names;
-  for (const char* key : {"per_camera", "cameras", "holdout_cameras"}) {
-    for (const Value& item : metrics[key].items())
-      names.insert(item.IsText() ? item.Text() : item["camera"].Text(item["name"].Text()));
-  }
-  names.erase("");
-  return names;
-}
-
-/// What the result says of a picture beyond its path: the entry of metrics.pictures with the same file name.
-const Value& PictureEntry(const Value& metrics, const std::string& path) {
-  static const Value null;
-  const auto name = std::filesystem::path(path).filename();
-  for (const Value& entry : metrics["pictures"].items()) {
-    if (std::filesystem::path(entry["path"].Text()).filename() == name) return entry;
-  }
-  return null;
-}
-
-/// Trailing digits of a file name as a frame number; NaN when there are none.
-double FrameInName(const std::string& stem, const std::string& camera) {
-  const size_t at = camera.empty() ? std::string::npos : stem.find(camera);
-  const std::string rest = at == std::string::npos ? stem : stem.substr(at + camera.size());
-  const size_t before = rest.find_last_not_of("0123456789");
-  const std::string digits = before == std::string::npos ? rest : rest.substr(before + 1);
-  return digits.empty() || digits.size() > 12 ? std::numeric_limits<double>::quiet_NaN() : std::stod(digits);
-}
-
-/// "camera cam_02, frame 84, SSIM 0.93, PSNR 24.1 dB", from what the result says of the picture, else from its file name.
-std::string Caption(const Value& metrics, const Value& output) {
-  const std::string path = output["path"].Text(), stem = std::filesystem::path(path).stem().string();
-  const Value& entry = PictureEntry(metrics, path);
-  std::string camera = output["camera"].Text(entry["camera"].Text());
-  for (const std::string& name : CameraNames(metrics)) {
-    if (camera.empty() && stem.find(name) != std::string::npos) camera = name;
-  }
-  if (camera.empty()) return stem;
-  const double frame = output["frame"].Number(entry["frame"].Number(FrameInName(stem, camera)));
-  std::string caption = "camera " + camera + (std::isfinite(frame) ? ", frame " + FormatNumber(frame, 9) : "");
-  if (entry["ssim"].IsNumber()) caption += ", SSIM " + FormatFixed(entry["ssim"].Number(), 3);
-  if (entry["psnr_db"].IsNumber()) caption += ", PSNR " + FormatFixed(entry["psnr_db"].Number(), 1) + "\u00a0dB";
-  return caption;
-}
-
-std::string Pictures(SectionContext* context, const Stage& stage, const std::string& role, const std::string& title,
-                     const std::vector<std::string>& legend, const char* css_class) {
-  std::vector<std::string> figures;
-  int left_out = 0;
-  for (const Value& output : stage.result["outputs"].items()) {
-    if (output["role"].Text() != role) continue;
-    if (static_cast<int>(figures.size()) >= context->options.max_heldout_pictures) {
-      ++left_out;
-      continue;
-    }
-    const std::string figure = EmbedOutput(context, stage, output, Caption(stage.metrics(), output), legend);
-    if (!figure.empty()) figures.push_back(figure);
-  }
-  if (figures.empty()) return {};
-  std::string html = "<h3>" + EscapeHtml(title) + "</h3>\n" + GridHtml(figures, css_class);
-  if (left_out > 0)
-    html +=
-        ParagraphHtml(std::to_string(left_out) + " more are listed in the result; --max-heldout-pictures shows more.", "muted");
-  return html;
-}
-
-std::vector<std::string> Legend(const Value& metrics) {
-  std::vector<std::string> legend;
-  for (const Value& item : metrics["picture_panels"].items()) legend.push_back(item.Text());
-  return legend.empty() ? std::vector<std::string>{"truth", "render", "error", "nearest pose"} : legend;
-}
-
 /// 95 % intervals and what the numbers mean, where the result says so.
 std::string Intervals(const Value& metrics) {
   std::string text;
@@ -300,14 +226,24 @@ std::string Intervals(const Value& metrics) {
   return text.empty() ? "" : ParagraphHtml(text, "muted");
 }
 
+/// "Held-out images: SSIM 0.913, PSNR 24.5 dB, mask IoU 0.95."
+std::string ScoreLine(const Value& metrics) {
+  const Value& own = metrics["holdout"];
+  if (!HasScores(own)) return {};
+  std::string text = "Held-out images: SSIM " + FormatFixed(own["ssim"].Number(), 3);
+  text +=
+      ", PSNR " + FormatFixed(own["psnr_db"].Number(), 1) + "\u00a0dB, mask IoU " + FormatFixed(own["mask_iou"].Number(), 3);
+  return ParagraphHtml(text + ".");
+}
+
 std::string EvalBody(SectionContext* context, const Stage& stage) {
   const Value& metrics = stage.metrics();
-  std::string html = StageHeading(stage, true) + ScoresTable(metrics) + Intervals(metrics);
-  html += CameraBars(metrics["per_camera"]);
+  const std::string scores = ScoresTable(metrics) + Intervals(metrics);
+  std::string html = StageHeading(stage, true) + ScoreLine(metrics) + CameraBars(metrics["per_camera"]);
+  if (!scores.empty()) html += DetailsHtml("Scores and baselines", scores);
   const std::string cameras = ObjectsTable("", metrics["per_camera"]);
   if (!cameras.empty()) html += DetailsHtml("Scores of each camera", cameras);
-  html += Pictures(context, stage, "heldout-picture", "Held-out images", Legend(metrics), "grid");
-  html += Pictures(context, stage, "textures", "Texture atlas", {}, "grid");
+  html += PicturesOf(context, stage, {"textures", "Texture atlas", {}});
   const std::string all = NumbersTable("", metrics);
   return html + (all.empty() ? "" : DetailsHtml("All numbers", all));
 }
@@ -328,7 +264,7 @@ Section AvatarSection(SectionContext* context) {
   }
   for (const Stage& stage : context->data.stages) {
     if (stage.command != "avatar train" && stage.command != "avatar resume") continue;
-    section.body_html += Pictures(context, stage, "textures", "Texture atlas", {}, "grid");
+    section.body_html += PicturesOf(context, stage, {"textures", "Texture atlas", {}});
     for (const Value& output : stage.result["outputs"].items())
       if (output["role"].Text() == "gaussians-player") section.body_html += EmbedPlayer(context, stage, output);
     const std::string all = NumbersTable("", stage.metrics());

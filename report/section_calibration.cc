@@ -45,8 +45,7 @@ double FocalOf(const Value& camera) {
 std::string FocalText(double focal, double sigma) {
   if (!std::isfinite(focal)) return kNoNumber;
   if (!std::isfinite(sigma) || sigma <= 0) return FormatNumber(focal, 6);
-  const int decimals = std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, 6);
-  return FormatFixed(focal, decimals) + " \u00b1 " + FormatFixed(sigma, decimals);
+  return FormatWithin(focal, sigma) + " \u00b1 " + FormatWithin(sigma, sigma);
 }
 
 std::string PercentText(const Value& camera, const std::vector<std::string>& fraction_keys,

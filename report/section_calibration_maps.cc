@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/statistics.h"
 #include "report/page/format.h"
 #include "report/page/html.h"
 #include "report/sections.h"
@@ -49,6 +50,14 @@ double MapScale(const Value& cameras) {
   return largest > 0 ? std::min(1.0, NiceBelow(2.5 * largest)) : 1;
 }
 
+/// What cells without a number are, where there are any.
+std::string StruckOut(const std::vector<std::vector<double>>& rows) {
+  for (const auto& row : rows) {
+    if (FiniteValues(row).size() < row.size()) return "; struck out where the calibration gives no number";
+  }
+  return {};
+}
+
 std::string CameraMaps(const Value& metrics) {
   std::vector<std::string> figures;
   const double scale = MapScale(metrics["cameras"]);
@@ -63,12 +72,14 @@ std::string CameraMaps(const Value& metrics) {
     map.rows = ReadRows(camera["uncertainty_map_px"]);
     map.decimals = scale < 0.5 ? 3 : 2;
     map.full = scale;
-    map.width = map.decimals > 2 ? 520 : 440;
+    map.width = 440;
+    map.contours = true;
+    map.unit = "px";
     if (!map.rows.empty()) {
       figures.push_back(FigureHtml(CellGrid(map),
-                                   "Standard deviation of a projection along its worst direction, at the median "
-                                   "distance of the boards; darkest: " +
-                                       FormatNumber(scale) + " px" + (scale < 1 ? "." : " and more.")));
+                                   "Standard deviation of a projection along its worst direction, at the median distance of "
+                                   "the boards, with lines of equal deviation. The darkest shade holds all from " +
+                                       FormatNumber(0.8 * scale) + " px on" + StruckOut(map.rows) + "."));
     }
   }
   return CameraFigures("Over the image", "", figures, metrics["cameras"].items().size());

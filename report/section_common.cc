@@ -8,6 +8,7 @@
 #include "report/page/format.h"
 #include "report/page/picture.h"
 #include "report/page/player.h"
+#include "report/page/slider.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {
@@ -42,6 +43,22 @@ std::string ScalarText(const Value& value) {
   return FormatNumber(value.Number());
 }
 
+/// Standard deviation of the number `key` among its neighbours: of "rate_ppm" it is "rate_sigma_ppm"; NaN where there is none.
+double SigmaOf(const Value& object, const std::string& key) {
+  const size_t unit = std::min(key.rfind('_'), key.size());
+  const bool own = key.rfind("median", 0) != 0;  // "median_sigma_mm" is the median of deviations
+  return own ? object.FirstNumber({key.substr(0, unit) + "_sigma" + key.substr(unit), key + "_sigma"}) : std::nan("");
+}
+
+/// A field, with the digits that its standard deviation allows; the deviation itself with two.
+std::string FieldText(const Value& object, const std::string& key) {
+  const Value& value = object[key];
+  if (value.kind() != Value::Kind::kNumber) return ScalarText(value);
+  const double own = key.find("_sigma") != std::string::npos ? value.Number() : std::nan("");
+  const double sigma = std::isfinite(own) ? own : SigmaOf(object, key);
+  return sigma >= 1e-5 ? FormatWithin(value.Number(), sigma) : ScalarText(value);
+}
+
 void AddNumbers(const std::string& prefix, const Value& object, int depth, Table* table) {
   for (const auto& [key, value] : object.fields()) {
     const KeyLabel label = LabelOfKey(key);
@@ -50,7 +67,7 @@ void AddNumbers(const std::string& prefix, const Value& object, int depth, Table
       AddNumbers(name + " \u203a ", value, depth + 1, table);
     } else if (IsScalar(value) || IsShortNumbers(value) || value.IsNull()) {
       const bool has_unit = !label.unit.empty() && !value.IsText() && !value.IsNull();
-      table->AddRow({name, value.IsNull() ? kNoNumber : ScalarText(value) + (has_unit ? "\u00a0" + label.unit : "")});
+      table->AddRow({name, value.IsNull() ? kNoNumber : FieldText(object, key) + (has_unit ? "\u00a0" + label.unit : "")});
     }
   }
 }
@@ -99,7 +116,7 @@ std::string ObjectsTable(const std::string& caption, const Value& array, const s
     std::vector<Table::Cell> cells;
     for (const ColumnOfKey& column : columns) {
       const Value& value = item[column.key];
-      cells.emplace_back(value.IsNull() ? kNoNumber : ScalarText(value));
+      cells.emplace_back(value.IsNull() ? kNoNumber : FieldText(item, column.key));
     }
     table.AddRow(std::move(cells));
   }
@@ -153,12 +170,19 @@ std::string ReadOutput(SectionContext* context, const Stage& stage, const Value&
   }
 }
 
+void NeedScript(SectionContext* context, std::string_view script) {
+  if (context->script.find(script) == std::string::npos) context->script += script;
+}
+
 std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
-                        const std::vector<std::string>& legend) {
+                        const std::vector<std::string>& legend, bool compared) {
   const std::string content = ReadOutput(
       context, stage, output, [](std::string_view bytes) { return !PictureType(bytes).empty(); }, "neither PNG nor JPEG");
   if (content.empty()) return {};
-  std::string html = legend.empty() ? "<div>" : "<div class=\"strip\">";
+  int width = 0, height = 0;
+  const bool with_slider = compared && legend.size() > 1 && PngSize(content, &width, &height) && width >= 2 * height;
+  if (with_slider) NeedScript(context, SliderScript());
+  std::string html = legend.empty() ? "<div>" : with_slider ? "<div class=\"strip\" data-compared>" : "<div class=\"strip\">";
   if (!legend.empty()) {
     html += "<div class=\"legend\">";
     for (const std::string& part : legend) html += "<span>" + EscapeHtml(part) + "</span>";
@@ -170,7 +194,7 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
 std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value& output) {
   const std::string content = ReadOutput(context, stage, output, IsPlayerFile, "no file of Gaussians in motion");
   if (content.empty()) return {};
-  context->script = PlayerScript();
+  NeedScript(context, PlayerScript());
   const std::string caption =
       "The trained Gaussians at instants of the take, moved with the fitted body; drag to turn, wheel to come closer. Colours "
       "are those of degree 0: what changes with the direction of sight is left out.";

@@ -138,10 +138,13 @@ std::string RigFigures(const Value& calibration, const CsvFile* points, const Va
   const std::string people =
       subject.cloud.empty() ? ""
                             : " Green: joints of all frames; orange: path of the hips; dark: the pose with the most joints.";
-  return GridHtml(
-      {FigureHtml(RigTopView(cameras, subject), "Cameras as calibrated; frusta show each image's field of view." + people),
-       FigureHtml(RigCornerView(cameras, subject),
-                  "The same rig from a corner; equal scale on all axes, grid on the lowest level.")});
+  std::vector<std::string> figures = {
+      FigureHtml(RigTopView(cameras, subject), "Cameras as calibrated; frusta show each image's field of view." + people),
+      FigureHtml(RigCornerView(cameras, subject),
+                 "The same rig from a corner; equal scale on all axes, grid on the lowest level.")};
+  const std::string pose = SubjectView(cameras, subject);
+  if (!pose.empty()) figures.push_back(FigureHtml(pose, "The pose with the most joints, from the same corner."));
+  return GridHtml(figures);
 }
 
 Value CalibrationSummary(const Value& calibration) {

@@ -32,10 +32,32 @@ std::string TableByLength(const std::string& title, const Value& array) {
   return array.items().size() > kMostOpen ? FoldedTable(title, array) : ObjectsTable(title, array);
 }
 
+/// "cam_01", not the path of its file.
+std::string OverlayCaption(const Stage& stage, const Value& output) {
+  const std::string path = output["path"].Text(), file = path.substr(path.rfind('/') + 1);
+  const std::string stem = file.substr(0, file.find('.'));
+  std::string camera = output["camera"].Text();
+  for (const Value& entry : stage.metrics()["per_camera"].items()) {
+    if (camera.empty() && entry["name"].Text() == stem) camera = stem;
+  }
+  const std::string what = stage.command == "pose2d" ? "Keypoints"
+                           : stage.command == "mask" ? "Outlines of the masks"
+                                                     : "Overlay";
+  return what + (camera.empty() ? ": " + WordsOf(stem) : ", camera " + camera);
+}
+
 std::string StageBody(SectionContext* context, const Stage& stage) {
   const Value& metrics = stage.metrics();
-  std::string html = StageHeading(stage, true);
-  html += NumbersTable("", metrics);
+  std::vector<std::string> overlays;
+  for (const Value& output : stage.result["outputs"].items()) {
+    if (output["role"].Text() == "overlay")
+      overlays.push_back(EmbedOutput(context, stage, output, OverlayCaption(stage, output)));
+  }
+  std::string html = StageHeading(stage, true) + (overlays.empty() ? "" : GridHtml(overlays));
+  const std::string findings = Findings(metrics);
+  if (findings.empty() && stage.command == "dataset verify" && stage.verdict == Verdict::kPass)
+    html += ParagraphHtml("Nothing found.");
+  html += findings;
   for (const auto& [key, value] : metrics.fields()) {
     if (value.IsArray() && value.At(0).IsObject() && key != "findings" && key != "problems" && key != "issues" &&
         key != "errors") {
@@ -47,15 +69,8 @@ std::string StageBody(SectionContext* context, const Stage& stage) {
         html += TableByLength(LabelOfKey(key).label + ": " + LabelOfKey(inner_key).label, inner);
     }
   }
-  const std::string findings = Findings(metrics);
-  if (findings.empty() && stage.command == "dataset verify" && stage.verdict == Verdict::kPass)
-    html += ParagraphHtml("Nothing found.");
-  html += findings;
-  std::vector<std::string> overlays;
-  for (const Value& output : stage.result["outputs"].items()) {
-    if (output["role"].Text() == "overlay") overlays.push_back(EmbedOutput(context, stage, output, output["path"].Text()));
-  }
-  return html + (overlays.empty() ? "" : GridHtml(overlays));
+  const std::string all = NumbersTable("", metrics);
+  return html + (all.empty() ? "" : DetailsHtml("All numbers", all));
 }
 
 using Commands = std::vector<std::string>;

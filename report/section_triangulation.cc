@@ -205,8 +205,8 @@ std::string HoldoutBody(const Value& metrics) {
         GridHtml({ListChart("Cameras, each left out", "median error (px)", holdout["cameras"], "name", "median_px"),
                   ListChart("Joints, one camera left out", "median error (px)", holdout["joints"], "joint", "median_px")}));
   }
-  html += ObjectsTable("Methods compared", metrics["methods"]);
-  html += ObjectsTable("Terms that bind joints together, tried", metrics["refinement"]["trials"]);
+  html += FoldedTable("Methods compared", metrics["methods"]);
+  html += FoldedTable("Terms that bind joints together, tried", metrics["refinement"]["trials"]);
   html += FoldedTable("Limb lengths", metrics["limbs"]);
   return html;
 }

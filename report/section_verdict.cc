@@ -1,7 +1,4 @@
-#include <algorithm>
 #include <cmath>
-#include <set>
-#include <tuple>
 
 #include "report/page/format.h"
 #include "report/sections.h"
@@ -14,6 +11,7 @@ struct KeyFigure {
   const char* label;
   std::vector<std::string> keys;  ///< first that is a number
   const char* unit;
+  double scale = 1;  ///< of the unit
 };
 
 /// The two or three numbers that tell most about a stage.
@@ -28,7 +26,7 @@ const std::vector<KeyFigure>& KeyFigures() {
       {"triangulate", "joints", {"num_points"}, ""},
       {"pose2d", "camera left out", {"agreement.median_px"}, "px"},
       {"mask", "images", {"pictures"}, ""},
-      {"mask", "flicker", {"flicker"}, ""},
+      {"mask", "pixels that flicker", {"flicker"}, "%", 100},
       {"avatar eval", "SSIM", {"holdout.ssim"}, ""},
       {"avatar eval", "PSNR", {"holdout.psnr_db"}, "dB"},
       {"avatar eval", "mask IoU", {"holdout.mask_iou"}, ""},
@@ -61,19 +59,24 @@ std::pair<int, int> CountChecks(const Value& checks) {
   return {passed, static_cast<int>(checks.items().size())};
 }
 
-/// Counts with thin spaces, everything else with its unit.
+/// Three digits, of counts all: "3 908 288", "10.4 million", "below 0.001%".
 std::string CardNumber(double number, const std::string& unit) {
-  const bool count = unit.empty() && std::fabs(number) >= 1000 && number == std::floor(number);
-  return count ? FormatCount(number) : FormatWithUnit(number, unit);
+  const double magnitude = std::fabs(number);
+  if (unit.empty() && magnitude >= 1000 && number == std::floor(number)) return FormatCount(number);
+  if (magnitude >= 1e6) return FormatNumber(number / 1e6, 3) + "\u00a0million" + (unit.empty() ? "" : "\u00a0" + unit);
+  if (magnitude >= 1000) return FormatCount(number) + (unit.empty() ? "" : "\u00a0" + unit);
+  const double least = unit.empty() || unit == "%" ? 1e-3 : 1e-4;
+  if (magnitude > 0 && magnitude < least) return "below " + FormatWithUnit(least, unit);
+  return FormatWithUnit(number, unit, 3);
 }
 
-std::string StageCard(const Stage& stage, bool with_folder) {
+std::string StageCard(const Stage& stage, bool with_folder, bool with_errors) {
   std::vector<std::pair<std::string, std::string>> pairs;
   const Value& metrics = stage.metrics();
   for (const KeyFigure& figure : KeyFigures()) {
     const double number = metrics.FirstNumber(figure.keys);
     if (stage.command == figure.command && std::isfinite(number))
-      pairs.emplace_back(figure.label, CardNumber(number, figure.unit));
+      pairs.emplace_back(figure.label, CardNumber(figure.scale * number, figure.unit));
   }
   if (pairs.empty()) {
     for (const auto& [key, value] : metrics.fields()) {
@@ -87,97 +90,22 @@ std::string StageCard(const Stage& stage, bool with_folder) {
   if (std::isfinite(stage.result.Path("timing.wall_s").Number()))
     pairs.emplace_back("took", FormatDuration(stage.result.Path("timing.wall_s").Number()));
   std::string body = Pairs(pairs);
+  if (!with_errors) return Card(stage.command, stage.verdict, body);
   for (const Value& error : stage.result["errors"].items()) body += ParagraphHtml(error["text"].Text(error.Text()));
   const std::string name = stage.command + (with_folder && !stage.folder.empty() ? " \u2013 " + stage.folder : "");
   return Card(name, stage.verdict, body);
 }
 
-std::string Cards(const RunData& data) {
-  std::string cards;
-  for (const Stage& stage : data.stages) cards += StageCard(stage, data.All(stage.command).size() > 1);
-  const auto ran = [&](const std::string& command) { return !data.All(command).empty(); };
-  if (!ran("calibrate") && data.calibrations.empty()) cards += Card("calibrate", Verdict::kNotRun, "");
-  if (!ran("triangulate") && data.points.empty()) cards += Card("triangulate", Verdict::kNotRun, "");
-  if (!ran("dataset build") && !ran("dataset verify") && !ran("dataset import")) cards += Card("dataset", Verdict::kNotRun, "");
-  if (!ran("avatar train") && !ran("avatar resume") && data.histories.empty())
-    cards += Card("avatar train", Verdict::kNotRun, "");
-  if (!ran("avatar eval")) cards += Card("avatar eval", Verdict::kNotRun, "");
-  return "<div class=\"cards\">" + cards + "</div>\n";
-}
-
-struct Item {
-  bool error;
-  std::string code, text, hint, from;
-};
-
-void AddNotices(const Value& list, bool error, const std::string& from, std::vector<Item>* items) {
-  for (const Value& notice : list.items()) {
-    items->push_back({error || notice["level"].Text() == "fail", notice["code"].Text(), notice["text"].Text(notice.Text()),
-                      notice["hint"].Text(), from});
-  }
-}
-
-/// Errors, missed checks, then warnings, each once, in the order of the pipeline.
-std::vector<Item> WhatToFix(const SectionContext& context) {
-  std::vector<Item> items, unique;
-  for (const Stage& stage : context.data.stages) {
-    AddNotices(stage.result["errors"], true, stage.command, &items);
-    for (const Value& check : stage.metrics()["checks"].items()) {
-      if (check["pass"].kind() != Value::Kind::kBool || check["pass"].Flag()) continue;
-      const std::string unit = check["unit"].Text();
-      items.push_back({stage.verdict == Verdict::kFail, "CHECK",
-                       check["name"].Text("?") + ": " + FormatWithUnit(check["value"].Number(), unit) + ", bound " +
-                           FormatWithUnit(check["bound"].Number(), unit),
-                       "", stage.command});
-    }
-  }
-  for (const Stage& stage : context.data.stages) AddNotices(stage.result["warnings"], false, stage.command, &items);
-  for (const std::vector<Notice>* list : {&context.data.warnings, &context.warnings}) {
-    for (const Notice& notice : *list) items.push_back({false, notice.code, notice.text, notice.hint, "report"});
-  }
-  std::set<std::pair<std::string, std::string>> seen;
-  for (Item& item : items) {
-    if (seen.emplace(item.code, item.text).second) unique.push_back(std::move(item));
-  }
-  std::stable_sort(unique.begin(), unique.end(), [](const Item& a, const Item& b) { return a.error > b.error; });
-  return unique;
-}
-
-std::string FixList(const std::vector<Item>& items) {
-  if (items.empty()) return ParagraphHtml("No warnings.");
-  constexpr size_t kShown = 12;
-  std::string shown, hidden;
-  for (size_t i = 0; i < items.size(); ++i) {
-    const Item& item = items[i];
-    std::string html =
-        std::string("<li") + (item.error ? " class=\"fail\">" : ">") + "<strong>" + EscapeHtml(item.text) + "</strong>";
-    if (!item.hint.empty()) html += "<span class=\"hint\">\u2192 " + EscapeHtml(item.hint) + "</span>";
-    html +=
-        " <span class=\"from\">" + EscapeHtml(item.from + (item.code.empty() ? "" : " \u00b7 " + item.code)) + "</span></li>\n";
-    (i < kShown ? shown : hidden) += html;
-  }
-  std::string html = "<ol class=\"fix\">" + shown + "</ol>\n";
-  if (!hidden.empty())
-    html += DetailsHtml(std::to_string(items.size() - kShown) + " more", "<ol class=\"fix\">" + hidden + "</ol>\n");
-  return html;
-}
-
 }  // namespace
 
-Verdict OverallVerdict(const RunData& data) {
-  Verdict overall = Verdict::kNotRun;
-  for (const Stage& stage : data.stages) {
-    overall = Worse(overall, stage.verdict);
-  }
-  if (!data.warnings.empty()) overall = Worse(overall, Verdict::kWarn);
-  return overall;
+std::string StageCards(const RunData& data, bool for_studio) {
+  std::string cards;
+  for (const Stage& stage : data.stages) cards += StageCard(stage, data.All(stage.command).size() > 1, for_studio);
+  return cards.empty() ? "" : "<div class=\"cards\">" + cards + "</div>\n";
 }
 
 Section VerdictSection(SectionContext* context) {
-  Section section{"verdict", "Verdict", ""};
-  const std::vector<Item> items = WhatToFix(*context);
-  section.body_html = Cards(context->data) + "<h3>What to fix first</h3>\n" + FixList(items);
-  return section;
+  return {"verdict", "Verdict", StageCards(context->data, true) + WhatToFix(*context)};
 }
 
 }  // namespace mvstudio::report

@@ -21,22 +21,39 @@ struct SectionContext {
   Value json = Value::Object();
   std::vector<Notice> warnings;
   int64_t picture_bytes = 0;  ///< embedded so far
-  std::string_view script;    ///< that the embedded parts need
+  std::string script;         ///< that the embedded parts need
 };
 
+/// Adds a script to those that the page needs, once.
+void NeedScript(SectionContext* context, std::string_view script);
+
+bool ForClient(const ReportOptions& options);
+
+/// Videos of the avatar, else some of its rendered images, and for clients the player of Gaussians; without a body when there
+/// are none.
+Section PreviewSection(SectionContext* context);
 Section CalibrationSection(SectionContext* context);
 Section TriangulationSection(SectionContext* context);
 /// Sessions, time offsets, keypoints, masks; without a body when none of them was run.
 Section FootageSection(SectionContext* context);
 Section DatasetSection(SectionContext* context);
 Section AvatarSection(SectionContext* context);
+/// Images of cameras and frames that were held out, worst first; without a body when there are none.
+Section HeldOutSection(SectionContext* context);
 Section TruthSection(SectionContext* context);
 Section ProvenanceSection(SectionContext* context);
 /// Written last, shown first: it also shows the warnings of the other sections.
 Section VerdictSection(SectionContext* context);
+/// A card for each result; `for_studio`: with its folder where there are several, and its errors.
+std::string StageCards(const RunData& data, bool for_studio);
 
 /// Worst of the stages' verdicts; an unreadable file is a warning.
 Verdict OverallVerdict(const RunData& data);
+/// "Nothing failed; 3 of 8 results have warnings. First, calibrate: …"; the last part only `with_reason`.
+std::string VerdictSentence(const RunData& data, bool with_reason);
+/// Failures before warnings, causes before what follows from them; one line a code with its cameras. Names the worst camera and
+/// frame.
+std::string WhatToFix(const SectionContext& context);
 
 // Helpers shared by the sections.
 
@@ -58,9 +75,21 @@ void SetNotRun(Section* section, const std::string& what, const std::string& com
 std::string ReadOutput(SectionContext* context, const Stage& stage, const Value& output,
                        const std::function<bool(std::string_view)>& is_right, const std::string& what_is_wrong);
 
-/// The picture of an output inside the page, or an empty string and a warning. `legend`: names above equal parts of a strip.
+/// The picture of an output inside the page, or an empty string and a warning. `legend`: names above equal parts of a strip;
+/// `compared`: with a slider between the first two of them.
 std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
-                        const std::vector<std::string>& legend = {});
+                        const std::vector<std::string>& legend = {}, bool compared = false);
+
+/// Outputs of one role and how they are shown.
+struct PictureRole {
+  std::string name, title;
+  std::vector<std::string> legend;
+  bool compared = false;
+};
+/// Those images of a result, the worst by SSIM first, with camera, frame and scores as captions; empty without.
+std::string PicturesOf(SectionContext* context, const Stage& stage, const PictureRole& role);
+/// "cam_01.sheet.png" -> "cam 01"
+std::string WordsOf(const std::string& file_name);
 
 /// Gaussians in motion inside the page, or an empty string and a warning.
 std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value& output);

@@ -5,6 +5,8 @@ Usage: images_test.py ROOT. Prints FILE:LINE: REASON for every finding, exits 1 
 """
 import pathlib
 import re
+import shutil
+import subprocess
 import sys
 import tempfile
 
@@ -57,7 +59,20 @@ def check_self():
         assert len(found.splitlines()) == len(expected) and all(text in found for text in expected), found
 
 
+def check_refusals(root):
+    """What is missing is said before any run."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = pathlib.Path(name)
+        environment = {"PATH": name, "MVSTUDIO_BIN": "/bin/true", "MVSTUDIO_DATA": f"{name}/data"}
+        for expected in ("no program chromium", f"no {name}/data/opencv_stereo/left08.jpg"):
+            done = subprocess.run([sys.executable, root / "scripts/pictures", folder / "out"], env=environment, capture_output=True, text=True,
+                                  check=False)
+            assert done.returncode == 1 and expected in done.stderr and not (folder / "out").exists(), done
+            shutil.copy("/bin/true", folder / "chromium")
+
+
 check_self()
+check_refusals(pathlib.Path(sys.argv[1]).resolve())
 reasons = list(findings(pathlib.Path(sys.argv[1]).resolve()))
 print("\n".join(reasons), end="\n" if reasons else "")
 sys.exit(1 if reasons else 0)

@@ -22,6 +22,10 @@ std::string FormatFixed(double value, int decimals) {
   return text;
 }
 
+std::string FormatWithin(double value, double sigma) {
+  return FormatFixed(value, std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, 6));
+}
+
 std::string FormatNumber(double value, int significant) {
   if (!std::isfinite(value)) return kNoNumber;
   if (value == 0) return "0";
@@ -65,6 +69,7 @@ KeyLabel LabelOfKey(const std::string& key) {
   KeyLabel result{key, ""};
   const bool is_rate = key.size() > 6 && key.compare(key.size() - 6, 6, "_per_s") == 0;
   if (is_rate) result.label += "econd";
+  if (key == "it_per_s") result.label = "steps per second";
   for (const auto& [suffix, unit] : kUnits) {
     const std::string end = suffix;
     if (is_rate || key.size() <= end.size() || key.compare(key.size() - end.size(), end.size(), end) != 0) continue;

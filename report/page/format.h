@@ -11,6 +11,8 @@ inline constexpr char kNoNumber[] = "\u2013";
 /// finite.
 std::string FormatNumber(double value, int significant = 4);
 std::string FormatFixed(double value, int decimals);
+/// As many decimals as leave two digits of `sigma` (> 0), at most 6.
+std::string FormatWithin(double value, double sigma);
 /// Whole number with thin spaces between thousands.
 std::string FormatCount(double value);
 /// "4.213 mm"; the bare kNoNumber when not finite. No space before "%" and "°".

@@ -24,6 +24,7 @@ h1{font-size:1.6rem;line-height:1.2;margin:0 0 .3rem}h2{font-size:1.25rem;margin
 h3{font-size:1rem;margin:1.6rem 0 .5rem}
 p{margin:.4rem 0 .8rem;max-width:60rem}.muted,figcaption,.unit{color:var(--muted)}.unit{font-weight:400}
 header{display:flex;flex-wrap:wrap;gap:.5rem 1rem;align-items:baseline;margin-bottom:.8rem}header p{flex-basis:100%;margin:0}
+h1,h3,header p,.card,.fix li{overflow-wrap:anywhere}.sentence{font-weight:600}
 nav{display:flex;flex-wrap:wrap;gap:.3rem 1.1rem;padding:.5rem 0;border-top:1px solid var(--rule);border-bottom:1px solid var(--rule);
 margin-bottom:1.2rem;font-size:.92em}
 a{color:var(--c0);text-decoration:none}a:hover{text-decoration:underline}
@@ -35,13 +36,12 @@ border:1px solid currentColor}
 .cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(14.5rem,1fr));gap:.7rem;margin:.6rem 0 1.2rem}
 .card{border:1px solid var(--rule);border-left:4px solid var(--muted);border-radius:.4rem;padding:.6rem .8rem;background:var(--card)}
 .card.pass{border-left-color:var(--pass)}.card.warn{border-left-color:var(--warn)}.card.fail{border-left-color:var(--fail)}
-.card.idle{opacity:.75}
 .pair{display:flex;flex-wrap:wrap;gap:.2rem .8rem;align-items:flex-start}
 .card h3 .badge{align-self:flex-start}
 .card h3{display:flex;justify-content:space-between;gap:.5rem;margin:0 0 .35rem;font-size:.95rem}
-.card dl{display:grid;grid-template-columns:1fr auto;margin:0;gap:.05rem .8rem;font-size:.9em}.card dt{color:var(--muted)}
+.card dl{display:grid;grid-template-columns:minmax(0,1fr) auto;margin:0;gap:.05rem .8rem;font-size:.9em}.card dt{color:var(--muted)}
 .card dd{margin:0;text-align:right;font-variant-numeric:tabular-nums;font-weight:600;white-space:nowrap}
-.card p{margin:.1rem 0 0;font-size:.88em;overflow-wrap:anywhere}
+.card p{margin:.1rem 0 0;font-size:.88em}
 .fix{padding-left:0;list-style:none;max-width:66rem}
 .fix li{margin:.35rem 0;padding:.45rem .8rem;border-left:4px solid var(--warn);background:var(--card);border-radius:0 .3rem .3rem 0}
 .fix li.fail{border-left-color:var(--fail)}.fix .hint{display:block}.fix .from{color:var(--muted);font-size:.86em}
@@ -52,14 +52,19 @@ caption{text-align:left;white-space:nowrap;font-weight:600;padding-bottom:.35rem
 th,td{padding:.26rem .7rem;text-align:left;border-bottom:1px solid var(--rule);vertical-align:top}
 thead th{border-bottom:2px solid var(--rule);vertical-align:bottom}th.num,td.num{text-align:right;white-space:nowrap}
 tr.look td{background:var(--look)}td code{white-space:pre-wrap}
-figure{margin:.4rem 0 1.2rem;min-width:0}figcaption{font-size:.86em;margin-top:.3rem;max-width:60rem}
+figure{margin:.4rem 0 1.2rem;min-width:0;overflow-wrap:anywhere}figcaption{font-size:.86em;margin-top:.3rem;max-width:60rem}
 .grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,31rem),1fr));gap:.4rem 1.6rem;align-items:start}
 .grid.small{grid-template-columns:repeat(auto-fill,minmax(min(100%,17.5rem),1fr))}
 .grid.methods{grid-template-columns:repeat(auto-fill,minmax(min(30%,9rem),1fr));gap:.4rem .6rem}.grid.methods img{width:100%}
 details{margin:.3rem 0 1rem}summary{cursor:pointer;color:var(--c0)}
+video{max-width:100%;max-height:40rem;display:block}
 img{max-width:100%;height:auto;display:block;border:1px solid var(--rule);background:#888}
 .strip img{width:100%}.strip .legend{display:grid;grid-auto-flow:column;grid-auto-columns:1fr;text-align:center;
 font-size:.8em;color:var(--muted)}
+.compared{position:relative;max-width:22rem;overflow:hidden;border:1px solid var(--rule)}
+.compared div{position:absolute;inset:0;overflow:hidden}.compared img{position:absolute;max-width:none;border:0}
+.compared+input{width:100%;max-width:22rem;display:block;margin:.3rem 0 .6rem}
+@media print{.compared,.compared+input{display:none}}
 .player canvas{width:min(100%,48rem);height:30rem;display:block;background:#000;touch-action:none;cursor:grab}
 .player input{width:min(60%,24rem);vertical-align:middle}
 svg{max-width:100%;height:auto;display:block}
@@ -73,7 +78,7 @@ svg .err{stroke:var(--ink);fill:none}svg .ink{fill:var(--ink);stroke:none}
 .s4{stroke:var(--c4);fill:none}.s5{stroke:var(--c5);fill:none}.s6{stroke:var(--c6);fill:none}.s7{stroke:var(--c7);fill:none}
 .f0{fill:var(--c0)}.f1{fill:var(--c1)}.f2{fill:var(--c2)}.f3{fill:var(--c3)}.f4{fill:var(--c4)}.f5{fill:var(--c5)}
 .f6{fill:var(--c6)}
-.f7{fill:var(--c7)}.h1,.h2,.h3,.h4{fill:var(--c0)}.h1{fill-opacity:.25}.h2{fill-opacity:.45}.h3{fill-opacity:.65}
+.f7{fill:var(--c7)}.h0,.h1,.h2,.h3,.h4{fill:var(--c0)}.h0{fill-opacity:.08}.h1{fill-opacity:.25}.h2{fill-opacity:.45}.h3{fill-opacity:.65}
 .h4{fill-opacity:.9}
 svg .over-edge{stroke:#000;stroke-opacity:.55;fill:none}svg .over-ring{stroke:#ffd23f;fill:none}
 svg .over-needle{stroke:#ff5c3b;fill:none}svg .over-cross{stroke:#ff4fd8;fill:none}svg .over-bone{stroke:#46c8ff;fill:none}

@@ -6,6 +6,7 @@
 
 #include "report/page/format.h"
 #include "report/svg/canvas.h"
+#include "report/svg/labels.h"
 #include "report/svg/svg.h"
 
 namespace mvstudio::report {
@@ -153,7 +154,7 @@ void DrawSubject(SvgCanvas* canvas, const View& view, const ViewSubject& subject
   for (const auto& [colour, bones] : by_colour) canvas->Segments(bones, "err", 2, colour);
 }
 
-void DrawCamera(SvgCanvas* canvas, const View& view, const ViewCamera& camera, double depth, Point middle) {
+void DrawCamera(SvgCanvas* canvas, const View& view, const ViewCamera& camera, double depth) {
   const Point centre = view(camera.center_in_world);
   std::vector<Point> corners;
   for (const Vector3& corner : FrustumCorners(camera, depth)) corners.push_back(view(corner));
@@ -165,11 +166,19 @@ void DrawCamera(SvgCanvas* canvas, const View& view, const ViewCamera& camera, d
   }
   canvas->Segments(edges, "s0", 1.2);
   canvas->Circle(centre.first, centre.second, 2.5, "f0", camera.name);
-  // The name goes outwards, away from where the cameras look.
-  const double away = std::max(1e-9, std::hypot(centre.first - middle.first, centre.second - middle.second));
-  const double x = centre.first + 13 * (centre.first - middle.first) / away,
-               y = centre.second + 13 * (centre.second - middle.second) / away;
-  canvas->Text(x, y + 4, camera.name, x < centre.first - 6 ? "end" : x > centre.first + 6 ? "start" : "middle", "x halo");
+}
+
+/// Outwards, away from where the cameras look.
+void DrawNames(SvgCanvas* canvas, const View& view, const std::vector<ViewCamera>& cameras) {
+  Vector3 middle{};
+  for (const ViewCamera& c : cameras) middle = AddScaled(middle, c.center_in_world, 1.0 / static_cast<double>(cameras.size()));
+  const Point inside = view(middle);
+  std::vector<PointLabel> labels;
+  for (const ViewCamera& c : cameras) {
+    const Point at = view(c.center_in_world);
+    labels.push_back({at, c.name, std::atan2(at.second - inside.second, at.first - inside.first)});
+  }
+  DrawPointLabels(canvas, labels, kTitleHeight, canvas->height() - 24);
 }
 
 void DrawScaleBar(SvgCanvas* canvas, const View& view, double extent, const Look& look) {
@@ -206,9 +215,8 @@ std::string DrawRig(const std::vector<ViewCamera>& all, const ViewSubject& subje
   canvas.Text(2, 14, title, "start", "t");
   DrawLines(&canvas, view, floor, "gridline", 1);
   DrawSubject(&canvas, view, subject);
-  Vector3 middle{};
-  for (const ViewCamera& c : cameras) middle = AddScaled(middle, c.center_in_world, 1.0 / static_cast<double>(cameras.size()));
-  for (const ViewCamera& c : cameras) DrawCamera(&canvas, view, c, depth, view(middle));
+  for (const ViewCamera& c : cameras) DrawCamera(&canvas, view, c, depth);
+  DrawNames(&canvas, view, cameras);
   DrawScaleBar(&canvas, view, extent, look);
   return canvas.Finish();
 }
@@ -250,6 +258,14 @@ int UpAxis(const std::vector<ViewCamera>& cameras) {
 std::string RigTopView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width) {
   const int up = UpAxis(cameras);
   return DrawRig(cameras, subject, TopLook(up), up, "From above (world " + AxisName(up) + " is up)", width);
+}
+
+std::string SubjectView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width) {
+  if (subject.bones.empty()) return {};
+  ViewSubject pose{{}, {}, subject.bones};
+  for (const ViewBone& bone : subject.bones) pose.cloud.insert(pose.cloud.end(), {bone.from, bone.to});
+  const int up = UpAxis(cameras);
+  return DrawRig({}, pose, CornerLook(up), up, "The pose, enlarged", width);
 }
 
 std::string RigCornerView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width) {

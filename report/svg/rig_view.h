@@ -40,4 +40,7 @@ int UpAxis(const std::vector<ViewCamera>& cameras);
 std::string RigTopView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width = 520);
 std::string RigCornerView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width = 520);
 
+/// The subject's one pose alone, as large as the figure, from the same corner; empty without bones.
+std::string SubjectView(const std::vector<ViewCamera>& cameras, const ViewSubject& subject, double width = 300);
+
 }  // namespace mvstudio::report

@@ -124,7 +124,7 @@ struct HeatMapSpec {
 };
 std::string HeatMap(const HeatMapSpec& spec);
 
-/// Grid of numbers >= 0, darker is more, with the number in every cell that is large enough.
+/// Grid of numbers >= 0, darker is more, with the number in every cell that is large enough; struck out where there is none.
 struct CellGridSpec {
   std::string title;
   std::vector<std::string> row_names, column_names;  ///< may be empty
@@ -132,6 +132,8 @@ struct CellGridSpec {
   double full = 0;                                   ///< the darkest shade's value; 0: the largest
   int decimals = 0;
   bool zero_is_missing = false;  ///< zeros stand out
+  bool contours = false;         ///< lines of equal value and a scale of the shades instead of the numbers
+  std::string unit = {};         ///< of the scale
   double aspect = 0.75;          ///< height of a cell over its width
   double width = 360;
 };

@@ -406,6 +406,96 @@ TEST_F(ReportTest, KeyPointsAndMasksShowTheirPictures) {
   EXPECT_THAT(report.warnings, IsEmpty());
 }
 
+TEST_F(ReportTest, AClientSeesThePreviewFirstAndNeitherPathsNorAdvice) {
+  SaveWholeRun();
+  SaveText("avatar/turn_cam.mp4", std::string("\0\0\0\x18"
+                                              "ftypmp42-the-video",
+                                              22));
+  Json render = Result("avatar render", {{"images", 48}, {"masks_from", "/home/me/masks"}});
+  render["outputs"] = {{{"path", "/home/me/run/avatar/turn_cam.mp4"}, {"role", "video"}}};
+  render["argv"] = {"mvstudio", "avatar", "render", "/home/me/run"};
+  render["errors"] = {{{"code", "X"}, {"text", "/home/me is full"}}};
+  Save("avatar/render.result.json", render);
+  ReportOptions options;
+  options.audience = "client";
+  const Report report = Build(options);
+  const size_t video = report.html.find("<video controls loop muted src=\"data:video/mp4;base64,AAAAGGZ0eXB");
+  ASSERT_NE(video, std::string::npos);
+  EXPECT_LT(video, report.html.find("<h2>Verdict"));
+  EXPECT_THAT(report.html,
+              AllOf(HasSubstr("media-src data:"), HasSubstr("The avatar in motion: turn cam"), HasSubstr("<h2>Rig")));
+  for (const std::string& hidden : {run_, std::string("/home/me"), std::string(".json"), std::string("What to fix"),
+                                    std::string("Provenance"), std::string("saw the board in few places")}) {
+    EXPECT_THAT(report.html.substr(0, report.html.find("<footer>")), Not(HasSubstr(hidden)));
+  }
+  for (const std::string& hidden : {run_, std::string("/home/me"), std::string("argv"), std::string("outputs")})
+    EXPECT_THAT(report.json, Not(HasSubstr(hidden)));
+  EXPECT_THAT(Build().html, HasSubstr("<video")) << "the studio's page has it, too";
+  options.audience = "friend";
+  EXPECT_THROW(BuildReport(run_, options), UsageError);
+}
+
+TEST_F(ReportTest, ATurnWithoutAVideoIsShownByEightOfItsImages) {
+  Json render = Result("avatar render", {{"images", 20}});
+  for (int i = 0; i < 20; ++i) {
+    const std::string name = "turn/turn_000000" + std::to_string(10 + i) + ".png";
+    SavePng("render/" + name);
+    render["outputs"].push_back({{"path", "/gone/render/" + name}, {"role", "rendered-picture"}});
+  }
+  Save("render/avatar_render.result.json", render);
+  const std::string html = Build().html;
+  size_t images = 0;
+  for (size_t at = html.find("<img "); at != std::string::npos; at = html.find("<img ", at + 1)) ++images;
+  EXPECT_EQ(images, 8u);
+  EXPECT_THAT(html, AllOf(HasSubstr(">turn 00000010<"), HasSubstr(">turn 00000027<"), Not(HasSubstr("turn 00000011"))));
+}
+
+TEST_F(ReportTest, CaptionsAreWordsAndNotPaths) {
+  SavePng("masks/cam_01.sheet.png");
+  SavePng("masks/other_view.png");
+  Json result = Result("mask", {{"per_camera", {{{"name", "cam_01"}, {"flicker", 0.0125}}}}});
+  result["outputs"] = {{{"path", "S3/masks/cam_01.sheet.png"}, {"role", "overlay"}},
+                       {{"path", "S3/masks/other_view.png"}, {"role", "overlay"}}};
+  Save("masks/mask.result.json", result);
+  const std::string html = Build().html;
+  EXPECT_THAT(html, AllOf(HasSubstr("<figcaption>Outlines of the masks, camera cam_01</figcaption>"),
+                          HasSubstr("<figcaption>Outlines of the masks: other view</figcaption>")));
+  EXPECT_THAT(html, Not(HasSubstr("S3/masks"))) << "neither in what screen readers say";
+}
+
+/// Three strips, named so that the worst is neither first nor last, of 4 x 1 and one of 1 x 1 px.
+TEST_F(ReportTest, HeldOutImagesComeFirstTheWorstBeforeOthersWithASlider) {
+  const double ssim[] = {0.9, 0.7, 0.8};
+  Json pictures = Json::array(), outputs = Json::array();
+  for (int i = 0; i < 3; ++i) {
+    const std::string file = "left_0000000" + std::to_string(i) + ".png";
+    SavePng(file);
+    if (i > 0) {
+      std::string png = ReadFile(run_ + "/" + file);
+      png[19] = 4;  // the width that its header states
+      SaveText(file, png);
+    }
+    pictures.push_back({{"path", file}, {"camera", "left"}, {"frame", i}, {"ssim", ssim[i]}});
+    outputs.push_back({{"path", file}, {"role", "heldout-picture"}});
+  }
+  Json result = Result("avatar eval", {{"holdout", {{"n", 3}, {"ssim", 0.8}}}, {"pictures", pictures}});
+  result["outputs"] = outputs;
+  Save("avatar_eval.result.json", result);
+  const std::string html = Build().html;
+  const size_t worst = html.find("camera left, frame 1, SSIM 0.700"), next = html.find("camera left, frame 2, SSIM 0.800"),
+               best = html.find("camera left, frame 0, SSIM 0.900");
+  ASSERT_NE(best, std::string::npos);
+  EXPECT_LT(worst, next);
+  EXPECT_LT(next, best);
+  EXPECT_LT(best, html.find("What to fix first"));
+  size_t sliders = 0;
+  for (size_t at = html.find(" data-compared>"); at < html.find("<script>"); at = html.find(" data-compared>", at + 1))
+    ++sliders;
+  EXPECT_EQ(sliders, 2u) << "a square is no strip";
+  EXPECT_THAT(html, HasSubstr("script-src 'sha256-"));
+  EXPECT_THAT(html, HasSubstr("worst frame 1 of left, SSIM 0.7"));
+}
+
 TEST_F(ReportTest, AFittedBodyShowsItsStepsCamerasAndSurface) {
   SavePng("body/surface.png");
   const Json stages = {{{"name", "offsets, smooth to 1.0 mm"}, {"held_out_iou", 0.9375}, {"seconds", 4.5}, {"kept", true}}};
@@ -428,6 +518,80 @@ TEST_F(ReportTest, ASingleResultSaysWhatWasNotRun) {
   EXPECT_EQ(report.verdict, Verdict::kWarn);
   EXPECT_THAT(report.html,
               AllOf(HasSubstr("Triangulation: not run"), HasSubstr("Avatar: not run"), HasSubstr("Dataset: not run")));
+}
+
+/// What stands between the cards and the first section, without tags.
+std::string FixListOf(const std::string& html) {
+  const size_t begin = html.find("What to fix first"), end = html.find("</section>", begin);
+  return std::regex_replace(html.substr(begin, end - begin), std::regex("(<[^>]*>|\\s)+"), " ");
+}
+
+TEST_F(ReportTest, OnlyWhatWasRunHasACard) {
+  SaveCalibrate();
+  const std::string html = Build().html;
+  const size_t begin = html.find("<div class=\"cards\">"), end = html.find("What to fix first");
+  const std::string cards = html.substr(begin, end - begin);
+  EXPECT_THAT(cards, AllOf(HasSubstr("calibrate"), HasSubstr("card warn"), Not(HasSubstr("not run"))));
+}
+
+/// A lost camera makes later stages complain of it, too: the stage that lost it comes first, and says it once.
+TEST_F(ReportTest, WhatToFixTellsFailuresAndCausesFirstAndEachKindOnce) {
+  const auto notice = [](const char* code, const char* text) {
+    return Json{{"code", code}, {"text", text}, {"hint", std::string("mend ") + code}};
+  };
+  Json calibrate = Result(
+      "calibrate",
+      {{"cameras",
+        {{{"name", "left"}, {"rms_px", 0.2}}, {{"name", "cam_2"}, {"rms_px", 0.9}}, {{"name", "right"}, {"rms_px", 0.25}}}},
+       {"board_views",
+        {{{"camera", "left"}, {"frame", 3}, {"rms_px", 0.3}}, {{"camera", "cam_2"}, {"frame", 17}, {"rms_px", 1.5}}}}});
+  calibrate["status"] = "warn";
+  calibrate["warnings"] = {notice("CAL-SOFT", "camera left: soft"), notice("CAL-LEFTOUT", "camera lost: no board"),
+                           notice("CAL-SOFT", "camera right: soft, too")};
+  Json triangulate = Result("triangulate", {{"num_points", 0}});
+  triangulate["status"] = "fail", triangulate["exit"] = 5;
+  triangulate["errors"] = {notice("TRI-FEW", "too few views")};
+  triangulate["warnings"] = {notice("CAL-LEFTOUT", "no calibration of lost")};
+  Save("pose3d/triangulate.result.json", triangulate);
+  Save("calibrate.result.json", calibrate);
+  const std::string html = Build().html, list = FixListOf(html);
+  const auto at = [&](const std::string& text) {
+    EXPECT_THAT(list, HasSubstr(text));
+    return list.find(text);
+  };
+  EXPECT_LT(at("too few views"), at("camera left: soft")) << "a failure before a warning";
+  EXPECT_LT(at("camera lost: no board"), at("no calibration of lost")) << "the cause first";
+  at("calibrate \u00b7 CAL-SOFT \u00b7 cameras left, right");
+  at("calibrate, triangulate \u00b7 CAL-LEFTOUT \u00b7 camera lost");
+  EXPECT_EQ(list.find("\u00b7 CAL-SOFT"), list.rfind("\u00b7 CAL-SOFT")) << "one line a code";
+  EXPECT_EQ(list.find("mend CAL-LEFTOUT"), list.rfind("mend CAL-LEFTOUT"));
+  at("worst camera cam_2, rms 0.9\u00a0px (median 0.25\u00a0px); worst frame 17 of cam_2, rms 1.5\u00a0px");
+  EXPECT_THAT(list, Not(HasSubstr("No frame failed")));
+  const std::string cards = html.substr(0, html.find("What to fix first"));
+  EXPECT_THAT(cards, HasSubstr("<p>too few views</p>")) << "a failed stage shows its error";
+  EXPECT_EQ(json_["sentence"], "1 of 2 results failed. First, triangulate: too few views");
+  EXPECT_THAT(html, HasSubstr("<p class=\"sentence\">1 of 2 results failed. First, triangulate: too few views</p>"));
+}
+
+TEST_F(ReportTest, ARunWithoutWarningsSaysSo) {
+  Save("a/dataset_verify.result.json", Result("dataset verify", {{"frames", 4}}));
+  Save("b/metrics.result.json", Result("metrics", {{"ssim", 0.5}}));
+  EXPECT_THAT(FixListOf(Build().html), AllOf(HasSubstr("No frame failed."), HasSubstr("No warnings.")));
+  EXPECT_EQ(json_["sentence"], "All 2 results passed.");
+}
+
+TEST_F(ReportTest, CardsHaveRoundedNumbersWithUnits) {
+  Save("session/synth.result.json", Result("synth", {{"px_per_s", 10412345.678}}));
+  Save("masks/mask.result.json", Result("mask", {{"pictures", 36}, {"flicker", 2.35e-6}}));
+  Save("avatar/avatar_train.result.json", Result("avatar train", {{"num_parameters", 3908288}, {"it_per_s", 2.904911}}));
+  Save("calibrate.result.json", Result("calibrate", {{"rms_px", 0.123456}, {"baseline_mm", 4312.3456}}));
+  const std::string html = Build().html, cards = html.substr(0, html.find("What to fix first"));
+  for (const char* pair :
+       {"<dt>px per second</dt><dd>10.4\u00a0million</dd>", "<dt>pixels that flicker</dt><dd>below 0.001%</dd>",
+        "<dt>steps per second</dt><dd>2.9</dd>", "<dt>parameters</dt><dd>3\u202f908\u202f288</dd>",
+        "<dt>rms</dt><dd>0.123\u00a0px</dd>", "<dt>baseline</dt><dd>4\u202f312\u00a0mm</dd>"}) {
+    EXPECT_THAT(cards, HasSubstr(pair));
+  }
 }
 
 TEST_F(ReportTest, AMissedCheckIsAsBadAsTheCommandSays) {

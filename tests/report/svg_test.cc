@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <regex>
@@ -44,6 +46,111 @@ TEST(CellGrid, DrawsItsCellsOverTheFrameAndShowsWhatIsMissing) {
   EXPECT_LT(frame, svg.find("class=\"f1\""));
   EXPECT_THAT(Attributes(svg, "rect", "width").size(), 4u) << "the frame and three cells";
   EXPECT_THAT(svg, HasSubstr("corners &lt;&amp;&gt;"));
+}
+
+TEST(CellGrid, EveryCellIsDrawnAlsoTheSmallestAndThoseWithoutANumber) {
+  CellGridSpec spec;
+  spec.rows = {{1, 0.01}, {kNan, kNan}};
+  const std::string svg = CellGrid(spec);
+  EXPECT_THAT(svg, HasSubstr("class=\"h0\""));
+  EXPECT_EQ(Attributes(svg, "line", "x1").size(), 2u) << "struck out";
+}
+
+/// A ramp of 0 to 0.9 over ten columns: the line of 0.5 is upright, in the middle of the sixth.
+TEST(CellGrid, ContoursStandWhereTheFieldHasTheirValue) {
+  CellGridSpec spec;
+  spec.rows.assign(4, {});
+  for (auto& row : spec.rows) {
+    for (int c = 0; c < 10; ++c) row.push_back(0.1 * c);
+  }
+  spec.full = 1, spec.contours = true, spec.unit = "px", spec.decimals = 2, spec.width = 408;  // cells of 40 px from 4 on
+  const std::string svg = CellGrid(spec);
+  EXPECT_EQ(CheckMarkup(svg), "");
+  for (const char* text : {">0.1<", ">0.2<", ">0.5<", ">0.8<", ">px<"}) EXPECT_THAT(svg, HasSubstr(text));
+  EXPECT_THAT(svg, Not(HasSubstr("text-anchor=\"middle\">0.90<"))) << "lines instead of numbers";
+  bool found = false;
+  const std::regex path("<path d=\"(M[^\"]*)\" class=\"err\""), number("M([0-9.]+) ");
+  for (std::sregex_iterator it(svg.begin(), svg.end(), path), end; it != end; ++it) {
+    const std::string line = (*it)[1];
+    std::vector<double> x;
+    for (std::sregex_iterator at(line.begin(), line.end(), number); at != end; ++at) x.push_back(std::stod((*at)[1]));
+    ASSERT_EQ(x.size(), 3u) << "between four rows";
+    found |= std::all_of(x.begin(), x.end(), [](double v) { return std::fabs(v - (4 + 5.5 * 40)) < 0.5; });
+  }
+  EXPECT_TRUE(found);
+}
+
+/// The left edge, right edge and base line of each text with a halo.
+std::vector<std::array<double, 3>> LabelsOf(const std::string& svg) {
+  std::vector<std::array<double, 3>> labels;
+  const std::regex text("<text x=\"([-0-9.]+)\" y=\"([-0-9.]+)\" class=\"x halo\"( text-anchor=\"([a-z]+)\")?>([^<]*)<");
+  for (std::sregex_iterator it(svg.begin(), svg.end(), text), end; it != end; ++it) {
+    const double x = std::stod((*it)[1]), width = 5.5 * static_cast<double>((*it)[5].length());
+    const std::string anchor = (*it)[4];
+    const double left = anchor == "end" ? x - width : anchor == "middle" ? x - width / 2 : x;
+    labels.push_back({left, left + width, std::stod((*it)[2])});
+  }
+  return labels;
+}
+
+void ExpectApart(const std::vector<std::array<double, 3>>& labels) {
+  for (size_t i = 0; i < labels.size(); ++i) {
+    for (size_t k = 0; k < i; ++k) {
+      const bool beside = labels[i][1] <= labels[k][0] + 1 || labels[k][1] <= labels[i][0] + 1;
+      EXPECT_TRUE(beside || std::fabs(labels[i][2] - labels[k][2]) > 10) << i << " and " << k;
+    }
+  }
+}
+
+TEST(ParetoChart, NamesStandBesideTheirPointsAndDoNotCross) {
+  ParetoChartSpec spec;
+  for (int i = 0; i < 4; ++i) {
+    spec.points.push_back({"a long name of method " + std::to_string(i), 1 + 0.01 * i, 1 - 0.01 * i, true});
+  }
+  spec.points.push_back({"far", 100, 0.1, true});
+  spec.points.push_back({"poor", 100, 3, false});
+  const std::string svg = ParetoChart(spec);
+  const auto labels = LabelsOf(svg);
+  const std::vector<double> x = Attributes(svg, "circle", "cx"), y = Attributes(svg, "circle", "cy");
+  ASSERT_EQ(labels.size(), 5u);
+  ExpectApart(labels);
+  for (size_t i = 0; i < labels.size(); ++i) {
+    const double aside = std::max({0.0, labels[i][0] - x[i], x[i] - labels[i][1]});
+    EXPECT_LT(std::hypot(aside, labels[i][2] - 4 - y[i]), 40) << i;
+    EXPECT_LT(labels[i][1], spec.width);
+  }
+}
+
+TEST(RigView, NamesOfCamerasThatStandTogetherDoNotCross) {
+  std::vector<ViewCamera> cameras(6);
+  for (int i = 0; i < 6; ++i) {
+    SetPose({0.5, -0.5, 0.5, 0.5}, {0, 0, 0}, &cameras[i]);
+    cameras[i].center_in_world = {i < 3 ? 0.05 * i : 4 + 0.05 * i, 0, 1 + 0.02 * i};  // two groups
+    cameras[i].name = "camera_" + std::to_string(i);
+  }
+  for (const std::string& svg : {RigTopView(cameras, {}), RigCornerView(cameras, {})}) {
+    EXPECT_EQ(CheckMarkup(svg), "");
+    EXPECT_EQ(LabelsOf(svg).size(), 6u);
+    ExpectApart(LabelsOf(svg));
+  }
+}
+
+/// 1.8 m of person fill most of a figure of their own, in which a rig of 8 m leaves them a fifth.
+TEST(SubjectView, ThePoseIsAsLargeAsItsFigure) {
+  std::vector<ViewCamera> cameras(2);
+  SetPose({0.5, -0.5, 0.5, 0.5}, {0, 0, 0}, &cameras[0]);
+  cameras[1] = cameras[0];
+  cameras[1].center_in_world = {8, 0, 1};
+  ViewSubject subject;
+  EXPECT_EQ(SubjectView(cameras, subject), "");
+  subject.bones = {{{4, 0, 0}, {4, 0, 1.8}, ""}};
+  const std::string svg = SubjectView(cameras, subject, 300);
+  EXPECT_EQ(CheckMarkup(svg), "");
+  std::smatch bone;
+  ASSERT_TRUE(std::regex_search(svg, bone,
+                                std::regex("d=\"M([0-9.]+) ([0-9.]+)L([0-9.]+) ([0-9.]+)\" class=\"err\" stroke-width=\"2\"")));
+  EXPECT_GT(std::fabs(std::stod(bone[4]) - std::stod(bone[2])), 120);
+  EXPECT_EQ(svg.find("<polygon"), std::string::npos) << "no cameras";
 }
 
 TEST(ParetoChart, NamesTheFrontOnly) {
