@@ -172,9 +172,11 @@ CalibrationFormat DetectFormat(const std::string& path) {
     if (internal::HoldsCamerasByName(text)) return CalibrationFormat::kOpenCvYaml;
     if (has("\"camera_matrix") || has("\"cameraMatrix") || has("\"mtx")) return CalibrationFormat::kOpenCvYaml;
     if (geometry::LooksLikePanoptic(text)) return CalibrationFormat::kPanoptic;
+    if (internal::IsJsonOfMatrices(text)) return CalibrationFormat::kOpenCvYaml;
     Unknown(path, text);
   }
   if (text[start] == '[' && has("\"img_name\"") && has("\"position\"")) return CalibrationFormat::kNerfstudio;
+  if (text[start] == '[' && internal::IsJsonOfMatrices(text)) return CalibrationFormat::kOpenCvYaml;
   if (text[start] == '<' && has("<opencv_storage")) return CalibrationFormat::kOpenCvYaml;
   if (text[start] == '<' && has("<calibration") && has("<camera") && !geometry::IsMetashape(text))
     return CalibrationFormat::kQca;

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <utility>
@@ -38,6 +39,22 @@ Entries EntriesIn(const Value& table, const Place& place) {
   return entries;
 }
 
+/// The table with the entries of its `intrinsics` and `extrinsics`, where these are tables of their own.
+Value Flattened(const Value& table) {
+  Value flat = table;
+  flat.entries.clear();
+  for (const auto& [key, value] : table.entries) {
+    const std::string plain = NormalisedKey(key);
+    const bool part = plain == "intrinsics" || plain == "intrinsic" || plain == "extrinsics" || plain == "extrinsic";
+    if (part && value.kind == Value::Kind::kTable && !IsStoredMatrix(value)) {
+      flat.entries.insert(flat.entries.end(), value.entries.begin(), value.entries.end());
+    } else {
+      flat.entries.emplace_back(key, value);
+    }
+  }
+  return flat;
+}
+
 /// What the table calls itself, else `unless`.
 std::string NameOf(const Entries& entries, const std::string& unless) {
   const Entry* const name = FindFirst(entries, {"name", "cameraname", "camera", "id", "cameraid", "serial", "serialnumber"});
@@ -58,10 +75,10 @@ void ForEachIn(const Value& value, const Place& place, const std::string& name, 
 
 bool CollectCameras(const Value& value, const Place& place, const std::string& name,
                     std::initializer_list<const char*> matrix_keys, int depth, std::vector<NestedCamera>* cameras) {
-  if (IsCameraTable(value, matrix_keys)) {
-    Entries entries = EntriesIn(value, place);
+  if (const Value flat = Flattened(value); IsCameraTable(flat, matrix_keys)) {
+    Entries entries = EntriesIn(flat, place);
     const std::string own = NameOf(entries, name);
-    cameras->push_back({own, std::move(entries)});
+    cameras->push_back({own, place.where, std::move(entries)});
     return true;
   }
   if (IsStoredMatrix(value) || depth > kMaxTables) return false;
@@ -79,6 +96,18 @@ bool CollectCameras(const Value& value, const Place& place, const std::string& n
   return found;
 }
 
+/// A file may hold one camera several times, as measured and rectified.
+void RefuseEqualNames(const std::string& path, const std::vector<NestedCamera>& cameras) {
+  std::map<std::string, std::string> known;
+  for (const NestedCamera& camera : cameras) {
+    const auto [at, is_new] = known.emplace(camera.name, camera.where);
+    if (is_new) continue;
+    throw FormatError(path, camera.where,
+                      "is camera " + Printable(camera.name) + ", as is " + at->second +
+                          ": leave one of the two in the file, or give each camera a name of its own");
+  }
+}
+
 void CollectMatrices(const Value& value, const Place& place, int depth, std::vector<std::string>* paths) {
   if (IsStoredMatrix(value)) return paths->push_back(place.where);
   if (depth > kMaxTables) return;
@@ -94,6 +123,7 @@ std::vector<NestedCamera> FindNestedCameras(const Entries& root, std::initialize
   for (const auto& [key, entry] : root) {
     if (CollectCameras(entry.value, entry.place, entry.place.where, matrix_keys, 1, &cameras)) entry.value.used = true;
   }
+  if (!cameras.empty()) RefuseEqualNames(root.begin()->second.place.path, cameras);
   return cameras;
 }
 

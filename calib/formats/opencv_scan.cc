@@ -54,10 +54,16 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   // ROS's camera_info and files written from Python have no head, but OpenCV's keys.
   const bool ros =
       normalised && (text.find("camera_matrix") != std::string::npos || text.find("cameraMatrix") != std::string::npos ||
-                     text.find("mtx") != std::string::npos || IsCameraInfo(text));
+                     text.find("mtx") != std::string::npos || IsCameraInfo(text) || IsJsonOfMatrices(text));
   if (text.compare(0, 5, "%YAML") != 0 && !ros && !is_xml)
     throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
   Value root = is_xml ? ParseOpenCvXml(path, text) : ParseYaml(path, text);
+  if (root.kind == Value::Kind::kList) {
+    Value cameras;
+    cameras.kind = Value::Kind::kTable;
+    cameras.entries.emplace_back("cam", std::move(root));
+    root = std::move(cameras);
+  }
   if (root.kind != Value::Kind::kTable) {
     throw FormatError(path, "line " + std::to_string(root.line), "'key: value' was expected; is the file truncated?");
   }
@@ -116,6 +122,13 @@ Eigen::MatrixXd ReadMatrix(const Entry& entry) {
 bool IsCameraInfo(std::string_view text) {
   const auto has = [&](const char* key) { return text.find(key) != std::string_view::npos; };
   return has("distortion_model:") && (has("\nk:") || has("\nK:")) && (has("\nd:") || has("\nD:"));
+}
+
+bool IsJsonOfMatrices(std::string_view text) {
+  const auto has = [&](const char* key) { return text.find(key) != std::string_view::npos; };
+  const size_t start = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
+  if (start == std::string_view::npos || (text[start] != '{' && text[start] != '[')) return false;
+  return has("\"camera_matrix") || has("\"cameraMatrix") || has("\"mtx") || (has("\"K\"") && (has("\"dist") || has("\"D\"")));
 }
 
 const Entry* FindEntry(const Entries& entries, const std::string& key) {

@@ -34,18 +34,22 @@ std::string NormalisedKey(const std::string& key);
 
 /// A camera whose entries are a table of their own.
 struct NestedCamera {
-  std::string name;  ///< as the table says, else its key, in a list with its number
-  Entries entries;   ///< normalised; their places are paths, `cameras[0].K`
+  std::string name;   ///< as the table says, else its key, in a list with its number
+  std::string where;  ///< the table's path
+  Entries entries;    ///< normalised; their places are paths, `cameras[0].K`
 };
 /// Cameras in tables of the root, one with a matrix under one of `matrix_keys` each: `cam0: {K: …}`, in a table of cameras, or
-/// in a list. What holds them counts as used. Throws FormatError for another table or list beside them, where they are not at
-/// the root.
+/// in a list; matrix and pose may stand in tables `intrinsics` and `extrinsics` of it. What holds them counts as used. Throws
+/// FormatError for another table or list beside them, where they are not at the root.
 std::vector<NestedCamera> FindNestedCameras(const Entries& root, std::initializer_list<const char*> matrix_keys);
 /// The paths of all matrices with rows, cols and data.
 std::vector<std::string> MatrixPaths(const Entries& root);
 
 /// Whether a text is a message of ROS's camera_info as `topic echo` prints it: distortion_model, k and d.
 bool IsCameraInfo(std::string_view text);
+
+/// Whether it is JSON of cameras with OpenCV's matrices: camera_matrix, cameraMatrix, mtx, or K with dist or D.
+bool IsJsonOfMatrices(std::string_view text);
 
 const Entry* FindEntry(const Entries& entries, const std::string& key);
 /// The first of several names of the same thing.

@@ -53,14 +53,10 @@ void AddFiles(const std::string& folder, GivenMasks* masks) {
 
 /// Mask `first` is of frame 0.
 void CountFrom(int first, GivenMasks* masks) {
-  std::map<int64_t, std::string> files;
-  for (auto& [number, path] : masks->files) {
-    if (number < first)
-      throw FormatError(
-          path, "", "has a number below option 'first-mask' " + std::to_string(first) + ", which is that of the first frame");
-    files.emplace(number - first, std::move(path));
-  }
-  masks->files = std::move(files);
+  if (!masks->files.empty() && masks->files.begin()->first < first)
+    throw FormatError(masks->files.begin()->second, "",
+                      "has a number below option 'first-mask' " + std::to_string(first) + ", which is that of the first frame");
+  NumberFrom(first, &masks->files);
 }
 
 }  // namespace

@@ -4,9 +4,18 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace mvstudio::dataset {
+
+/// Number `first` becomes 0, in a map by numbers.
+template <class Map>
+void NumberFrom(int first, Map* by_number) {
+  Map moved;
+  for (auto& [number, value] : *by_number) moved.emplace_hint(moved.end(), number - first, std::move(value));
+  *by_number = std::move(moved);
+}
 
 /// Where numbers of files begin that are those of frames.
 enum class FirstNumber {

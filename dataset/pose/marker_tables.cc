@@ -12,6 +12,7 @@
 #include "core/format.h"
 #include "core/some_of.h"
 #include "core/text/number_cell.h"
+#include "core/text/row_times.h"
 #include "dataset/pose/marker_formats.h"
 #include "dataset/pose/marker_programs.h"
 
@@ -127,6 +128,18 @@ void NoteUnread(const std::vector<std::string>& header, const LongColumns& colum
   if (!unread.empty()) file->notes.push_back("its columns that are not read: " + SomeOf(unread));
 }
 
+/// Of rows counted from 0; false: they have no times that tell frames, and stay.
+bool NumberRowsByTimes(std::vector<std::pair<int, double>>* times, MarkerFile* file) {
+  std::vector<double> seconds;
+  for (const auto& [row, time] : *times) seconds.push_back(time);
+  std::string why;
+  const std::optional<RowFrames> found = FramesOfTimes(seconds, &why);
+  if (!found) return false;
+  for (JointRow& row : file->pose.rows) row.frame = found->frames[static_cast<size_t>(row.frame)];
+  for (auto& [row, time] : *times) row = found->frames[static_cast<size_t>(row)];
+  return true;
+}
+
 void ReadWideRows(CsvReader* csv, const std::vector<std::string>& header, const std::vector<ColumnTriple>& triples,
                   double metres, MarkerFile* file) {
   const int frame_column = FindColumn(header, {"frame", "fnum", "frame#", "frame_number", "frame_idx", "index", ""});
@@ -146,6 +159,7 @@ void ReadWideRows(CsvReader* csv, const std::vector<std::string>& header, const 
     const std::string_view time = cells[time_column];
     times.emplace_back(frame, freemocap ? ReadNumberCell(time).value : NumberIn(*csv, time));  // FreeMoCap's may be a date
   }
+  const bool timed = frame_column < 0 && !freemocap && NumberRowsByTimes(&times, file);
   file->pose.frame_rate_hz = freemocap ? FreeMoCapRate(times, &file->notes) : RateOf(times, &file->notes);
   std::vector<std::string> unused;
   for (size_t c = 0; c < header.size(); ++c) {
@@ -155,7 +169,9 @@ void ReadWideRows(CsvReader* csv, const std::vector<std::string>& header, const 
     if (!used && header[c] != kFreeMoCapClock) unused.push_back(header[c]);
   }
   if (!unused.empty()) file->notes.push_back("its columns without x, y and z of a point are not read: " + SomeOf(unused));
-  if (frame_column < 0) file->notes.push_back("it has no column `frame`; its rows are counted from 0");
+  if (frame_column < 0)
+    file->notes.push_back(timed ? "it has no column `frame`; its rows are numbered by their times"
+                                : "it has no column `frame`; its rows are counted from 0");
 }
 
 /// Storage: "key=value" lines, `endheader`, the labels, the rows.
@@ -236,7 +252,9 @@ double StoRate(const StoHead& head, const std::vector<double>& times, const std:
   const auto stated = head.values.find("datarate");
   const double rate_hz = stated == head.values.end() ? 0 : ReadNumberCell(stated->second).value;
   const double seconds = times.size() < 2 ? 0 : times.back() - times.front();
-  const double of_times_hz = seconds > 0 ? static_cast<double>(times.size() - 1) / seconds : 0;
+  std::string why;
+  const std::optional<RowFrames> frames = FramesOfTimes(times, &why);  // rows may be missing
+  const double of_times_hz = frames ? 1 / frames->step : seconds > 0 ? static_cast<double>(times.size() - 1) / seconds : 0;
   if (!(rate_hz > 0) && !(of_times_hz > 0))
     throw FormatError(path, "", "neither its header (`DataRate=`) nor its times say how many rows a second it has");
   if (!(of_times_hz > 0)) return rate_hz;

@@ -285,12 +285,13 @@ Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& cam
                                const FrameRange& range) {
   Pose2dTrack track{camera, {}};
   internal::Tolerant tolerant(&track.skipped);
+  size_t at = 0;
   for (const auto& [frame, path] : FilesByFrame(folder, camera)) {
-    if (frame < range.first || frame > range.last) continue;
+    if (frame < range.first || frame > range.last || at++ % range.every != 0) continue;
     const int number = frame;
     const PoseFile file{path.string(), "camera " + camera + ", frame " + std::to_string(number), skeleton};
     const bool yolo = path.extension() == ".txt";
-    track.normalized = yolo;
+    track.normalized = yolo, track.every_frame = !yolo;  // Ultralytics writes no file for a frame without people
     tolerant.Try([&, text_path = path.string()] {
       const std::string text = ReadFile(text_path);
       track.frames[number] =

@@ -11,7 +11,7 @@ namespace mvstudio::dataset {
 
 struct Keypoint2d {
   double x_px = 0, y_px = 0;
-  double score = 0;  ///< 0: not detected
+  double score = 0;  ///< above 0: detected; as the file counts until ScoresToShares (score_scale.h)
 };
 
 /// One person's keypoints in one image, in the order of the skeleton.
@@ -24,6 +24,7 @@ struct Pose2dTrack {
   std::string camera;
   std::map<int, std::vector<Person2d>> frames;
   std::vector<std::string> skipped = {};  ///< unreadable parts that were left out: "FILE: place: why", one per frame
+  bool every_frame = false;               ///< its program lists frames in which it found nobody, too
   bool normalized = false;                ///< x and y are shares of the image's width and height (YOLO), not pixels
 };
 
@@ -31,6 +32,7 @@ struct Pose2dTrack {
 struct FrameRange {
   int first = 0, last = std::numeric_limits<int>::max();
   bool is_part = false;  ///< of a take: unreadable files are listed, however many there are
+  size_t every = 1;      ///< of the files in the range, one in so many
 };
 
 /// Reads a folder of OpenPose JSON files (`*.json`, one per frame). The frame number is the last run of digits in the file

@@ -15,7 +15,9 @@
 #include "core/label.h"
 #include "core/text/number_cell.h"
 #include "core/text/shortest_text.h"
+#include "dataset/pose/marker_formats.h"
 #include "dataset/pose/pose2d_parse.h"
+#include "dataset/pose/score_scale.h"
 #include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
@@ -24,8 +26,24 @@ namespace {
 enum Column { kCamera, kFrame, kPerson, kJoint, kX, kY, kScore, kNumColumns };
 constexpr const char* kNames[kNumColumns] = {"camera", "frame", "person", "joint", "x_px", "y_px", "score"};
 /// The same columns as other programs call them.
-constexpr std::pair<std::string_view, Column> kOtherNames[] = {
-    {"x", kX}, {"y", kY}, {"likelihood", kScore}, {"confidence", kScore}, {"conf", kScore}, {"visibility", kScore}};
+constexpr std::pair<std::string_view, Column> kOtherNames[] = {{"cam", kCamera},
+                                                               {"view", kCamera},
+                                                               {"camera_name", kCamera},
+                                                               {"frame_idx", kFrame},
+                                                               {"frame_number", kFrame},
+                                                               {"person_id", kPerson},
+                                                               {"marker", kJoint},
+                                                               {"keypoint", kJoint},
+                                                               {"bodypart", kJoint},
+                                                               {"point", kJoint},
+                                                               {"x", kX},
+                                                               {"y", kY},
+                                                               {"u", kX},
+                                                               {"v", kY},
+                                                               {"likelihood", kScore},
+                                                               {"confidence", kScore},
+                                                               {"conf", kScore},
+                                                               {"visibility", kScore}};
 constexpr bool IsOptional(int column) { return column == kPerson || column == kScore; }
 
 bool IsName(std::string_view text) { return WhyNotALabel(text).empty(); }
@@ -92,13 +110,15 @@ class Reader {
   void ReadHeader(const std::vector<std::string_view>& fields) {
     columns_.fill(-1);
     num_fields_ = fields.size();
+    std::vector<std::string> names;
+    for (const std::string_view field : fields) names.push_back(internal::LowerCase(std::string(field)));
     for (size_t i = 0; i < fields.size(); ++i) {
-      const auto known = std::find(std::begin(kNames), std::end(kNames), fields[i]);
+      const auto known = std::find(std::begin(kNames), std::end(kNames), names[i]);
       if (known != std::end(kNames)) SetColumn(fields, known - std::begin(kNames), i);
     }
     for (const auto& [name, column] : kOtherNames) {
-      const auto found = std::find(fields.begin(), fields.end(), name);
-      if (columns_[column] < 0 && found != fields.end()) SetColumn(fields, column, static_cast<size_t>(found - fields.begin()));
+      const auto found = std::find(names.begin(), names.end(), name);
+      if (columns_[column] < 0 && found != names.end()) SetColumn(fields, column, static_cast<size_t>(found - names.begin()));
     }
     for (int c = 0; c < kNumColumns; ++c) {
       if (columns_[c] >= 0 || IsOptional(c)) continue;
@@ -151,7 +171,8 @@ class Reader {
     Row row;
     row.line = line_;
     row.frame = Frame(fields), row.person = Index(fields, kPerson);
-    const Keypoint2d key{Number(fields, kX), Number(fields, kY), columns_[kScore] < 0 ? 1 : Number(fields, kScore)};
+    Keypoint2d key{Number(fields, kX), Number(fields, kY)};
+    key.score = columns_[kScore] < 0 ? ScoreOfUnscored(key.x_px, key.y_px) : Number(fields, kScore);
     if (std::isfinite(key.x_px + key.y_px + key.score)) row.key = key;
     for (const int c : {kCamera, kJoint}) {
       if (!IsName(Field(fields, c)))

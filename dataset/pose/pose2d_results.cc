@@ -3,6 +3,7 @@
 
 #include "core/disk/files.h"
 #include "dataset/pose/pose2d_parse.h"
+#include "dataset/pose/score_scale.h"
 #include "geometry/skeleton/skeleton_text.h"
 
 namespace mvstudio::dataset {
@@ -75,6 +76,10 @@ void ReadCocoEntry(const json& entry, const PoseFile& file, const Frames& frames
   track->frames[ReadFrame(entry, "image_id", file, frames)].push_back(std::move(people[0]));
 }
 
+json UnscoredJson(const json& x, const json& y) {
+  return x.is_number() && y.is_number() ? ScoreOfUnscored(x.get<double>(), y.get<double>()) : 1;
+}
+
 /// Keypoints of three numbers each as one flat list: [[x, y, s], …] of EasyMocap and older MMPose, and of Ultralytics
 /// {"x": […], "y": […], "visible": […]}.
 json FlattenTriples(const json& keypoints, const std::string& list, const PoseFile& file) {
@@ -85,14 +90,14 @@ json FlattenTriples(const json& keypoints, const std::string& list, const PoseFi
     const bool good =
         x.is_array() && y.is_array() && s.is_array() && x.size() == y.size() && (s.empty() || s.size() == x.size());
     if (!good) file.Fail(list, "`x`, `y` and `visible` are not arrays of one length");
-    for (size_t k = 0; k < x.size(); ++k) flat.insert(flat.end(), {x[k], y[k], s.empty() ? json(1) : s[k]});
+    for (size_t k = 0; k < x.size(); ++k) flat.insert(flat.end(), {x[k], y[k], s.empty() ? UnscoredJson(x[k], y[k]) : s[k]});
     return flat;
   }
   for (size_t k = 0; k < keypoints.size(); ++k) {
     const json& point = keypoints[k];
     if (!point.is_array() || (point.size() != 3 && point.size() != 2))
       file.Fail(list + "[" + std::to_string(k) + "]", "is not x, y and a score");
-    flat.insert(flat.end(), {point[0], point[1], point.size() == 3 ? point[2] : json(1)});
+    flat.insert(flat.end(), {point[0], point[1], point.size() == 3 ? point[2] : UnscoredJson(point[0], point[1])});
   }
   return flat;
 }
@@ -264,6 +269,7 @@ Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, 
   if (as_coco.is_null()) as_coco = CocoOfImages(read, whole);
   const json& root = as_coco.is_null() ? read : as_coco;
   const Results results = FindResults(root, whole);
+  track.every_frame = results.mmpose;
   internal::Tolerant tolerant(&track.skipped);
   for (size_t i = 0; i < results.list->size(); ++i) {
     const PoseFile file{path, whole.place + ", " + results.place + "[" + std::to_string(i) + "]", skeleton};

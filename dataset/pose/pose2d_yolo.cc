@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <sstream>
 
 #include "core/text/number_cell.h"
@@ -43,7 +42,7 @@ Person2d PersonOfLine(const std::vector<double>& numbers, const std::string& whe
     if (seen && (at[0] < -0.5 || at[0] > 1.5 || at[1] < -0.5 || at[1] > 1.5))
       file.Fail(where,
                 "joint " + std::to_string(k) + " is not at 0 to 1 of the image's width and height, as YOLO's labels are");
-    person.keypoints.push_back(seen ? Keypoint2d{at[0], at[1], each == 3 ? std::min(at[2], 1.0) : 1.0} : Keypoint2d());
+    person.keypoints.push_back(seen ? Keypoint2d{at[0], at[1], each == 3 && at[2] != 2 ? at[2] : 1.0} : Keypoint2d());
   }
   return person;
 }

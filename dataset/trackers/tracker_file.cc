@@ -43,6 +43,12 @@ TrackerKind DetectTracker(const std::string& path) {
   if (line.compare(0, 6, "scorer") == 0 || line.compare(0, 8, "\"scorer\"") == 0) return TrackerKind::kDeepLabCutCsv;
   if (Holds(line, "frame_idx") && Holds(line, "track")) return TrackerKind::kSleapCsv;
   if (Holds(line, "sync_index") && Holds(line, "img_loc_x")) return TrackerKind::kCaliscopeCsv;
+  if (internal::NamesSeveralCameras(line))
+    throw FormatError(
+        path, "line 1",
+        "columns of several cameras, as DLTdv and Argus write them (pt1_cam1_X); write a table of columns "
+        "camera,frame,joint,x_px,y_px for option 'points2d': their first pixel is 1, so x is 1 less, and y may count "
+        "from the lower edge (option 'flip-y')");
   if (internal::IsWideCsvHeader(line)) return TrackerKind::kWideCsv;
   return TrackerKind::kNone;
 }

@@ -31,8 +31,9 @@ struct TrackedPoints {
   std::vector<std::string> individuals;  ///< individuals, tracks; empty names where the file has one unnamed animal
   std::vector<std::pair<std::string, std::string>> bones = {};  ///< SLEAP's edges, by joints' names
   /// People in the order of `individuals`, those without any point in that frame left out; keypoints in the order of
-  /// `joints`. Scores are the file's likelihoods, 1 where it has none, limited to 0 … 1. Frames count as in the file.
+  /// `joints`. Scores are the file's likelihoods, 1 where it has none. Frames count as in the file.
   Pose2dTrack track;
+  double time_step = 0;  ///< frames were numbered by the rows' times, one in so many of their unit; 0: the file numbers them
 };
 
 /// Reads a file of the kinds kHdf5, kDeepLabCutCsv, kSleapCsv and kWideCsv. Rows of text that cannot be read are left out and

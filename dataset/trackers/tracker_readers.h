@@ -28,6 +28,8 @@ TrackedPoints ReadSleapHdf5(const ForeignHdf5& file, const std::string& camera);
 TrackedPoints ReadWideCsv(const std::string& path, const std::string& camera);
 /// True for the first line of such a table.
 bool IsWideCsvHeader(std::string_view line);
+/// Whether all joints of such a header end in a camera, of several: DLTdv's pt1_cam1_X, Argus' nose_cam_1_x.
+bool NamesSeveralCameras(std::string_view line);
 
 /// SLEAP: columns track, frame_idx, instance.score and NODE.x, NODE.y, NODE.score.
 TrackedPoints ReadSleapCsv(const std::string& path, const std::string& camera);

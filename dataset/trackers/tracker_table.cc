@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "core/error.h"
 #include "core/label.h"
+#include "dataset/pose/score_scale.h"
 
 namespace mvstudio::dataset::internal {
 namespace {
@@ -23,9 +25,9 @@ bool IsCoordinate(const TrackerColumn& column) {
 }
 
 Keypoint2d ToKeypoint(double x_px, double y_px, double score) {
-  constexpr double kFarthestPx = 1e9;
+  constexpr double kFarthestPx = 1e9, kRounding = 1e-6;
   if (!(std::abs(x_px) < kFarthestPx && std::abs(y_px) < kFarthestPx)) return {};
-  return {x_px, y_px, std::isnan(score) ? 1 : std::clamp(score, 0.0, 1.0)};
+  return {x_px, y_px, std::isnan(score) || std::abs(score - 1) < kRounding ? 1 : score};
 }
 
 TrackerTable::TrackerTable(const std::string& path, const std::string& camera, const std::string& program,
@@ -33,7 +35,7 @@ TrackerTable::TrackerTable(const std::string& path, const std::string& camera, c
     : path_(path), num_columns_(columns.size()) {
   constexpr size_t kMaxColumns = 100'000;
   points_.program = program;
-  points_.track.camera = camera;
+  points_.track.camera = camera, points_.track.every_frame = program == "DeepLabCut";
   if (columns.size() > kMaxColumns) Fail("header", std::to_string(columns.size()) + " columns; refused");
   std::map<std::pair<std::string, std::string>, size_t> known;
   for (size_t c = 0; c < columns.size(); ++c) AddColumn(columns[c], static_cast<int>(c), &known);
@@ -48,7 +50,8 @@ void TrackerTable::AddColumn(const TrackerColumn& column, int index,
                              std::map<std::pair<std::string, std::string>, size_t>* known) {
   if (column.coord == "z") {
     Fail("header",
-         "holds x, y, z: 3D points of several cameras together, which `mvstudio markers convert` reads; here give the cameras' own 2D "
+         "holds x, y, z: 3D points of several cameras together, which `mvstudio markers convert` reads; here give the cameras' "
+         "own 2D "
          "files");
   }
   if (!IsCoordinate(column)) return;
@@ -80,12 +83,12 @@ void TrackerTable::CountPlaces(size_t people, const std::string& place) {
                   std::to_string(points_.joints.size()) + " joints; refused");
 }
 
-void TrackerTable::Add(int frame, const std::vector<double>& row, const std::string& place) {
+void TrackerTable::Add(int frame, const std::vector<double>& row, const std::string& place, bool more) {
   std::vector<Person2d> people(points_.individuals.size());
   const auto at = [&](int column) { return column < 0 ? std::nan("") : row[static_cast<size_t>(column)]; };
   for (const Point& point : table_) {
     const Keypoint2d key = ToKeypoint(at(point.x), at(point.y), at(point.score));
-    if (key.score == 0) continue;
+    if (key.score == 0 || (point.score < 0 && ScoreOfUnscored(key.x_px, key.y_px) == 0)) continue;
     std::vector<Keypoint2d>& keypoints = people[point.individual].keypoints;
     keypoints.resize(points_.joints.size());
     keypoints[point.joint] = key;
@@ -93,9 +96,11 @@ void TrackerTable::Add(int frame, const std::vector<double>& row, const std::str
   people.erase(std::remove_if(people.begin(), people.end(), [](const Person2d& p) { return p.keypoints.empty(); }),
                people.end());
   CountPlaces(people.size(), place);
-  if (!points_.track.frames.emplace(frame, std::move(people)).second) {
-    Fail(place, "frame " + std::to_string(frame) + " came before; was the file put together from two videos?");
-  }
+  const auto [known, is_new] = points_.track.frames.try_emplace(frame);
+  if (!is_new && !more)
+    Fail(place, "frame " + std::to_string(frame) +
+                    " came before; was the file put together from two videos, or has it several people and no column person?");
+  std::move(people.begin(), people.end(), std::back_inserter(known->second));
 }
 
 TrackedPoints TrackerTable::Finish() {

@@ -23,8 +23,9 @@ class TrackerTable {
   TrackerTable(const std::string& path, const std::string& camera, const std::string& program,
                const std::vector<TrackerColumn>& columns);
 
-  /// `row` has a number per column, NaN: none. Throws FormatError (`place` of the row) for a frame that came before.
-  void Add(int frame, const std::vector<double>& row, const std::string& place);
+  /// `row` has a number per column, NaN: none. Throws FormatError (`place` of the row) for a frame that came before, unless
+  /// `more`: then its people are more of that frame.
+  void Add(int frame, const std::vector<double>& row, const std::string& place, bool more = false);
   /// Throws FormatError when there is no frame.
   TrackedPoints Finish();
 
@@ -43,7 +44,7 @@ class TrackerTable {
   size_t num_columns_, num_cells_ = 0, num_places_ = 0;
 };
 
-/// x, y and score as a keypoint: not detected where a coordinate is not finite; scores limited to 0 … 1, no number is 1.
+/// x, y and score as a keypoint: not detected where a coordinate is not finite; a score that is no number is 1.
 Keypoint2d ToKeypoint(double x_px, double y_px, double score);
 
 }  // namespace mvstudio::dataset::internal

@@ -1,10 +1,14 @@
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <limits>
+#include <optional>
+#include <set>
 
 #include "core/csv.h"
 #include "core/disk/files.h"
 #include "core/text/number_cell.h"
+#include "core/text/row_times.h"
 #include "dataset/pose/pose2d_parse.h"
 #include "dataset/trackers/tracker_readers.h"
 #include "dataset/trackers/tracker_table.h"
@@ -53,8 +57,9 @@ std::vector<TrackerColumn> JointColumns(const std::vector<std::string_view>& hea
   return columns;
 }
 
-int FrameColumn(const std::vector<std::string_view>& header) {
-  for (const char* name : {"frame", "frame_idx", "frame_number", "frame_id", "frame_index", "fnum", "index", ""}) {
+/// The first column whose name, in small letters, is one of `names`; -1: none.
+int FindColumn(const std::vector<std::string_view>& header, std::initializer_list<const char*> names) {
+  for (const char* name : names) {
     for (size_t c = 0; c < header.size(); ++c) {
       if (SmallLetters(header[c]) == name) return static_cast<int>(c);
     }
@@ -62,20 +67,113 @@ int FrameColumn(const std::vector<std::string_view>& header) {
   return -1;
 }
 
-}  // namespace
+/// What says which frame, and which of several people, a row is of; -1: no such column.
+struct RowColumns {
+  int frame = -1, index = -1, time = -1, person = -1, camera = -1;
 
-bool IsWideCsvHeader(std::string_view line) {
-  std::vector<std::string> x, y;
+  explicit RowColumns(const std::vector<std::string_view>& header)
+      : frame(FindColumn(header, {"frame", "frame_idx", "frame_number", "frame_id", "frame_index", "fnum"})),
+        index(FindColumn(header, {"index", ""})),
+        person(FindColumn(header, {"person", "person_id", "person_idx", "track", "track_id", "object_id", "id"})),
+        camera(FindColumn(header, {"camera", "cam", "view", "camera_name", "camera_id"})) {
+    const auto found = std::find_if(header.begin(), header.end(), IsTimeColumn);
+    if (found != header.end()) time = static_cast<int>(found - header.begin());
+  }
+};
+
+struct WideRow {
+  std::string place, camera;
+  int64_t number = -1;  ///< by the column of frames or the index; else of the row
+  double time = 0;
+  std::vector<double> numbers;
+};
+
+WideRow ReadWideRow(CsvReader* csv, const RowColumns& where, const std::vector<TrackerColumn>& columns, int row) {
+  const std::vector<std::string_view>& cells = csv->Cells();
+  csv->RequireCells(columns.size());
+  const auto number_in = [&](size_t c) {
+    const NumberCell number = ReadNumberCell(cells[c]);
+    if (number.kind == NumberCell::Kind::kOther)
+      csv->Fail("`" + std::string(cells[c].substr(0, 40)) + "` is not a number" + DecimalCommaHint(cells[c]));
+    return number.value;
+  };
+  WideRow read{csv->Where(), "", row, 0, std::vector<double>(columns.size())};
+  if (where.camera >= 0) read.camera = cells[static_cast<size_t>(where.camera)];
+  const int numbered = where.frame >= 0 ? where.frame : where.index;
+  std::string why;
+  if (numbered >= 0) read.number = ReadFrameNumber(cells[static_cast<size_t>(numbered)], std::numeric_limits<int>::max(), &why);
+  if (read.number < 0) csv->Fail("the frame " + why);
+  if (where.frame < 0 && where.time >= 0) read.time = number_in(static_cast<size_t>(where.time));
+  for (size_t c = 0; c < columns.size(); ++c) {
+    if (IsCoordinate(columns[c])) read.numbers[c] = number_in(c);
+  }
+  return read;
+}
+
+void RequireOneCamera(const std::string& path, const std::vector<WideRow>& rows) {
+  for (const WideRow& row : rows) {
+    if (row.camera != rows.front().camera)
+      throw FormatError(path, row.place,
+                        "is of camera `" + row.camera.substr(0, 40) + "`, rows before are of `" +
+                            rows.front().camera.substr(0, 40) + "`: give a table for each camera, option 'pose2d' NAME=FILE");
+  }
+}
+
+/// Rows that have a time, and no number but their own place, are numbered by the time. Returns the step, 0: they are not.
+double NumberByTimes(const std::string& path, const RowColumns& where, std::vector<WideRow>* rows) {
+  if (where.frame >= 0 || where.time < 0) return 0;
+  std::vector<double> times;
+  bool counted = true;
+  for (size_t i = 0; i < rows->size(); ++i) {
+    times.push_back((*rows)[i].time);
+    counted &= (*rows)[i].number == static_cast<int64_t>(i);
+  }
+  if (!counted) return 0;  // an index that skips rows is theirs
+  std::string why;
+  const std::optional<RowFrames> found = FramesOfTimes(times, &why);
+  if (!found && where.index >= 0) return 0;
+  if (!found)
+    throw FormatError(path, "times",
+                      why + ", and there is no column `frame`: add one, with the number of the image in the footage");
+  for (size_t i = 0; i < rows->size(); ++i) (*rows)[i].number = found->frames[i];
+  return found->step;
+}
+
+std::vector<TrackerColumn> ColumnsOfLine(std::string_view line) {
+  std::vector<TrackerColumn> columns;
   for (size_t at = 0; at <= line.size();) {
     const size_t end = std::min(line.find(',', at), line.size());
     std::string cell(line.substr(at, end - at));
     cell.erase(std::remove_if(cell.begin(), cell.end(), [](char c) { return c == '"'; }), cell.end());
-    const TrackerColumn column = JointColumn(cell);
-    if (column.coord == "x") x.push_back(column.joint);
-    if (column.coord == "y") y.push_back(column.joint);
+    columns.push_back(JointColumn(cell));
     at = end + 1;
   }
+  return columns;
+}
+
+}  // namespace
+
+bool IsWideCsvHeader(std::string_view line) {
+  std::vector<std::string> x, y;
+  for (const TrackerColumn& column : ColumnsOfLine(line)) {
+    if (column.coord == "x") x.push_back(column.joint);
+    if (column.coord == "y") y.push_back(column.joint);
+  }
   return !x.empty() && x == y;
+}
+
+bool NamesSeveralCameras(std::string_view line) {
+  std::set<std::string> cameras;
+  for (const TrackerColumn& column : ColumnsOfLine(line)) {
+    if (column.coord != "x") continue;
+    const std::string joint = SmallLetters(column.joint);
+    const size_t cam = joint.rfind("_cam"), digits = joint.find_last_not_of("0123456789") + 1;
+    if (cam == std::string::npos || digits == joint.size() ||
+        (digits != cam + 4 && joint.substr(cam) != "_cam_" + joint.substr(digits)))
+      return false;
+    cameras.insert(joint.substr(digits));
+  }
+  return cameras.size() > 1;
 }
 
 TrackedPoints ReadWideCsv(const std::string& path, const std::string& camera) {
@@ -84,33 +182,22 @@ TrackedPoints ReadWideCsv(const std::string& path, const std::string& camera) {
   csv.NextLine();
   const std::vector<std::string_view> header = csv.Cells();
   const std::vector<TrackerColumn> columns = JointColumns(header);
-  const int frame_column = FrameColumn(header);
+  const RowColumns where(header);
   TrackerTable table(path, camera, "2D table", columns);
-  std::vector<double> numbers(columns.size());
+  std::vector<WideRow> rows;
   std::vector<std::string> skipped;
   Tolerant tolerant(&skipped);
-  for (int row = 0; csv.NextLine(); ++row) {
-    tolerant.Try([&] {
-      const std::vector<std::string_view>& cells = csv.Cells();
-      csv.RequireCells(columns.size());
-      std::string why;
-      const int64_t frame =
-          frame_column < 0 ? row
-                           : ReadFrameNumber(cells[static_cast<size_t>(frame_column)], std::numeric_limits<int>::max(), &why);
-      if (frame < 0) csv.Fail("the frame " + why);
-      for (size_t c = 0; c < columns.size(); ++c) {
-        if (!IsCoordinate(columns[c])) continue;
-        const NumberCell number = ReadNumberCell(cells[c]);
-        if (number.kind == NumberCell::Kind::kOther)
-          csv.Fail("`" + std::string(cells[c].substr(0, 40)) + "` is not a number" + DecimalCommaHint(cells[c]));
-        numbers[c] = number.value;
-      }
-      table.Add(static_cast<int>(frame), numbers, csv.Where());
-    });
-  }
+  for (int row = 0; csv.NextLine(); ++row) tolerant.Try([&] { rows.push_back(ReadWideRow(&csv, where, columns, row)); });
   tolerant.Finish();
+  RequireOneCamera(path, rows);
+  const double step = NumberByTimes(path, where, &rows);
+  Tolerant adding(&skipped);
+  for (const WideRow& row : rows)
+    adding.Try([&] { table.Add(static_cast<int>(row.number), row.numbers, row.place, where.person >= 0); });
+  adding.Finish();
   TrackedPoints points = table.Finish();
   points.track.skipped = std::move(skipped);
+  points.time_step = step;
   return points;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <set>
 
 #include "core/error.h"
@@ -10,6 +11,7 @@
 #include "geometry/skeleton/skeleton_text.h"
 #include "stages/input/calib_read.h"
 #include "stages/input/first_frames.h"
+#include "stages/input/score_input.h"
 #include "stages/input/take_frames.h"
 #include "stages/input/tracker_input.h"
 
@@ -103,6 +105,18 @@ void LeaveOutJoints(const std::vector<std::string>& names, PoseInput* input) {
   }
 }
 
+/// By files spread over the take.
+std::map<std::string, dataset::ScoreScale> ScalesOfFolders(const PoseArguments& arguments, const geometry::Skeleton& skeleton,
+                                                           InputNotes* notes) {
+  constexpr size_t kFiles = 200;
+  std::vector<dataset::Pose2dTrack> some;
+  for (const auto& [camera, folder] : arguments.pose2d) {
+    const size_t every = std::max<size_t>(1, dataset::OpenPoseFrames(folder, camera).size() / kFiles);
+    some.push_back(dataset::ReadOpenPoseFolder(folder, camera, skeleton, {0, std::numeric_limits<int>::max(), true, every}));
+  }
+  return ScoreScalesOf(some, false, notes);
+}
+
 /// Joints of a skeleton that was asked for and that no file gives.
 void WarnOfMissing(const PoseInput& input, InputNotes* notes) {
   std::vector<char> seen(input.skeleton.joints.size(), 0);
@@ -192,9 +206,10 @@ PoseInput ReadWholeTracks(const PoseArguments& arguments, InputNotes* notes) {
     LimitFrames(arguments.changes, &input.tracks, notes);
   }
   if (arguments.changes.frames.empty() || !arguments.changes.first_frame.empty())
-    NumberFromZero(arguments.changes, arguments.footage, &input.tracks, notes);
+    NumberFromZero(arguments.changes, arguments.footage, &input.tracks, notes, {&input.rig, &input.skeleton});
   const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
   if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, notes);
+  ScoresToShares(arguments.changes, !arguments.points2d.empty(), &input.tracks, notes);
   Change(arguments, input.rig, &input);
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
   CheckCameras(input, notes);
@@ -252,6 +267,7 @@ PoseParts::PoseParts(const PoseArguments& arguments, InputNotes* notes) : argume
     const std::vector<int> kept = LimitFrames(arguments.changes, std::vector<int>(numbers.begin(), numbers.end()), notes);
     numbers = std::set<int>(kept.begin(), kept.end());
     CheckCameras(input_, notes);
+    if (!arguments.changes.ignore_scores) scales_ = ScalesOfFolders(arguments, input_.skeleton, notes);
   } else {
     input_ = ReadWholeTracks(arguments, notes);
     tracks_.swap(input_.tracks);
@@ -271,6 +287,9 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
   InputNotes own;
   ReadTracks(arguments_, range, &own, &part);
   LimitToNumbers(numbers_, &part);
+  for (dataset::Pose2dTrack& track : part.tracks) {
+    if (const auto scale = scales_.find(track.camera); scale != scales_.end()) dataset::ScoresToShares(scale->second, &track);
+  }
   Change(arguments_, input_.rig, &part);
   for (const dataset::Pose2dTrack& track : part.tracks) {
     std::set<std::string>& damaged = damaged_[track.camera];

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/join.h"
-#include "dataset/pose/pose2d.h"
+#include "dataset/pose/score_scale.h"
 #include "geometry/rig/rig.h"
 #include "geometry/skeleton/skeleton.h"
 #include "stages/input/pose_changes.h"
@@ -100,6 +100,7 @@ class PoseParts {
   PoseInput input_;
   std::vector<dataset::Pose2dTrack> tracks_;                      ///< all of them, if they came in one file
   std::vector<int> numbers_;                                      ///< of all frames, ascending
+  std::map<std::string, dataset::ScoreScale> scales_;             ///< of folders that are read as needed
   std::map<std::string, size_t> num_files_;                       ///< by camera
   mutable std::map<std::string, std::set<std::string>> damaged_;  ///< lines about files, by camera
 };

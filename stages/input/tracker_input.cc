@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "core/error.h"
+#include "core/format.h"
 #include "core/some_of.h"
 #include "dataset/trackers/tracker_file.h"
 
@@ -36,6 +37,19 @@ void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>&
                                    "); they are matched across cameras by their places, and numbered, without their names",
                                "option 'max-persons' says how many are kept"});
   }
+}
+
+/// Frames that were found by times; cameras of other steps have other frames.
+void SayWhatTimesTell(const std::vector<TrackedPoints>& cameras, InputNotes* notes) {
+  std::string told;
+  for (const TrackedPoints& camera : cameras) {
+    if (camera.time_step > 0)
+      told += (told.empty() ? "" : ", ") + camera.track.camera + Format(" (a frame every %.6g)", camera.time_step);
+  }
+  if (told.empty()) return;
+  notes->warnings.push_back(
+      {"POSE-TIMES", "rows were numbered by their times, from time 0, since no column gives frames: " + told,
+       "where cameras run at different rates, or their clocks begin apart, see options 'rate' and 'sync'"});
 }
 
 using NamedBones = std::vector<std::pair<std::string, std::string>>;
@@ -80,6 +94,7 @@ dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, InputNotes* 
   }
   const std::vector<std::string> joints = dataset::UnitedJoints(cameras);
   for (const TrackedPoints& camera : cameras) SayWhatDiffers(camera, joints, notes);
+  SayWhatTimesTell(cameras, notes);
   dataset::Pose2dSet set;
   set.skeleton = arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones)
                                             : geometry::SkeletonFrom(arguments.skeleton);

@@ -81,6 +81,27 @@ TEST_F(NestedOpenCv, XmlListsItsTablesByUnderscores) {
             "cameras0", "cameras1");
 }
 
+/// Python writes lists of lists, of cameras too, and parts a camera into its lens and its place.
+TEST_F(NestedOpenCv, JsonOfPython) {
+  const auto lens = [](const std::string& matrix, const std::string& focal) {
+    return "\"" + matrix + "\": [[" + focal + ", 0, 640], [0, " + focal +
+           ", 360], [0, 0, 1]], \"dist\": [[-0.1, 0.01, 0, 0, 0]]";
+  };
+  const auto pose = [](const std::string& x) {
+    return "\"R\": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], \"t\": [[" + x + "], [0], [0]]";
+  };
+  const std::string a = lens("K", "800") + ", " + pose("0"), b = lens("K", "810") + ", " + pose("-1");
+  ExpectTwo(Read("{\"cam0\": {" + a + "}, \"cam1\": {" + b + "}}", "a.json"), "cam0", "cam1");
+  ExpectTwo(Read("[{" + a + "}, {" + b + "}]", "a.json"), "cam0", "cam1");
+  const auto parted = [&](const std::string& focal, const std::string& x) {
+    return "{\"intrinsics\": {" + lens("camera_matrix", focal) + "}, \"extrinsics\": {" + pose(x) + "}}";
+  };
+  ExpectTwo(Read("{\"cam0\": " + parted("800", "0") + ", \"cam1\": " + parted("810", "-1") + "}", "a.json"), "cam0", "cam1");
+  EXPECT_THAT(MessageOf<FormatError>(
+                  [&] { Read("{\"raw\": {\"cam0\": {" + a + "}}, \"rectified\": {\"cam0\": {" + b + "}}}", "a.json"); }),
+              ::testing::AllOf(HasSubstr("raw.cam0"), HasSubstr("rectified.cam0")));
+}
+
 TEST_F(NestedOpenCv, WhatIsNotKnownIsRefusedByItsPath) {
   const auto refused = [&](const std::string& text) { return MessageOf<FormatError>([&] { Read(head_ + text); }); };
   const std::string m = "   ", mm = "      ";

@@ -324,5 +324,19 @@ TEST_F(Markers, TablesAreHeldAgainstWhatTheyState) {
   EXPECT_THAT(refused("b.csv", "frame,a_x_m,a_y_m,a_z_m\n0,0,0,1\n0,0,0,2\n"), HasSubstr("there twice"));
 }
 
+/// Rows that a program left out are gaps of the times, not of the row count.
+TEST_F(Markers, GapsOfTimesAreGapsOfFrames) {
+  const std::string rows[] = {"0.0", "0.1", "0.2", "0.6", "0.7"};
+  std::string wide = "time,a_x_m,a_y_m,a_z_m\n", sto = "DataType=Vec3\nUnits=m\nendheader\ntime\ta\n";
+  for (const std::string& time : rows) wide += time + ",0,0,1\n", sto += time + "\t0,0,1\n";
+  for (const auto& [name, text] : {std::pair("a.csv", wide), {"a.sto", sto}}) {
+    const MarkerFile file = Read(text, {}, name);
+    EXPECT_NEAR(file.pose.frame_rate_hz, 10, 1e-9) << name;
+    ASSERT_EQ(file.pose.rows.size(), 5u) << name;
+    EXPECT_EQ(file.pose.rows[3].frame, 6) << name;
+    EXPECT_EQ(file.pose.rows[4].frame, 7) << name;
+  }
+}
+
 }  // namespace
 }  // namespace mvstudio::dataset

@@ -158,6 +158,15 @@ TEST_F(Pose2dCsv, BadRowsAreLeftOutAndListed) {
   EXPECT_EQ(set.tracks[0].frames.size(), 22u);
 }
 
+TEST_F(Pose2dCsv, ColumnsAsOtherProgramsCallThem) {
+  std::ofstream(folder_ / "other.csv") << "View,Frame,Bodypart,U,V,Likelihood\na,3,nose,1,2,0.5\n";
+  const Pose2dSet set = ReadPose2dCsv(folder_ / "other.csv");
+  EXPECT_THAT(set.skeleton.joints, ElementsAre("nose"));
+  const Keypoint2d& key = set.tracks.at(0).frames.at(3).at(0).keypoints[0];
+  EXPECT_EQ(key.y_px, 2);
+  EXPECT_EQ(key.score, 0.5);
+}
+
 TEST_F(Pose2dCsv, HopelessFilesAreErrors) {
   EXPECT_THAT(Message(""), HasSubstr("empty"));
   EXPECT_THAT(Message(kHeader), HasSubstr("no point"));

@@ -39,11 +39,11 @@ std::string PutRig(const TempDir& folder, const std::vector<std::string>& names)
 }
 
 /// A folder of OpenPose files; where a joint is tells its camera, frame and number. Returns the word for the option.
-NamedPath PutPoses(const TempDir& folder, const std::string& camera, const std::vector<int>& frames) {
+NamedPath PutPoses(const TempDir& folder, const std::string& camera, const std::vector<int>& frames, double score = 0.75) {
   dataset::Pose2dTrack track{camera, {}};
   for (const int frame : frames) {
     dataset::Person2d person;
-    for (int j = 0; j < 25; ++j) person.keypoints.push_back({100.0 * frame + j, 0.5 * j + camera.front(), 0.75});
+    for (int j = 0; j < 25; ++j) person.keypoints.push_back({100.0 * frame + j, 0.5 * j + camera.front(), score});
     track.frames[frame].push_back(person);
   }
   dataset::WriteOpenPoseFolder(track, folder / camera);
@@ -157,6 +157,37 @@ TEST(PoseInput, ATableOfPoints) {
   ExpectSame(ReadInParts(parts, 1, &own), input.frames);
   EXPECT_TRUE(parts.input().frames.empty());
   EXPECT_TRUE(parts.input().tracks.empty());
+}
+
+/// Percent of one camera beside shares of the other; in parts as in the whole.
+TEST(PoseInput, ScoresInPercentBecomeSharesAndAreSaid) {
+  const TempDir folder;
+  PoseArguments arguments;
+  arguments.calib = PutRig(folder, {"a", "b"});
+  arguments.pose2d = {PutPoses(folder, "a", {0, 1, 2, 3}, 75), PutPoses(folder, "b", {0, 1, 2, 3}, 0.5)};
+  InputNotes whole, chunked;
+  const PoseInput input = ReadPoseInput(arguments, &whole);
+  EXPECT_EQ(input.frames[0].people[0][0][0].score, 0.75);
+  EXPECT_EQ(input.frames[0].people[1][0][0].score, 0.5);
+  ASSERT_EQ(whole.warnings.size(), 1u);
+  EXPECT_EQ(whole.warnings[0].code, "POSE-SCORES");
+  EXPECT_THAT(whole.warnings[0].text, AllOf(HasSubstr("camera a"), HasSubstr("percent")));
+  const PoseParts parts(arguments, &chunked);
+  ExpectSame(ReadInParts(parts, 1, &chunked), input.frames);
+  ASSERT_EQ(chunked.warnings.size(), 1u);
+  EXPECT_EQ(chunked.warnings[0].text, whole.warnings[0].text);
+}
+
+TEST(PoseInput, LogitsAreRefusedUnlessScoresAreIgnored) {
+  const TempDir folder;
+  PoseArguments arguments;
+  arguments.calib = PutRig(folder, {"a", "b"});
+  arguments.pose2d = {PutPoses(folder, "a", {0, 1}, -2.5), PutPoses(folder, "b", {0, 1})};
+  InputNotes result;
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadPoseInput(arguments, &result); }),
+              AllOf(HasSubstr("camera a"), HasSubstr("logits"), HasSubstr("ignore-scores")));
+  arguments.changes.ignore_scores = true;
+  EXPECT_EQ(ReadPoseInput(arguments, &result).frames[0].people[0][0][0].score, 1);
 }
 
 TEST(PoseInput, PartsTogetherAreTheWhole) {

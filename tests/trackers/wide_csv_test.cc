@@ -42,12 +42,62 @@ TEST_F(WideCsv, RowsCountFrames) {
   EXPECT_EQ(points.track.frames.at(1).at(0).keypoints[1].score, 1);
 }
 
+/// 30 Hz in rounded milliseconds: frame k is at k / 30 s, and a frame without a row stays a gap.
+TEST_F(WideCsv, TimesGiveFramesWhereNoColumnDoes) {
+  std::string text = "time_ms,nose_x,nose_y\n";
+  for (int frame = 3; frame < 900; ++frame) {
+    if (frame % 7 == 5) continue;
+    text += std::to_string((frame * 1000 + 15) / 30) + "," + std::to_string(frame) + ",2\n";
+  }
+  const TrackedPoints points = Read(text);
+  EXPECT_NEAR(points.time_step, 1000 / 30.0, 0.01);
+  EXPECT_EQ(points.track.frames.count(5), 0u);
+  for (const auto& [frame, people] : points.track.frames) EXPECT_EQ(people.at(0).keypoints[0].x_px, frame);
+  const TrackedPoints indexed = Read(",time,nose_x,nose_y\n0,0,1,2\n1,0.1,1,2\n2,0.4,9,2\n3,0.5,1,2\n");
+  EXPECT_EQ(indexed.track.frames.at(4).at(0).keypoints[0].x_px, 9) << "an index that counts rows skips no frame";
+  const TrackedPoints kept = Read("frame,time,nose_x,nose_y\n0,0,1,2\n1,0.1,1,2\n2,0.4,9,2\n");
+  EXPECT_EQ(kept.track.frames.at(2).at(0).keypoints[0].x_px, 9) << "frames are as the file says";
+}
+
+TEST_F(WideCsv, TimesThatTellNoFramesAreRefused) {
+  const auto message = [&](const std::string& text) { return testing::MessageOf<FormatError>([&] { Read(text); }); };
+  EXPECT_THAT(message("time,nose_x,nose_y\n0,1,2\n1,1,2\n2,1,2\n3.5,1,2\n"), HasSubstr("no multiple"));
+  EXPECT_THAT(message("time,nose_x,nose_y\n0,1,2\n2,1,2\n1,1,2\n"), HasSubstr("comes after"));
+  EXPECT_THAT(message("timestamp,nose_x,nose_y\n1700000000.0,1,2\n1700000000.1,1,2\n1700000000.2,1,2\n"),
+              HasSubstr("recording's start"));
+}
+
+TEST_F(WideCsv, TheCornerWithoutAScoreIsNotSeen) {
+  const auto frames = Read("frame,nose_x,nose_y,hip_x,hip_y\n0,0,0,3,4\n1,-1,-1,3,4\n2,0,7,3,4\n").track.frames;
+  EXPECT_EQ(frames.at(0).at(0).keypoints[0].score, 0);
+  EXPECT_EQ(frames.at(1).at(0).keypoints[0].score, 0);
+  EXPECT_EQ(frames.at(2).at(0).keypoints[0].score, 1);
+  EXPECT_EQ(Read("frame,nose_x,nose_y,nose_score\n0,0,0,0.9\n").track.frames.at(0).at(0).keypoints[0].score, 0.9);
+}
+
+TEST_F(WideCsv, AColumnOfPeopleLetsAFrameHaveSeveral) {
+  const TrackedPoints points = Read("frame,person_id,nose_x,nose_y\n4,0,1,2\n4,1,5,6\n5,1,7,8\n");
+  ASSERT_EQ(points.track.frames.at(4).size(), 2u);
+  EXPECT_EQ(points.track.frames.at(4)[1].keypoints[0].x_px, 5);
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { Read("frame,nose_x,nose_y\n4,1,2\n4,5,6\n4,6,7\n4,6,8\n"); }),
+              HasSubstr("no column person"));
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { Read("camera,frame,nose_x,nose_y\na,4,1,2\nb,5,5,6\n"); }),
+              HasSubstr("a table for each camera"));
+}
+
 TEST_F(WideCsv, DepthIsNoThirdCoordinateButPointsInSpaceAreRefused) {
   const TrackedPoints points = Read("frame,nose_x,nose_y,nose_z,nose_visibility\n0,10,20,-0.3,0.8\n");
   EXPECT_EQ(points.track.frames.at(0).at(0).keypoints[0].score, 0.8);
   const auto message = [&](const std::string& text) { return testing::MessageOf<FormatError>([&] { Read(text); }); };
   EXPECT_THAT(message("frame,nose_x,nose_y,nose_z\n0,10,20,30\n"), HasSubstr("3D points"));
   EXPECT_THAT(message("frame,nose_x,nose_y\n0,1k,2\n"), HasSubstr("`1k` is not a number"));
+}
+
+TEST_F(WideCsv, CamerasInNamesOfColumnsAreNoJoints) {
+  const auto message = [&](const std::string& text) { return testing::MessageOf<FormatError>([&] { Read(text); }); };
+  EXPECT_THAT(message("pt1_cam1_X,pt1_cam1_Y,pt1_cam2_X,pt1_cam2_Y\n1,2,3,4\n"), HasSubstr("several cameras"));
+  EXPECT_THAT(message("nose_cam_1_x,nose_cam_1_y,nose_cam_2_x,nose_cam_2_y\n1,2,3,4\n"), HasSubstr("several cameras"));
+  EXPECT_THAT(Read("pt1_cam1_X,pt1_cam1_Y,pt2_cam1_X,pt2_cam1_Y\n1,2,3,4\n").joints, ElementsAre("pt1_cam1", "pt2_cam1"));
 }
 
 TEST_F(WideCsv, TablesOfAllCamerasAreNone) {

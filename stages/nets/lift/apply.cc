@@ -6,6 +6,7 @@
 #include "dataset/footage/frame_rate.h"
 #include "stages/input/first_frames.h"
 #include "stages/input/pose3d_input.h"
+#include "stages/input/score_input.h"
 #include "stages/nets/lift/run.h"
 
 namespace mvstudio::stages {
@@ -32,6 +33,7 @@ std::map<int, avatar::LiftView> ReadViews(const LiftApplyOptions& options, const
   std::vector<dataset::Pose2dTrack> tracks = {dataset::ReadPose2d(options.pose2d, options.camera, skeleton)};
   LimitFrames(options.changes, &tracks, notes);
   NumberFromZero(options.changes, {}, &tracks, notes);
+  ScoresToShares(options.changes, false, &tracks, notes);
   ApplyChanges(options.changes, rig, skeleton, &tracks);
   if (tracks.empty()) throw UsageError("option 'without-camera' " + options.camera + ": it is the only one here");
   const geometry::Projector projector(camera);

@@ -17,6 +17,7 @@
 #include "stages/input/calib_read.h"
 #include "stages/input/first_frames.h"
 #include "stages/input/pose3d_input.h"
+#include "stages/input/score_input.h"
 #include "stages/words.h"
 
 namespace mvstudio::stages {
@@ -130,10 +131,7 @@ void NumberPoses(const MaskStageOptions& options, MaskJob* job, InputNotes* note
     TellFirstNumber(found, "the 3D joints", notes);
     first = found == dataset::FirstNumber::kOne ? 1 : 0;
   }
-  if (first == 0) return;
-  std::map<int, People> poses;
-  for (auto& [step, people] : job->poses) poses.emplace(step - first, std::move(people));
-  job->poses = std::move(poses);
+  if (first != 0) dataset::NumberFrom(first, &job->poses);
 }
 
 void AddKeypoints(const MaskStageOptions& options, MaskJob* job, InputNotes* notes) {
@@ -148,6 +146,7 @@ void AddKeypoints(const MaskStageOptions& options, MaskJob* job, InputNotes* not
     notes->inputs.push_back(path);
   }
   NumberFromZero(options.changes, UntimedFootage(*job), &tracks, notes);
+  ScoresToShares(options.changes, false, &tracks, notes);
   ApplyChanges(options.changes, FootageRig(*job), skeleton, &tracks);
   for (const dataset::Pose2dTrack& track : tracks) {
     MaskCamera* camera = CameraNamed(track.camera, job);

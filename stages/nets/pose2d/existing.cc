@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "dataset/footage/frames.h"
+#include "stages/input/score_input.h"
 
 namespace mvstudio::stages {
 namespace fs = std::filesystem;
@@ -67,6 +68,9 @@ std::vector<CameraPoses> ReadExistingPoses(const std::string& folder, const std:
       const dataset::FootageInfo info = dataset::DescribeFootage(f.path);
       camera.width = info.width, camera.height = info.height;
     }
+    std::vector<dataset::Pose2dTrack> alone = {std::move(camera.track)};
+    ScoresToShares({}, false, &alone, notes);
+    camera.track = std::move(alone[0]);
     const int dropped = Normalise(camera.width, camera.height, &camera.track);
     if (dropped > 0)
       notes->warnings.push_back({"POSE-JOINTS",
