@@ -145,6 +145,7 @@ MAY_INCLUDE |= {
     "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/align": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/board": WITHOUT_TORCH | {"stages"},
+    "stages/calib_files": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "dataset/exports"},
     "stages/compare": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/dataset_build": WITHOUT_TORCH | {"stages", "stages/input", "stages/people"},
     "stages/dataset_export": WITHOUT_TORCH | {"stages", "stages/input", "dataset/exports"},
