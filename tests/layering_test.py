@@ -152,6 +152,7 @@ MAY_INCLUDE |= {
     "stages/dataset_pack": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/dataset_split": WITHOUT_TORCH | {"stages"},
     "stages/eval": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib"},
+    "stages/markers": WITHOUT_TORCH | {"stages", "stages/people"},
     "stages/refine": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/session": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
