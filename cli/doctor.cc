@@ -200,7 +200,7 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   for (const Notice& f : report.findings) {
     result.metrics["findings"].push_back({{"severity", f.fails ? "error" : "warning"}, {"code", f.code}, {"text", f.text}});
   }
-  stages::AddFindings(report, &result);
+  result.Add(stages::DescribeFootageFindings(report));
   result.text += stages::FootageText(report) + stages::Counted(static_cast<int64_t>(result.errors.size()), "error") + ", " +
                  stages::Counted(static_cast<int64_t>(result.warnings.size()), "warning") + "\n";
   return result;

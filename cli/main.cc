@@ -13,6 +13,7 @@
 #include "cli/program/result.h"
 #include "cli/program/run_line.h"
 #include "core/error.h"
+#include "core/text/one_line.h"
 
 namespace mvstudio::cli {
 namespace {

@@ -38,7 +38,7 @@ CommandResult RunPanoptic(const ImportArguments& arguments, CommandContext& cont
                     {"pictures", report.pictures},
                     {"worst_clock_ms", FiniteOrNull(report.worst_clock_ms)},
                     {"wall_s", wall_s}};
-  stages::AddFindings(report.findings, &result);
+  result.Add(stages::DescribeDatasetFindings(report.findings));
   if (!result.errors.empty()) result.exit = kExitPartial;
   const std::string joints = report.frames == 0 ? "no joints"
                                                 : Format("joints of %d frames (%d to %d), %d people at most", report.frames,

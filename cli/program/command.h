@@ -33,7 +33,6 @@ using stages::kExitTryAgain;
 using stages::kExitUsage;
 using stages::ParseRanges;
 using stages::RangesText;
-using stages::SplitNamePath;
 
 struct CommandContext {
   RunContext run;                 ///< progress, threads, seed

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "stages/words.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/text/shell_word.h"
@@ -12,6 +11,7 @@
 #include "dataset/panoptic/sequence.h"
 #include "dataset/verify/session_check.h"
 #include "stages/dataset/session_table.h"
+#include "stages/words.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -22,7 +22,7 @@ CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptio
   const dataset::VerifyReport report = dataset::VerifyDataset(folder, options, run);
   CommandResult result;
   result.metrics = {{"num_errors", report.num_errors()}, {"num_warnings", report.num_warnings()}};
-  AddFindings(report.findings, &result);
+  result.Add(DescribeDatasetFindings(report.findings));
   const std::pair<const char*, int> counts[] = {
       {"cameras", report.cameras}, {"frames", report.frames}, {"pictures", report.pictures}, {"masks", report.masks},
       {"videos", report.videos},   {"faces", report.faces},   {"hands", report.hands}};
@@ -47,7 +47,7 @@ CommandResult VerifyPackFile(const std::string& path, const RunContext& run) {
   CommandResult result;
   const int errors = report.num_errors();
   result.metrics = {{"num_errors", errors}, {"num_warnings", static_cast<int>(report.findings.size()) - errors}};
-  AddFindings(report.findings, &result);
+  result.Add(DescribeDatasetFindings(report.findings));
   result.metrics["shards"] = report.info.shards;
   result.metrics["samples"] = report.info.samples;
   result.metrics["images"] = report.images;
@@ -198,20 +198,22 @@ CommandResult SessionInfo(const std::string& folder) {
   }
   result.metrics["footage"] = FootageJson(report);
   result.text += FootageText(report);
-  AddFindings(report, &result);
+  result.Add(DescribeFootageFindings(report));
   return result;
 }
 
 }  // namespace
 
-void AddFindings(const std::vector<dataset::Finding>& findings, CommandResult* result) {
-  result->metrics["findings"] = ordered_json::array();
+CommandResult DescribeDatasetFindings(const std::vector<dataset::Finding>& findings) {
+  CommandResult result;
+  result.metrics["findings"] = ordered_json::array();
   for (const dataset::Finding& f : findings) {
     const bool error = f.severity == dataset::Finding::Severity::kError;
-    result->metrics["findings"].push_back(
+    result.metrics["findings"].push_back(
         {{"severity", error ? "error" : "warning"}, {"code", f.code}, {"path", f.path}, {"text", f.text}});
-    (error ? result->errors : result->warnings).push_back({f.code, f.path + ": " + f.text, ""});
+    (error ? result.errors : result.warnings).push_back({f.code, f.path + ": " + f.text, ""});
   }
+  return result;
 }
 
 CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run) {

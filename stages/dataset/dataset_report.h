@@ -17,7 +17,7 @@ CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::Verify
 /// Describes a session, a folder in Panoptic layout or a pack.
 CommandResult DescribeDataset(const std::string& path);
 
-/// Adds findings to a result: metrics.findings, its errors and warnings, a line of text each.
-void AddFindings(const std::vector<dataset::Finding>& findings, CommandResult* result);
+/// Findings as metrics.findings, errors and warnings.
+CommandResult DescribeDatasetFindings(const std::vector<dataset::Finding>& findings);
 
 }  // namespace mvstudio::stages

@@ -70,18 +70,20 @@ std::string FootageText(const dataset::SessionReport& report) {
   return text;
 }
 
-void AddFindings(const dataset::SessionReport& report, CommandResult* result) {
+CommandResult DescribeFootageFindings(const dataset::SessionReport& report) {
+  CommandResult result;
   int outside = 0;  // they have one cause: the link to the footage, or paths that lead out
   for (const Notice& f : report.findings) {
     if (f.code == "SES-OUTSIDE" && ++outside > 1) continue;
-    (f.fails ? result->errors : result->warnings).push_back({f.code, f.text, f.hint});
+    (f.fails ? result.errors : result.warnings).push_back({f.code, f.text, f.hint});
   }
-  for (Notice& error : result->errors) {
+  for (Notice& error : result.errors) {
     if (error.code == "SES-OUTSIDE" && outside > 1) error.text += Format("; so do %d others", outside - 1);
   }
-  if (report.num_errors() == 0) return;
+  if (report.num_errors() == 0) return result;
   const bool any = std::any_of(report.footage.begin(), report.footage.end(), [](const InspectedFootage& f) { return f.sound; });
-  result->exit = any ? kExitPartial : kExitBadInput;
+  result.exit = any ? kExitPartial : kExitBadInput;
+  return result;
 }
 
 ordered_json TimelineJson(const dataset::Timeline& timeline) {

@@ -12,8 +12,8 @@ namespace mvstudio::stages {
 nlohmann::ordered_json FootageJson(const dataset::SessionReport& report);
 std::string FootageText(const dataset::SessionReport& report);
 
-/// Findings become errors and warnings of the result. Exit 3 when no footage is usable, 6 when some is not.
-void AddFindings(const dataset::SessionReport& report, CommandResult* result);
+/// Findings as errors and warnings. Exit 3 when no footage is usable, 6 when some is not.
+CommandResult DescribeFootageFindings(const dataset::SessionReport& report);
 
 nlohmann::ordered_json TimelineJson(const dataset::Timeline& timeline);
 std::string TimelineText(const dataset::Timeline& timeline);

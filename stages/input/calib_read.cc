@@ -187,10 +187,11 @@ CameraSigmas SigmasOf(const geometry::RigCamera& camera) {
   return sigmas;
 }
 
-void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result) {
+CommandResult DescribeCameras(const geometry::Rig& rig) {
   using nlohmann::ordered_json;
-  result->metrics["num_cameras"] = rig.cameras.size();
-  auto& list = result->metrics["cameras"] = ordered_json::array();
+  CommandResult result;
+  result.metrics["num_cameras"] = rig.cameras.size();
+  auto& list = result.metrics["cameras"] = ordered_json::array();
   for (const geometry::RigCamera& camera : rig.cameras) {
     const geometry::Camera& c = camera.camera;
     const Eigen::Vector3d centre = camera.CenterInWorld() + Eigen::Vector3d::Zero();  // no -0
@@ -214,6 +215,7 @@ void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result) {
                               {"rate", camera.time_offset->rate}};
     list.push_back(entry);
   }
+  return result;
 }
 
 }  // namespace mvstudio::stages

@@ -52,8 +52,8 @@ struct CameraSigmas {
 };
 CameraSigmas SigmasOf(const geometry::RigCamera& camera);
 
-/// Adds num_cameras and cameras[].
-void AddCameraMetrics(const geometry::Rig& rig, CommandResult* result);
+/// metrics.num_cameras and cameras[].
+CommandResult DescribeCameras(const geometry::Rig& rig);
 
 /// Throws FormatError for lenses only (geometry::HasLensesOnly): the command needs to know where the cameras stand.
 void RequirePoses(const geometry::Rig& rig, const std::string& path);

@@ -5,17 +5,10 @@
 
 #include "core/progress.h"
 #include "stages/input/picture_pairs.h"
-#include "stages/result.h"
+#include "stages/scores/run.h"
 
 /// Distances between sets of images or features for `mvstudio metrics`. Needs libtorch.
 namespace mvstudio::stages {
-
-struct DistanceResult {
-  double fd = 0, floor = 0, kid = 0, kid_se = 0;  ///< floor, kid: NaN where a set is known by its mean and covariance alone
-  int64_t n_a = 0, n_b = 0, d = 0;                ///< n: 0 where it is not known
-  std::string features;
-  std::string name;  ///< "FID" or "FD (features)"
-};
 
 /// One of two sets: images, or else a file of features (.npy, .safetensors, .npz) or statistics (.npz).
 struct DistanceSide {
@@ -35,12 +28,12 @@ DistanceResult CompareSides(const DistanceSide& reference, const DistanceSide& o
 /// For two files of features or statistics.
 DistanceResult CompareFeatureFiles(const std::string& reference, const std::string& other, const RunContext& run);
 
-struct WrittenStatistics {
-  int64_t n = 0, d = 0;
-  std::string features;
-};
 /// Writes `mu` and `sigma` of a set as .npz, with `features` (the net's name) and `n`.
 WrittenStatistics WriteStatistics(const DistanceSide& side, const std::string& net, const Backdrop& backdrop,
                                   const std::string& out, const RunContext& run);
+
+/// RunPairScores with distances between the sets: of pairs that are large enough, and of sets without pairs, whose distance is
+/// all that is reported; or the statistics of one set, which are written. Throws UsageError, IoError and FormatError.
+ScoresReport RunScores(const ScoresOptions& options, const RunContext& run = {});
 
 }  // namespace mvstudio::stages

@@ -13,8 +13,6 @@
 namespace mvstudio::stages {
 namespace {
 
-using nlohmann::ordered_json;
-
 bool HasUp(const dataset::Pose3d& pose) { return pose.world.find("axes of camera ") == std::string::npos; }
 
 AngleReport::Angle AngleFigures(const markers::AngleTake& take, size_t angle) {
@@ -61,39 +59,18 @@ AngleFiles AnglesOfPerson(const markers::MarkerTake& take, const dataset::Pose3d
   return files;
 }
 
-void WriteGaitEvents(const std::vector<MarkerWork>& work, const dataset::Pose3d& pose, const std::string& folder,
-                     const std::string& final_folder, CommandResult* result) {
-  ordered_json persons = ordered_json::array();
+std::vector<GaitOfPerson> WriteGaitEvents(const std::vector<MarkerWork>& work, const dataset::Pose3d& pose,
+                                          const std::string& folder, const std::string& final_folder) {
+  std::vector<GaitOfPerson> persons;
   for (const MarkerWork& person : work) {
-    const markers::GaitReport report = FindGaitEvents(person.after, HasUp(pose));
-    const int id = person.after.person;
-    ordered_json events = ordered_json::array();
-    int strikes = 0, sure = 0;
-    for (const markers::GaitEvent& event : report.events) {
-      strikes += event.kind == markers::GaitEventKind::kHeelStrike, sure += event.confidence == markers::GaitConfidence::kHigh;
-      events.push_back({{"frame", event.frame},
-                        {"side", event.left ? "left" : "right"},
-                        {"event", std::string(ToString(event.kind))},
-                        {"confidence", std::string(ToString(event.confidence))}});
-    }
-    persons.push_back({{"person", id}, {"events", events}});
-    if (!report.note.empty()) persons.back()["note"] = report.note;
-    if (report.events.empty()) {
-      persons.back()["why_none"] = report.why_none;
-      result->text += Format("person %d: no gait events: ", id) + report.why_none + "\n";
-      continue;
-    }
-    persons.back()["speed_m_s"] = report.speed_m_s, persons.back()["cadence_per_min"] = report.cadence_per_min;
-    result->text +=
-        Format(
-            "person %d: %d heel strikes, %zu toe offs proposed, %d of them with high confidence; %.2f m/s, %.0f steps a minute",
-            id, strikes, report.events.size() - static_cast<size_t>(strikes), sure, report.speed_m_s, report.cadence_per_min) +
-        (report.note.empty() ? "" : "; " + report.note) + "\n";
-    const std::string name = "person" + std::to_string(id) + ".events.csv";
-    WriteFileAtomic((std::filesystem::path(folder) / name).string(), GaitCsvText(report, person.after));
-    result->outputs.push_back({(std::filesystem::path(final_folder) / name).string(), "events"});
+    GaitOfPerson& gait = persons.emplace_back();
+    gait.person = person.after.person, gait.report = FindGaitEvents(person.after, HasUp(pose));
+    if (gait.report.events.empty()) continue;
+    const std::string name = "person" + std::to_string(gait.person) + ".events.csv";
+    WriteFileAtomic((std::filesystem::path(folder) / name).string(), GaitCsvText(gait.report, person.after));
+    gait.file = (std::filesystem::path(final_folder) / name).string();
   }
-  result->metrics["gait"] = {{"persons", persons}};
+  return persons;
 }
 
 }  // namespace mvstudio::stages

@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <optional>
 
 #include "core/disk/files.h"
 #include "core/error.h"
@@ -17,7 +18,6 @@ namespace mvstudio::stages {
 namespace {
 
 using markers::MarkerTake;
-using nlohmann::ordered_json;
 
 /// What a format has by custom, and may have else.
 struct Format3d {
@@ -68,17 +68,15 @@ MarkerTake Turned(MarkerTake take, const std::string& up, const std::string& nat
   return take;
 }
 
-std::string BvhOf(const dataset::Pose3d& pose, const MarkerTake& take, CommandResult* result) {
+std::string BvhOf(const dataset::Pose3d& pose, const MarkerTake& take, std::optional<BvhFit>* fit) {
   const markers::MarkerBody hung = markers::HungFromPelvis(take, BonesFor(pose, take));
   const markers::BvhMotion motion = FitBvh(hung.take, hung.skeleton);
-  result->metrics["bvh"] = {{"rms_mm", 1000 * motion.rms_m}, {"max_mm", 1000 * motion.max_m}, {"held_frames", motion.num_held}};
-  result->text += Format("bones of one length leave %s rms, %s at worst in the .bvh\n", LengthText(motion.rms_m).c_str(),
-                         LengthText(motion.max_m).c_str());
+  *fit = {hung.skeleton.joints.size(), motion.rms_m, motion.max_m, motion.num_held};
   return BvhText(motion, hung.skeleton, take.rate_hz);
 }
 
 std::string Contents(const dataset::Pose3d& pose, const MarkerTake& take, const Format3d& format,
-                     const markers::FileSpace& space, const std::string& name, CommandResult* result) {
+                     const markers::FileSpace& space, const std::string& name, std::optional<BvhFit>* bvh) {
   const std::string word = format.word;
   if (word == "trc") {
     const auto unit = space.unit == "m" ? markers::TrcUnit::kMetre : markers::TrcUnit::kMillimetre;
@@ -89,7 +87,7 @@ std::string Contents(const dataset::Pose3d& pose, const MarkerTake& take, const 
   if (word == "wide") return WideCsvText(take, space);
   if (word == "npz") return NpzBytes(take, space);
   if (word == "sto") return StoText(take, space);
-  return BvhOf(pose, take, result);
+  return BvhOf(pose, take, bvh);
 }
 
 /// What is in the take and has no place in the format.
@@ -144,45 +142,36 @@ bool IsFileOfFormat(const ConvertOptions& options, const std::string& out) {
   return format.extension[0] && extension == format.extension;
 }
 
-void ConvertMarkers(const dataset::Pose3d& pose, const ConvertOptions& options, const std::string& out,
-                    const std::string& work_folder, CommandResult* result) {
+ConvertReport ConvertMarkers(const dataset::Pose3d& pose, const std::string& input, const ConvertOptions& options,
+                             const std::string& out, const std::string& work_folder) {
   namespace fs = std::filesystem;
   const Format3d& format = FormatNamed(ConvertFormat(options, out));
   const markers::FileSpace space{Chosen(options.unit, format.unit, format.units, "to-unit", format),
                                  Chosen(options.up, format.up, format.ups, "to-up", format)};
   const bool file = IsFileOfFormat(options, out);
-  const std::vector<MarkerTake> takes =
-      ChosenPersons(pose, result->inputs.empty() ? "" : result->inputs.front(), options.person, file);
-  ordered_json persons = ordered_json::array();
-  for (const MarkerTake& take : takes) {
+  ConvertReport report{format.word, space.unit, space.up, {}, {}};
+  for (const MarkerTake& take : ChosenPersons(pose, input, options.person, file)) {
+    ConvertReport::Person& person = report.persons.emplace_back();
+    person.person = take.person, person.num_frames = take.num_frames(), person.num_markers = take.num_markers();
+    person.not_held = Lost(take, format.word);
+    if (!format.extension[0]) continue;
     const std::string name =
         file ? fs::path(out).filename().string() : "person" + std::to_string(take.person) + format.extension;
-    if (format.extension[0]) {
-      const std::string bytes = Contents(pose, take, format, space, name, result);
-      WriteFileAtomic(file ? out : (fs::path(work_folder) / name).string(), bytes);
-      result->outputs.push_back({file ? out : (fs::path(out) / name).string(), "markers"});
-    }
-    const std::vector<std::string> lost = Lost(take, format.word);
-    persons.push_back(
-        {{"person", take.person}, {"frames", take.num_frames()}, {"markers", take.num_markers()}, {"not_held", lost}});
-    result->text += Format("person %d: %d frames of %d points\n", take.person, take.num_frames(), take.num_markers());
-    if (!lost.empty()) result->text += std::string("a ") + format.word + " does not hold " + Join(lost, "; ") + "\n";
+    WriteFileAtomic(file ? out : (fs::path(work_folder) / name).string(),
+                    Contents(pose, take, format, space, name, &person.bvh));
+    report.files.push_back({file ? out : (fs::path(out) / name).string(), "markers"});
   }
-  if (!format.extension[0]) {
-    dataset::Pose3d kept = pose;
-    if (options.person >= 0) {
-      kept.rows.erase(
-          std::remove_if(kept.rows.begin(), kept.rows.end(), [&](const auto& row) { return row.person != options.person; }),
-          kept.rows.end());
-    }
-    WritePose3d(kept, work_folder);
-    for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"})
-      result->outputs.push_back({(fs::path(out) / name).string(), ""});
+  if (format.extension[0]) return report;
+  dataset::Pose3d kept = pose;
+  if (options.person >= 0) {
+    kept.rows.erase(
+        std::remove_if(kept.rows.begin(), kept.rows.end(), [&](const auto& row) { return row.person != options.person; }),
+        kept.rows.end());
   }
-  result->metrics["converted"] = {
-      {"to", format.word}, {"rate_hz", pose.frame_rate_hz}, {"unit", space.unit}, {"up", space.up}, {"persons", persons}};
-  result->text +=
-      Format("written in %s, %s up, %g frames a second\n", space.unit.c_str(), space.up.c_str(), pose.frame_rate_hz);
+  WritePose3d(kept, work_folder);
+  for (const char* name : {"points.csv", "covariance.csv", "pose3d.json"})
+    report.files.push_back({(fs::path(out) / name).string(), ""});
+  return report;
 }
 
 }  // namespace mvstudio::stages

@@ -107,7 +107,7 @@ std::string PersonLine(const Person& person, bool fills) {
          EndOfLine(person, fills) + "\n";
 }
 
-std::string BvhLine(int person, const Person::Bvh& bvh) {
+std::string BvhLine(int person, const BvhFit& bvh) {
   return Format("person %d: bones of one length leave %s rms, %s at worst in the .bvh", person, LengthText(bvh.rms_m).c_str(),
                 LengthText(bvh.max_m).c_str()) +
          (bvh.num_held > 0 ? Format("; held in %d frames without a root\n", bvh.num_held) : std::string("\n"));
@@ -150,7 +150,7 @@ CommandResult DescribeMarkers(const MarkerReport& report) {
     if (person.bvh) result.text += BvhLine(person.person, *person.bvh);
     if (person.angles) result.text += AnglesLine(person.person, *person.angles);
   }
-  for (const MarkerReport::File& file : report.files) result.outputs.push_back({file.path, file.role});
+  for (const MarkerFileWritten& file : report.files) result.outputs.push_back({file.path, file.role});
   result.metrics["markers"] = {{"filter", ToText(markers::ParseFilter(report.options.filter))},
                                {"rate_hz", report.options.rate_hz},
                                {"fill_frames", report.options.fill_frames},

@@ -30,7 +30,7 @@ std::vector<std::string> FormatsOf(const MarkerOptions& options) {
 /// Writes into a folder that gets its final name later.
 class Writer {
  public:
-  Writer(std::string folder, std::string final_folder, std::vector<MarkerReport::File>* files)
+  Writer(std::string folder, std::string final_folder, std::vector<MarkerFileWritten>* files)
       : folder_(std::move(folder)), final_folder_(std::move(final_folder)), files_(files) {}
 
   void Write(const std::string& name, const std::string& content, const std::string& role = "") {
@@ -40,7 +40,7 @@ class Writer {
 
  private:
   std::string folder_, final_folder_;
-  std::vector<MarkerReport::File>* files_;
+  std::vector<MarkerFileWritten>* files_;
 };
 
 void WriteOpenSim(const markers::MarkerTake& take, const std::string& stem, Writer* writer) {
@@ -85,7 +85,7 @@ AngleReport WriteAngles(const MarkerWork& work, const dataset::Pose3d& pose, Wri
   return std::move(files.report);
 }
 
-MarkerReport::Person::Bvh WriteBvhFile(const MarkerWork& work, const geometry::Skeleton& skeleton, Writer* writer) {
+BvhFit WriteBvhFile(const MarkerWork& work, const geometry::Skeleton& skeleton, Writer* writer) {
   const markers::MarkerBody hung = markers::HungFromPelvis(work.after, skeleton);
   const markers::BvhMotion motion = FitBvh(hung.take, hung.skeleton);
   writer->Write("person" + std::to_string(work.after.person) + ".bvh", BvhText(motion, hung.skeleton, work.after.rate_hz),

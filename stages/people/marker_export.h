@@ -7,6 +7,7 @@
 
 #include "dataset/markers/fill.h"
 #include "dataset/markers/filter.h"
+#include "dataset/markers/gait_events.h"
 #include "dataset/markers/marker_files.h"
 #include "dataset/markers/marker_take.h"
 #include "dataset/pose/pose3d.h"
@@ -76,9 +77,14 @@ struct AngleFiles {
 /// `pose`: the joints as triangulated, for their covariances; its world says whether anything is up.
 AngleFiles AnglesOfPerson(const markers::MarkerTake& take, const dataset::Pose3d& pose, const std::string& name);
 
-/// Gait events of every person: writes person<N>.events.csv where there are some; metrics `gait` and a line of text for each.
-void WriteGaitEvents(const std::vector<MarkerWork>& work, const dataset::Pose3d& pose, const std::string& folder,
-                     const std::string& final_folder, CommandResult* result);
+struct GaitOfPerson {
+  int person = 0;
+  markers::GaitReport report;
+  std::string file;  ///< empty without events
+};
+/// Gait events of every person: writes person<N>.events.csv where there are some.
+std::vector<GaitOfPerson> WriteGaitEvents(const std::vector<MarkerWork>& work, const dataset::Pose3d& pose,
+                                          const std::string& folder, const std::string& final_folder);
 
 /// Another file of the same points.
 struct ConvertOptions {
@@ -86,13 +92,33 @@ struct ConvertOptions {
   std::string unit, up;  ///< of the output; empty: the format's custom
   int person = -1;       ///< -1: the only one, or with a folder all
 };
-/// Writes `out`, a file where its name ends as those of the format, else a folder with person<N>.EXT; `work_folder`: where that
-/// folder grows. Says what the format cannot hold. Throws UsageError for several persons and one file, and for what the format
-/// has no place for.
+/// A file of markers that was written, as it will be called in the end.
+struct MarkerFileWritten {
+  std::string path, role;
+};
+/// What bones of one length leave of positions.
+struct BvhFit {
+  size_t num_joints = 0;
+  double rms_m = 0, max_m = 0;
+  int num_held = 0;  ///< frames without a root
+};
+struct ConvertReport {
+  std::string format, unit, up;
+  struct Person {
+    int person = 0, num_frames = 0, num_markers = 0;
+    std::vector<std::string> not_held;  ///< what the format cannot hold
+    std::optional<BvhFit> bvh;
+  };
+  std::vector<Person> persons;
+  std::vector<MarkerFileWritten> files;
+};
 bool IsFileOfFormat(const ConvertOptions& options, const std::string& out);
 std::string ConvertFormat(const ConvertOptions& options, const std::string& out);
-void ConvertMarkers(const dataset::Pose3d& pose, const ConvertOptions& options, const std::string& out,
-                    const std::string& work_folder, CommandResult* result);
+/// Writes `out`, a file where its name ends as those of the format, else a folder with person<N>.EXT; `work_folder`: where that
+/// folder grows. `input`: where the points come from. Throws UsageError for several persons and one file, and for what the
+/// format has no place for.
+ConvertReport ConvertMarkers(const dataset::Pose3d& pose, const std::string& input, const ConvertOptions& options,
+                             const std::string& out, const std::string& work_folder);
 
 /// What was written of a take.
 struct MarkerReport {
@@ -103,22 +129,14 @@ struct MarkerReport {
     std::vector<markers::MarkerMotion> before, after;
     markers::Displacement moved;
     std::vector<std::string> not_in_opensim;  ///< joints that its files leave out
-    struct Bvh {
-      size_t num_joints = 0;
-      double rms_m = 0, max_m = 0;  ///< what bones of one length leave
-      int num_held = 0;             ///< frames without a root
-    };
-    std::optional<Bvh> bvh;
+    std::optional<BvhFit> bvh;
     std::optional<AngleReport> angles;
   };
   MarkerOptions options;
   std::string world;  ///< of the joints: Pose3d::world
   std::vector<Person> persons;
   bool without_bones = false;  ///< a .bvh was asked for and not written
-  struct File {
-    std::string path, role;
-  };
-  std::vector<File> files;
+  std::vector<MarkerFileWritten> files;
 };
 
 /// Writes person<N>.trc, .c3d, .csv, .bvh, the files for OpenSim and markers.html into the folder. `pose` is what the markers

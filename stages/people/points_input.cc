@@ -17,15 +17,15 @@ namespace mvstudio::stages {
 namespace {
 
 /// The rate that was asked for, else that of the points.
-void SettleRate(const PointsArguments& arguments, dataset::Pose3d* pose, CommandResult* result) {
+void SettleRate(const PointsArguments& arguments, dataset::Pose3d* pose, InputNotes* notes) {
   const double stated_hz = pose->frame_rate_hz;
   if (arguments.rate_hz != 0) {
     if (!dataset::IsFrameRate(arguments.rate_hz)) throw UsageError(std::string("option 'frame-rate' ") + dataset::kFrameRates);
     if (stated_hz > 0 && !dataset::IsSameRate(stated_hz, arguments.rate_hz)) {
-      result->warnings.push_back({"MRK-RATE",
-                                  Format("%s says %g frames a second; option 'frame-rate' %g is used", arguments.path.c_str(),
-                                         stated_hz, arguments.rate_hz),
-                                  "positions stay as they are: only their times change"});
+      notes->warnings.push_back({"MRK-RATE",
+                                 Format("%s says %g frames a second; option 'frame-rate' %g is used", arguments.path.c_str(),
+                                        stated_hz, arguments.rate_hz),
+                                 "positions stay as they are: only their times change"});
     }
     pose->frame_rate_hz = arguments.rate_hz;
   }
@@ -41,31 +41,32 @@ void CountAsMeasured(dataset::Pose3d* pose) {
   for (dataset::JointRow& row : pose->rows) row.num_views = row.status == Status::kOk ? 1 : 0;
 }
 
-}  // namespace
-
-void KeepFrames(const std::string& ranges, const std::string& path, dataset::Pose3d* pose, CommandResult* result) {
+/// Keeps the frames of `ranges`; empty: all. Says what is beyond the last frame.
+void KeepChosenFrames(const std::string& ranges, const std::string& path, dataset::Pose3d* pose, InputNotes* notes) {
   if (ranges.empty()) return;
   std::set<int> there;
   for (const dataset::JointRow& row : pose->rows) there.insert(row.frame);
   const FrameChoice choice =
       KnownFrames("option 'frames'", ParseRanges("option 'frames'", ranges), {there.begin(), there.end()}, path);
-  TellFrames(choice.beyond, result);
+  TellFrames(choice.beyond, notes);
   const auto gone = [&](const auto& row) { return !std::binary_search(choice.frames.begin(), choice.frames.end(), row.frame); };
   pose->rows.erase(std::remove_if(pose->rows.begin(), pose->rows.end(), gone), pose->rows.end());
 }
 
-PointsInput ReadPointsInput(const PointsArguments& arguments, CommandResult* result) {
+}  // namespace
+
+PointsInput ReadPointsInput(const PointsArguments& arguments, InputNotes* notes) {
   PointsInput input;
   dataset::MarkerFile file;
   input.pose = dataset::ReadPoints3d(arguments.path, arguments.unit, arguments.up, &file);
   input.is_run = file.unit.empty();
-  result->inputs.push_back(arguments.path);
+  notes->inputs.push_back(arguments.path);
   if (!input.is_run) {
     input.unit = file.unit, input.up = file.up.empty() ? (file.y_up ? "y" : "z") : file.up;
     for (const std::string& note : NotesOf(file, arguments.path))
-      result->warnings.push_back({"MRK-FILE", note, "check the file, or say what is meant: option 'unit', option 'up'"});
+      notes->warnings.push_back({"MRK-FILE", note, "check the file, or say what is meant: option 'unit', option 'up'"});
     const std::string doubt = UnitDoubt(file, arguments.path);
-    if (!doubt.empty()) result->warnings.push_back({"MRK-UNIT", doubt, "name the unit: option 'unit' m, cm, mm or in"});
+    if (!doubt.empty()) notes->warnings.push_back({"MRK-UNIT", doubt, "name the unit: option 'unit' m, cm, mm or in"});
     CountAsMeasured(&input.pose);
   } else if (!arguments.unit.empty() || !arguments.up.empty()) {
     throw UsageError("option 'unit' and option 'up' are for files of other programs: points of mvstudio are in metres, " +
@@ -73,10 +74,10 @@ PointsInput ReadPointsInput(const PointsArguments& arguments, CommandResult* res
   }
   if (!arguments.skeleton.empty()) {
     UseSkeleton(geometry::SkeletonFrom(arguments.skeleton), arguments.path, &input.pose);
-    if (geometry::IsSkeletonFile(arguments.skeleton)) result->inputs.push_back(arguments.skeleton);
+    if (geometry::IsSkeletonFile(arguments.skeleton)) notes->inputs.push_back(arguments.skeleton);
   }
-  KeepFrames(arguments.frames, arguments.path, &input.pose, result);
-  SettleRate(arguments, &input.pose, result);
+  KeepChosenFrames(arguments.frames, arguments.path, &input.pose, notes);
+  SettleRate(arguments, &input.pose, notes);
   return input;
 }
 

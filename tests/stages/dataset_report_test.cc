@@ -19,9 +19,8 @@ using ::testing::HasSubstr;
 
 TEST(DatasetReport, FindingsBecomeErrorsWarningsMetricsAndText) {
   using Severity = dataset::Finding::Severity;
-  CommandResult result;
-  AddFindings({{Severity::kError, "DAT-CALIB", "c.json", "is broken"}, {Severity::kWarning, "DAT-MASK", "m.png", "is odd"}},
-              &result);
+  const CommandResult result = DescribeDatasetFindings(
+      {{Severity::kError, "DAT-CALIB", "c.json", "is broken"}, {Severity::kWarning, "DAT-MASK", "m.png", "is odd"}});
   ASSERT_EQ(result.errors.size(), 1u);
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_EQ(result.errors[0].code, "DAT-CALIB");
@@ -32,8 +31,7 @@ TEST(DatasetReport, FindingsBecomeErrorsWarningsMetricsAndText) {
   EXPECT_EQ(result.metrics["findings"][1]["severity"], "warning");
   EXPECT_EQ(result.metrics["findings"][1]["path"], "m.png");
   EXPECT_EQ(result.text, "") << "errors and warnings are printed once, as such";
-  CommandResult none;
-  AddFindings(std::vector<dataset::Finding>(), &none);
+  const CommandResult none = DescribeDatasetFindings({});
   EXPECT_TRUE(none.metrics["findings"].is_array() && none.metrics["findings"].empty());
 }
 

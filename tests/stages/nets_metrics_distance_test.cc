@@ -8,6 +8,7 @@
 #include "core/disk/npy_write.h"
 #include "core/error.h"
 #include "stages/nets/metrics_distance.h"
+#include "stages/scores/describe.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -155,6 +156,24 @@ TEST(MetricsDistance, OnlyFeaturesOfOneNetAreCompared) {
   EXPECT_THAT(Refused(folder, "a.safetensors", "unnamed.npy"), HasSubstr("'unnamed'"));
   EXPECT_EQ(Compare(folder, "a.safetensors", "a.safetensors").name, "FD (posenet)");
   EXPECT_NEAR(Compare(folder, "d.safetensors", "unnamed.npy").fd, 9, 1e-9) << "the same, 3 apart";
+}
+
+TEST(MetricsDistance, TheStageComparesFilesAndWritesStatistics) {
+  const TempDir folder;
+  PutNpy(folder / "a.npy", Cross(0, 0, 3, 1)), PutNpy(folder / "b.npy", Cross(2, -1, 1.5, 2.5));
+  ScoresOptions options;
+  options.reference = folder / "a.npy", options.other = folder / "b.npy";
+  const CommandResult said = Describe(RunScores(options, OneThread()));
+  EXPECT_NEAR(said.metrics["fd"].get<double>(), 8, 1e-9);
+  EXPECT_EQ(said.exit, kExitOk);
+  options.write_statistics = folder / "a.npz";
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunScores(options, OneThread()); }),
+              HasSubstr("option 'write-statistics' takes one"));
+  options.other.clear();
+  const ScoresReport written = RunScores(options, OneThread());
+  ASSERT_TRUE(written.statistics.has_value());
+  EXPECT_EQ(written.statistics->n, 4);
+  EXPECT_EQ(Describe(written).outputs.at(0).path, folder / "a.npz");
 }
 
 }  // namespace

@@ -52,9 +52,7 @@ TEST(SessionTable, TheExitCodeTellsHowMuchIsSound) {
     dataset::SessionReport report;
     for (const bool s : sound) report.footage.push_back(Footage("a", s, true));
     report.findings = findings;
-    CommandResult result;
-    AddFindings(report, &result);
-    return result;
+    return DescribeFootageFindings(report);
   };
   EXPECT_EQ(result_of({true, true}, {}).exit, kExitOk);
   EXPECT_EQ(result_of({true, true}, {warning}).exit, kExitOk);
@@ -95,8 +93,7 @@ TEST(SessionTable, OneCauseIsSaidOnce) {
   for (const char* camera : {"a", "b", "c"})
     report.findings.push_back({"SES-OUTSIDE", std::string("camera ") + camera + ": leaves the session", "option", true});
   report.findings.push_back({"SES-MISSING", "d", "", true});
-  CommandResult result;
-  AddFindings(report, &result);
+  const CommandResult result = DescribeFootageFindings(report);
   ASSERT_EQ(result.errors.size(), 2u);
   EXPECT_EQ(result.errors[0].text, "camera a: leaves the session; so do 2 others");
   EXPECT_EQ(result.errors[1].code, "SES-MISSING");
