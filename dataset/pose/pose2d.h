@@ -69,12 +69,14 @@ struct Pose2dSet {
   geometry::Skeleton skeleton;
   std::vector<Pose2dTrack> tracks;        ///< by order of first appearance in the file
   std::vector<std::string> skipped = {};  ///< rows that were left out: "FILE: line 17: why"
+  double time_step = 0;                   ///< frames were numbered by times, one in so many of their unit; 0: the file does
 };
 
 /// Reads a CSV file with the columns `camera,frame,person,joint,x_px,y_px,score` in any order, named in the first line.
 /// Other columns are ignored; `score` (default 1) and `person` (default 0) may be missing. `person` is the detection's
-/// number in that image; it does not link images. Without a skeleton the joints are those of the file by order of first
-/// appearance (PointsSkeleton). An empty x_px, y_px or a score of 0: not detected.
+/// number in that image; it does not link images. Without `frame`, a column of times tells it (FramesOfTimes). Without a
+/// skeleton the joints are those of the file by order of first appearance (PointsSkeleton). An empty x_px, y_px or a score of
+/// 0: not detected.
 ///
 /// Rows that cannot be read or are not finite, and both of two rows for one point, are left out and listed. If they are
 /// more than half, the first one's error is thrown. Throws IoError, FormatError (path, line); always for a missing column

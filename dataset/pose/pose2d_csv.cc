@@ -14,6 +14,7 @@
 #include "core/disk/pieces.h"
 #include "core/label.h"
 #include "core/text/number_cell.h"
+#include "core/text/row_times.h"
 #include "core/text/shortest_text.h"
 #include "dataset/pose/marker_formats.h"
 #include "dataset/pose/pose2d_parse.h"
@@ -50,6 +51,7 @@ bool IsName(std::string_view text) { return WhyNotALabel(text).empty(); }
 
 struct Row {
   int frame = 0, person = 0, joint = 0, line = 0;
+  double time = 0;  ///< where that tells the frame
   Keypoint2d key;
 
   auto Key() const { return std::tie(frame, person, joint); }
@@ -91,6 +93,7 @@ class Reader {
     return std::move(rows_);
   }
 
+  bool is_timed() const { return time_column_ >= 0; }
   const std::vector<std::string>& cameras() const { return cameras_.names; }
   const std::vector<std::string>& joints() const { return joints_.names; }
 
@@ -120,8 +123,10 @@ class Reader {
       const auto found = std::find(names.begin(), names.end(), name);
       if (columns_[column] < 0 && found != names.end()) SetColumn(fields, column, static_cast<size_t>(found - names.begin()));
     }
+    const auto time = std::find_if(fields.begin(), fields.end(), IsTimeColumn);
+    if (columns_[kFrame] < 0 && time != fields.end()) time_column_ = time - fields.begin();
     for (int c = 0; c < kNumColumns; ++c) {
-      if (columns_[c] >= 0 || IsOptional(c)) continue;
+      if (columns_[c] >= 0 || IsOptional(c) || (c == kFrame && time_column_ >= 0)) continue;
       Fail(std::string("there is no column `") + kNames[c] +
            "`; the first line must name camera,frame,person,joint,x_px,y_px,score");
     }
@@ -170,7 +175,10 @@ class Reader {
     csv->RequireCells(num_fields_);
     Row row;
     row.line = line_;
-    row.frame = Frame(fields), row.person = Index(fields, kPerson);
+    row.person = Index(fields, kPerson);
+    if (time_column_ < 0) row.frame = Frame(fields);
+    if (time_column_ >= 0) row.time = ReadNumberCell(fields[static_cast<size_t>(time_column_)]).value;
+    if (!std::isfinite(row.time)) Fail("the row has no time, and no column tells its frame");
     Keypoint2d key{Number(fields, kX), Number(fields, kY)};
     key.score = columns_[kScore] < 0 ? ScoreOfUnscored(key.x_px, key.y_px) : Number(fields, kScore);
     if (std::isfinite(key.x_px + key.y_px + key.score)) row.key = key;
@@ -187,6 +195,7 @@ class Reader {
   const std::string path_;
   const geometry::Skeleton* skeleton_;
   std::array<int, kNumColumns> columns_{};
+  std::ptrdiff_t time_column_ = -1;  ///< where no column gives frames
   size_t num_fields_ = 0;
   int line_ = 0;
   std::string unknown_joint_;
@@ -194,6 +203,23 @@ class Reader {
   CameraRows rows_;
   std::unordered_map<std::string, int> places_;  ///< in the skeleton, of the file's joints
 };
+
+/// Numbers a camera's rows by their times. Returns the step.
+double NumberByTimes(const std::string& path, const std::string& camera, std::vector<Row>* rows) {
+  std::set<double> distinct;
+  for (const Row& row : *rows) distinct.insert(row.time);
+  const std::vector<double> times(distinct.begin(), distinct.end());
+  std::string why;
+  const std::optional<RowFrames> found = FramesOfTimes(times, &why);
+  if (!found)
+    throw FormatError(path, "times of camera " + camera,
+                      why + ", and there is no column `frame`: add one, with the number of the image");
+  for (Row& row : *rows) {
+    const auto at = std::lower_bound(times.begin(), times.end(), row.time) - times.begin();
+    row.frame = found->frames[static_cast<size_t>(at)];
+  }
+  return found->step;
+}
 
 /// Sorts and leaves out all rows whose point another row gives, too.
 void DropTwins(const std::string& path, std::vector<Row>* rows, std::vector<std::string>* skipped) {
@@ -254,6 +280,8 @@ Pose2dSet ReadPose2dCsv(const std::string& path, const geometry::Skeleton* skele
   Reader reader(path, skeleton);
   CameraRows cameras = reader.Read(&set.skipped);
   if (CountRows(cameras) == 0) throw FormatError(path, "", "the table holds no point");
+  for (size_t c = 0; reader.is_timed() && c < cameras.size(); ++c)
+    set.time_step = NumberByTimes(path, reader.cameras()[c], &cameras[c]);
   for (std::vector<Row>& rows : cameras) DropTwins(path, &rows, &set.skipped);
   if (CountRows(cameras) == 0) throw FormatError(path, "", "every point stands there twice");
   set.skeleton = skeleton ? *skeleton : geometry::PointsSkeleton(reader.joints());

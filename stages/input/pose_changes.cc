@@ -117,13 +117,14 @@ int TurnOf(const PoseChanges& changes, const std::string& camera) {
 /// How one camera's pixels become those of its calibrated image.
 struct PixelChange {
   bool normalized = false, flip_x = false, flip_y = false;
+  triangulate::ShareRange shares = {};
   int turn = 0;
   double width = 0, height = 0;                        // of the images that the joints were found in
   double calibrated_width = 0, calibrated_height = 0;  // px
 
   void Apply(Keypoint2d* key) const {
     double x = key->x_px, y = key->y_px;
-    if (normalized) x *= width, y *= height;
+    if (normalized) x = shares.Share(x) * width, y = shares.Share(y) * height;
     if (flip_y) y = height - y;
     if (flip_x) x = width - 1 - x;
     double upright_width = width, upright_height = height;
@@ -264,6 +265,19 @@ void FromString(const std::string& text, const std::string& option, CameraValue*
   if (value->value.empty() || equal == 0) throw UsageError("option '" + option + "' " + text + ": give VALUE or CAMERA=VALUE");
 }
 
+triangulate::ShareRange SharesOf(const Pose2dTrack& track) {
+  triangulate::Coordinates all;
+  for (const auto& [frame, people] : track.frames) {
+    for (const Person2d& person : people) {
+      for (const Keypoint2d& key : person.keypoints) {
+        if (!(key.score > 0) || !std::isfinite(key.x_px + key.y_px)) continue;
+        all.Add(key.x_px), all.Add(key.y_px);
+      }
+    }
+  }
+  return all.Range();
+}
+
 void ApplyChanges(const PoseChanges& changes, const geometry::Rig& rig, const geometry::Skeleton& skeleton,
                   std::vector<Pose2dTrack>* tracks) {
   SwapCameras(changes.swap_cameras, tracks);
@@ -284,6 +298,8 @@ void ApplyChanges(const PoseChanges& changes, const geometry::Rig& rig, const ge
     }
     PixelChange change = PixelChangeOf(changes, rig.cameras[static_cast<size_t>(camera)].camera);
     change.normalized |= std::exchange(track.normalized, false);
+    if (change.normalized)
+      change.shares = changes.shares.count(track.camera) ? changes.shares.at(track.camera) : SharesOf(track);
     if (change.IsNeeded()) ForEachKeypoint(&track, [&](Keypoint2d* key) { change.Apply(key); });
     if (changes.swap_sides.Has(track.camera)) SwapSides(skeleton, &track);
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "geometry/skeleton/skeleton.h"
 #include "stages/input_notes.h"
 #include "stages/words.h"
+#include "triangulate/take/share_range.h"
 
 /// 2D joints whose numbers mean something else than pixels of the calibrated image, from its top-left corner, by frames of one
 /// rate. Every command that reads 2D joints takes these changes.
@@ -41,7 +43,7 @@ struct PoseChanges {
   std::vector<std::string> swap_cameras;     ///< "A,B": these two bear each other's name
   std::vector<std::string> without_cameras;  ///< their detections are left out
   bool ignore_scores = false;                ///< every joint that has coordinates counts as seen
-  CameraSet normalized;                      ///< coordinates are 0 to 1 of the image's width and height
+  CameraSet normalized;                      ///< coordinates are shares of the image's width and height
   CameraSet flip_y;                          ///< y counts from the lower edge: y becomes height - y
   CameraSet flip_x;                          ///< the images are mirrored: x becomes width - 1 - x
   CameraSet swap_sides;             ///< left and right joints bear each other's name, as detectors make it of mirrored images
@@ -49,6 +51,7 @@ struct PoseChanges {
   std::vector<CameraValue> image_size;        ///< WIDTHxHEIGHT of the images, where they are scaled against the calibrated ones
   std::vector<CameraValue> rate;              ///< frames a second; only their ratios matter
   std::vector<CameraValue> first_frame = {};  ///< number that the files give the footage's first frame, which becomes 0
+  std::map<std::string, triangulate::ShareRange> shares = {};  ///< no option: by camera, of a take that is read in parts
   std::string frames = {};  ///< "80-99" or "1,4,7-9", as the files number them: the others are left out; empty: all
 };
 
@@ -56,7 +59,9 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, PoseChanges& o) {
   StartGroup(visit, "What the 2D joints mean");
   VisitStyled(visit, OptionStyle::kCameras, "normalized", o.normalized,
-              "coordinates are 0 to 1 of the image's width and height; of all cameras, or of those named, with commas");
+              "coordinates are 0 to 1 of the image's width and height, or -1 to 1, or percent, as their range tells; of all "
+              "cameras, or of those "
+              "named, with commas");
   VisitStyled(visit, OptionStyle::kCameras, "flip-y", o.flip_y,
               "y counts from the lower edge, as in DLTdv and Argus: y becomes height - y");
   VisitStyled(visit, OptionStyle::kCameras, "flip-x", o.flip_x, "the images were mirrored: x becomes width - 1 - x");
@@ -80,6 +85,9 @@ void VisitFields(Visitor&& visit, PoseChanges& o) {
   VisitStyled(visit, OptionStyle::kSwitch, "ignore-scores", o.ignore_scores,
               "every joint that has coordinates counts as seen with score 1");
 }
+
+/// What the coordinates of joints that are seen count, where they are no pixels.
+triangulate::ShareRange SharesOf(const dataset::Pose2dTrack& track);
 
 /// Leaves out what is not of `changes.frames`. Throws what KnownFrames does; says what is beyond the last frame.
 void LimitFrames(const PoseChanges& changes, std::vector<dataset::Pose2dTrack>* tracks, InputNotes* notes);

@@ -105,16 +105,15 @@ void LeaveOutJoints(const std::vector<std::string>& names, PoseInput* input) {
   }
 }
 
-/// By files spread over the take.
-std::map<std::string, dataset::ScoreScale> ScalesOfFolders(const PoseArguments& arguments, const geometry::Skeleton& skeleton,
-                                                           InputNotes* notes) {
+/// Files spread over the take.
+std::vector<dataset::Pose2dTrack> SomeOfFolders(const PoseArguments& arguments, const geometry::Skeleton& skeleton) {
   constexpr size_t kFiles = 200;
   std::vector<dataset::Pose2dTrack> some;
   for (const auto& [camera, folder] : arguments.pose2d) {
     const size_t every = std::max<size_t>(1, dataset::OpenPoseFrames(folder, camera).size() / kFiles);
     some.push_back(dataset::ReadOpenPoseFolder(folder, camera, skeleton, {0, std::numeric_limits<int>::max(), true, every}));
   }
-  return ScoreScalesOf(some, false, notes);
+  return some;
 }
 
 /// Joints of a skeleton that was asked for and that no file gives.
@@ -267,7 +266,9 @@ PoseParts::PoseParts(const PoseArguments& arguments, InputNotes* notes) : argume
     const std::vector<int> kept = LimitFrames(arguments.changes, std::vector<int>(numbers.begin(), numbers.end()), notes);
     numbers = std::set<int>(kept.begin(), kept.end());
     CheckCameras(input_, notes);
-    if (!arguments.changes.ignore_scores) scales_ = ScalesOfFolders(arguments, input_.skeleton, notes);
+    const std::vector<dataset::Pose2dTrack> some = SomeOfFolders(arguments, input_.skeleton);
+    if (!arguments.changes.ignore_scores) scales_ = ScoreScalesOf(some, false, notes);
+    for (const dataset::Pose2dTrack& track : some) arguments_.changes.shares[track.camera] = SharesOf(track);
   } else {
     input_ = ReadWholeTracks(arguments, notes);
     tracks_.swap(input_.tracks);

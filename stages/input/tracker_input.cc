@@ -39,6 +39,12 @@ void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>&
   }
 }
 
+void TellTimes(const std::string& told, InputNotes* notes) {
+  notes->warnings.push_back(
+      {"POSE-TIMES", "rows were numbered by their times, from time 0, since no column gives frames: " + told,
+       "where cameras run at different rates, or their clocks begin apart, see options 'rate' and 'sync'"});
+}
+
 /// Frames that were found by times; cameras of other steps have other frames.
 void SayWhatTimesTell(const std::vector<TrackedPoints>& cameras, InputNotes* notes) {
   std::string told;
@@ -46,10 +52,7 @@ void SayWhatTimesTell(const std::vector<TrackedPoints>& cameras, InputNotes* not
     if (camera.time_step > 0)
       told += (told.empty() ? "" : ", ") + camera.track.camera + Format(" (a frame every %.6g)", camera.time_step);
   }
-  if (told.empty()) return;
-  notes->warnings.push_back(
-      {"POSE-TIMES", "rows were numbered by their times, from time 0, since no column gives frames: " + told,
-       "where cameras run at different rates, or their clocks begin apart, see options 'rate' and 'sync'"});
+  if (!told.empty()) TellTimes(told, notes);
 }
 
 using NamedBones = std::vector<std::pair<std::string, std::string>>;
@@ -106,7 +109,11 @@ dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& s
   const geometry::Skeleton given = skeleton.empty() ? geometry::Skeleton() : geometry::SkeletonFrom(skeleton);
   const geometry::Skeleton* named = skeleton.empty() ? nullptr : &given;
   const TrackerKind kind = KindOf(path);
-  if (kind == TrackerKind::kNone) return dataset::ReadPose2dCsv(path, named);
+  if (kind == TrackerKind::kNone) {
+    dataset::Pose2dSet set = dataset::ReadPose2dCsv(path, named);
+    if (set.time_step > 0) TellTimes(Format("all cameras (a frame every %.6g)", set.time_step), notes);
+    return set;
+  }
   if (kind != TrackerKind::kCaliscopeCsv) {
     throw FormatError(path, "",
                       "one camera's " + std::string(ToString(kind)) +

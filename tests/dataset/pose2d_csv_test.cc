@@ -167,6 +167,18 @@ TEST_F(Pose2dCsv, ColumnsAsOtherProgramsCallThem) {
   EXPECT_EQ(key.score, 0.5);
 }
 
+TEST_F(Pose2dCsv, TimesGiveFramesWhereNoColumnDoes) {
+  std::ofstream(folder_ / "timed.csv") << "camera,time,joint,x,y\n"
+                                          "a,0.1,p,1,1\na,0.1,q,2,2\na,0.2,p,3,3\na,0.3,p,4,4\na,0.6,p,5,5\n"
+                                          "b,0.0,p,1,2\nb,0.1,p,1,3\nb,0.2,p,1,4\n";
+  const Pose2dSet set = ReadPose2dCsv(folder_ / "timed.csv");
+  EXPECT_NEAR(set.time_step, 0.1, 1e-9);
+  EXPECT_EQ(set.tracks[0].frames.at(1)[0].keypoints[1].x_px, 2);
+  EXPECT_EQ(set.tracks[0].frames.at(6)[0].keypoints[0].x_px, 5);
+  EXPECT_EQ(set.tracks[1].frames.at(1)[0].keypoints[0].y_px, 3);
+  EXPECT_THAT(Message("camera,time,joint,x,y\na,0,p,1,1\na,1,p,1,1\na,2,p,1,1\na,3.5,p,1,1\n"), HasSubstr("no multiple"));
+}
+
 TEST_F(Pose2dCsv, HopelessFilesAreErrors) {
   EXPECT_THAT(Message(""), HasSubstr("empty"));
   EXPECT_THAT(Message(kHeader), HasSubstr("no point"));

@@ -65,6 +65,21 @@ TEST(PoseChanges, PixelsBecomeThoseOfTheCalibratedImage) {
   EXPECT_EQ(Changed(half, 30.5 / 2 - 0.5, 50.5 / 2 - 0.5), pixel);
 }
 
+/// 0.25 of the width, half of the height: in -1 to 1 and in percent.
+TEST(PoseChanges, SharesOfOtherRanges) {
+  PoseChanges normalized;
+  normalized.normalized.names = {"a"};
+  const std::pair<double, double> ranges[] = {{-1, 1}, {0, 100}};
+  for (const auto& [low, high] : ranges) {
+    const auto in_range = [low = low, high = high](double share) { return low + share * (high - low); };
+    std::vector<dataset::Pose2dTrack> tracks = Tracks();
+    tracks[0].frames = {{0, {{{{in_range(0.25), in_range(0.5), 1}, {in_range(0.1), in_range(1), 1}}}}}};
+    ApplyChanges(normalized, Rig(), geometry::PointsSkeleton({"p", "q"}), &tracks);
+    EXPECT_DOUBLE_EQ(tracks[0].frames.at(0)[0].keypoints[0].x_px, 480) << low;
+    EXPECT_DOUBLE_EQ(tracks[0].frames.at(0)[0].keypoints[0].y_px, 540) << low;
+  }
+}
+
 /// A quarter of 1920 and half of 1080, of a file that states shares.
 TEST(PoseChanges, TracksOfSharesBecomePixelsOnce) {
   std::vector<dataset::Pose2dTrack> tracks = Tracks();

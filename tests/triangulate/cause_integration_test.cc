@@ -1,5 +1,3 @@
-#include "triangulate/take/cause.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -7,6 +5,7 @@
 #include "tests/triangulate/people.h"
 #include "tests/triangulate/support.h"
 #include "triangulate/sync/sync.h"
+#include "triangulate/take/cause.h"
 
 namespace mvstudio::triangulate {
 namespace {
@@ -237,6 +236,12 @@ TEST(Cause, CoordinatesThatAreNoPixelsFromTheTopLeft) {
   const auto below = [](Eigen::Vector2d* px) { px->y() = 1088 - px->y(); };
   const auto turned = [](Eigen::Vector2d* px) { *px = Eigen::Vector2d(1087 - px->y(), px->x()); };
   ExpectRemedy(Search(rig, Changed(good, -1, parts)), Cause::kNormalized, "option 'normalized'");
+  const auto centred = [&](Eigen::Vector2d* px) { parts(px), *px = (2 * *px).array() - 1; };
+  const auto percent = [&](Eigen::Vector2d* px) { parts(px), *px *= 100; };
+  const auto rows_first = [](Eigen::Vector2d* px) { std::swap(px->x(), px->y()); };
+  ExpectRemedy(Search(rig, Changed(good, -1, centred)), Cause::kNormalized, "option 'normalized'");
+  ExpectRemedy(Search(rig, Changed(good, -1, percent)), Cause::kNormalized, "option 'normalized'");
+  ExpectRemedy(Search(rig, Changed(good, -1, rows_first)), Cause::kTurned, "option 'rotate' 90 option 'flip-x'");
   ExpectRemedy(Search(rig, Changed(good, 2, parts)), Cause::kNormalized, "option 'normalized' cam_2");
   ExpectRemedy(Search(rig, Changed(good, -1, below)), Cause::kFlippedY, "option 'flip-y'");
   ExpectRemedy(Search(rig, Changed(good, 1, below)), Cause::kFlippedY, "option 'flip-y' cam_1");

@@ -13,6 +13,7 @@
 #include "geometry/rig/meeting.h"
 #include "geometry/rig/plausible.h"
 #include "triangulate/sync/sync.h"
+#include "triangulate/take/share_range.h"
 
 namespace mvstudio::triangulate::internal {
 namespace {
@@ -205,39 +206,56 @@ ChangePixel EachKey(Change change) {
   };
 }
 
-/// Whether all that a camera sees lies near pixel 0, so that it can be parts of the image.
-bool IsNormalized(const std::vector<DetectedFrame>& frames, size_t camera) {
-  bool any = false;
+/// What the coordinates of a camera count, where all that it sees lies near pixel 0, so that it can be parts of the image.
+std::optional<ShareRange> SharesOf(const std::vector<DetectedFrame>& frames, size_t camera) {
+  Coordinates all;
   for (const DetectedFrame& frame : frames) {
     for (const DetectedPerson& person : frame.people[camera]) {
       for (const Keypoint& key : person) {
         if (!(key.score > 0) || !key.px.allFinite()) continue;
-        if (key.px.minCoeff() < -0.5 || key.px.maxCoeff() > 1.5) return false;
-        any = true;
+        all.Add(key.px.x()), all.Add(key.px.y());
       }
     }
   }
-  return any;
+  const ShareRange range = all.Range();
+  const bool within = all.num > 0 && range.Share(all.least) >= -0.5 && range.Share(all.most) <= 1.5;
+  return within ? std::optional(range) : std::nullopt;
 }
 
 void AddNormalized(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
   std::vector<std::string> names;
+  ShareRange last;
   Assumption other{Cause::kNormalized, "", "", rig, frames};
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
-    if (!IsNormalized(frames, c)) continue;
+    const std::optional<ShareRange> range = SharesOf(frames, c);
+    if (!range) continue;
     const Camera& camera = rig.cameras[c].camera;
-    names.push_back(camera.name);
+    names.push_back(camera.name), last = *range;
     for (DetectedFrame& frame : other.frames) {
       for (DetectedPerson& person : frame.people[c]) {
-        for (Keypoint& key : person) key.px = key.px.cwiseProduct(Eigen::Vector2d(camera.width_px, camera.height_px));
+        for (Keypoint& key : person)
+          key.px = {range->Share(key.px.x()) * camera.width_px, range->Share(key.px.y()) * camera.height_px};
       }
     }
   }
   if (names.empty()) return;
   const bool all = names.size() == rig.cameras.size();
   other.text = "with the coordinates of " + (all ? std::string("all cameras") : Join(names, ", ")) +
-               ", which lie within 0 to 1, as parts of the image's size";
+               Format(", which lie within %g to %g, as parts of the image's size", last.low, last.high);
   other.remedy = "option 'normalized'" + (all ? "" : " " + ShellWord(Join(names, ",")));
+  list->push_back(std::move(other));
+}
+
+/// Row and column for x and y, as arrays are indexed: mirrored images rotated by 90 degrees.
+void AddRowsFirst(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
+  Assumption other{Cause::kTurned, "with y before x in all cameras", "option 'rotate' 90 option 'flip-x'", rig, frames};
+  for (DetectedFrame& frame : other.frames) {
+    for (std::vector<DetectedPerson>& people : frame.people) {
+      for (DetectedPerson& person : people) {
+        for (Keypoint& key : person) std::swap(key.px.x(), key.px.y());
+      }
+    }
+  }
   list->push_back(std::move(other));
 }
 
@@ -274,6 +292,7 @@ std::vector<Detected> DetectedChanges(const MirrorGroups& mirror) {
 void AddDetectedChanges(const Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror,
                         std::vector<Assumption>* list) {
   AddNormalized(rig, frames, list);
+  AddRowsFirst(rig, frames, list);
   for (const Detected& detected : DetectedChanges(mirror)) {
     for (int only = -1; only < static_cast<int>(rig.cameras.size()); ++only) AddDetected(rig, frames, detected, only, list);
   }
