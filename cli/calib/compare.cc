@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <map>
 #include <optional>
 
 #include "calib/check/expected_difference.h"
@@ -12,6 +13,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "core/some_of.h"
 #include "core/units.h"
 #include "geometry/rig/alignment.h"
 #include "geometry/rig/rig_covariance.h"
@@ -265,6 +267,32 @@ CommandResult ComparePoses(const Rig& rig, const Rig& reference, const Arguments
   return result;
 }
 
+/// metrics.differing: the cameras with a figure that is significant, and a sentence; nothing where no covariance says it.
+CommandResult DescribeSignificance(const ordered_json& metrics) {
+  std::map<std::string, double> most;  // by camera
+  const auto count = [&](const ordered_json& name, const ordered_json& times) {
+    if (times.is_number()) most[name] = std::max(most[name], times.get<double>());
+  };
+  for (const ordered_json& row : metrics.value("cameras", ordered_json::array()))
+    count(row["name"], row["rotation_times"]), count(row["name"], row["translation_times"]);
+  for (const ordered_json& row : metrics["projection"]) {
+    for (const ordered_json& at : row["ranges"]) count(row["name"], at["times"]);
+  }
+  CommandResult result;
+  std::vector<std::string> differing;
+  ordered_json& names = result.metrics["differing"] = ordered_json::array();
+  for (const auto& [name, times] : most) {
+    if (times > kSignificant) names.push_back(name), differing.push_back(name + Format(" (%.1f times)", times));
+  }
+  if (!most.empty())
+    result.text =
+        differing.empty()
+            ? Format("no camera differs by more than %g times what both covariances let expect: no sign of a change\n",
+                     kSignificant)
+            : "more than both covariances let expect: " + SomeOf(differing) + "\n";
+  return result;
+}
+
 CommandResult Compare(const Arguments& arguments) {
   calib::ImportedRig rig = stages::ReadCalibrationFiles({arguments.rig}, arguments.read);
   calib::ImportedRig reference = stages::ReadCalibrationFiles({arguments.reference}, arguments.read);
@@ -279,13 +307,18 @@ CommandResult Compare(const Arguments& arguments) {
   if (rig.rig.cameras.size() == 1 && reference.rig.cameras.size() == 1) {
     rig.rig.cameras[0].camera.name = reference.rig.cameras[0].camera.name;  // whatever their names: nothing else can be meant
   }
+  const std::vector<std::string> rig_names = geometry::CameraNames(rig.rig),
+                                 reference_names = geometry::CameraNames(reference.rig);
   result.Add(KeepCommon(reference.rig, arguments.rig, &rig.rig));
   result.Add(KeepCommon(rig.rig, arguments.reference, &reference.rig));
   if (rig.rig.cameras.empty())
-    throw UsageError(arguments.rig + " and " + arguments.reference + ": no camera name is in both; use calib convert --rename");
+    throw UsageError(arguments.rig + " and " + arguments.reference + ": no camera name is in both (" + SomeOf(rig_names) +
+                     " beside " + SomeOf(reference_names) + "); give them one name: calib convert --rename OLD=NEW");
   result.metrics["num_cameras"] = rig.rig.cameras.size();
   result.Add(ComparePoses(rig.rig, reference.rig, arguments));
-  if (result.errors.empty()) result.Add(CompareProjections(rig.rig, reference.rig, arguments));
+  if (!result.errors.empty()) return result;
+  result.Add(CompareProjections(rig.rig, reference.rig, arguments));
+  result.Add(DescribeSignificance(result.metrics));
   return result;
 }
 

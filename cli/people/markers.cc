@@ -22,7 +22,7 @@ std::vector<std::string> InputsOf(const Arguments& arguments) { return {argument
 void RequireArguments(const Arguments& arguments) {
   if (arguments.points.path.empty())
     throw UsageError("name the points: a folder of triangulate, its points.csv, or a file of markers");
-  if (arguments.out.empty()) throw UsageError("--out is required");
+  if (arguments.out.empty()) throw UsageError("--out is required: the folder (or the file) to write, e.g. --out markers");
 }
 
 stages::PointsInput ReadInput(Arguments* arguments, CommandResult* result) {
