@@ -1,20 +1,51 @@
 #include "stages/words.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <set>
 #include <sstream>
 
 #include "core/error.h"
 #include "core/format.h"
+#include "core/some_of.h"
+#include "core/text/shell_word.h"
 #include "core/utf8.h"
 
 namespace mvstudio::stages {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// What was probably meant by a path without a name: an image of a pattern that the shell expanded, or a folder of all cameras.
+std::string LikelyMeant(const std::string& flag, const std::string& text) {
+  constexpr size_t kMostNamed = 4;
+  const fs::path path(text);
+  const std::string ending = path.extension().string();
+  for (const char* of_image : {".jpg", ".jpeg", ".png", ".JPG", ".PNG"}) {
+    if (ending == of_image)
+      return "; images of one camera are a folder or a pattern in quotes: " + flag + " cam_01='" +
+             (path.parent_path() / ("*" + ending)).string() + "'";
+  }
+  std::error_code error;
+  std::vector<std::string> each;
+  for (fs::directory_iterator at(path, error), end; !error && at != end; at.increment(error)) {
+    if (at->is_directory(error)) each.push_back(ShellWord(at->path().filename().string() + "=" + at->path().string()));
+  }
+  std::sort(each.begin(), each.end());
+  return each.empty() ? "" : "; it holds folders, which are given one by one: " + flag + " " + SomeOf(each, kMostNamed);
+}
+
+}  // namespace
 
 std::pair<std::string, std::string> SplitNamePath(const std::string& flag, const std::string& text) {
   const size_t equals = text.find('=');
   if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
-    throw UsageError(flag + " " + text + ": expected NAME=PATH, e.g. " + flag + " cam_01=videos/cam01.mp4");
+    const char* const example =
+        flag.find("pose2d") == std::string::npos ? " cam_01=videos/cam01.mp4" : " cam_01=pose/cam01_json";
+    throw UsageError(flag + " " + text + ": expected NAME=PATH, e.g. " + flag + example +
+                     (equals == std::string::npos ? LikelyMeant(flag, text) : ""));
   }
   if (!IsUtf8(text.substr(0, equals))) throw UsageError(flag + " " + text + ": the name is not UTF-8");
   return {text.substr(0, equals), text.substr(equals + 1)};

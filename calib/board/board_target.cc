@@ -100,6 +100,14 @@ bool NamesTarget(const std::string& text) {
   return (extension == ".yaml" || extension == ".yml" || extension == ".json") && text.rfind("points:", 0) != 0;
 }
 
+void RefuseFile(const std::string& text) {
+  std::error_code error;
+  if (!std::filesystem::exists(text, error)) return;
+  throw UsageError("board '" + text +
+                   "': is a file or folder, and no text of a board; footage is given as option 'camera' NAME=PATH, images as a "
+                   "pattern in quotes: option 'camera' cam_01='images/cam_01*.jpg'");
+}
+
 std::string BoardTextOfTarget(const std::string& path) {
   KalibrTarget target(path);
   const std::string type = PlainWord(target.Word("target_type"));

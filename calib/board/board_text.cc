@@ -347,9 +347,10 @@ Board ParseBoard(const std::string& text) {
   const Parts parts = Split(text);
   const Form* const form = FormOf(text);
   if (!form) {
-    const std::string kind = parts.empty() ? "" : parts[0];
-    Fail(text, "unknown kind of board" + DidYouMean(kind, {"chessboard", "checkerboard", "charuco", "aprilgrid", "tag",
-                                                           "circles", "acircles", "grid", "points"}));
+    internal::RefuseFile(text);
+    Fail(text, "unknown kind of board" +
+                   DidYouMean(parts.empty() ? "" : parts[0], {"chessboard", "checkerboard", "charuco", "aprilgrid", "tag",
+                                                              "circles", "acircles", "grid", "points"}));
   }
   const std::string kind = form->kind;
   if (kind == "chessboard") return ParseGrid(parts, Board::Kind::kChessboard, text);

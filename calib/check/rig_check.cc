@@ -293,7 +293,8 @@ RigCheck CheckWithBoards(const geometry::Rig& rig, const CalibrateInput& input, 
   const bool has_boards = !work.problem.views_of_board.empty();
   if (!has_boards && !internal::IsOneLens(work)) {
     result.status = Status::kTooFewViews;
-    result.message = "no two cameras see a board at the same time step";
+    result.message = "no two cameras see a board at the same time step, and the lens of one camera alone needs " +
+                     std::to_string(LensCheck::kFewestViews) + " boards to be checked";
   } else if (has_boards) {
     work.all_views_of_board = work.problem.views_of_board;
     result.board_metrics = internal::MeasureLengths(input.boards, work);

@@ -14,6 +14,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/utf8.h"
+#include "geometry/rig/foreign_layout.h"
 #include "geometry/rigid/decompositions.h"
 
 namespace mvstudio::calib {
@@ -38,6 +39,7 @@ std::string WhatItLooksLike(const std::string& text) {
   const auto has = [&](const char* piece) { return text.find(piece) != std::string::npos; };
   if (has("num_corners:") && has("encoding:"))
     return "; it looks like deltille's .orpc: write its columns as camera,frame,corner,x_px,y_px (docs/corner-files.md)";
+  if (const std::string layout = geometry::ForeignLayout(text); !layout.empty()) return "; it looks like " + layout;
   const std::string line = text.substr(0, text.find('\n'));
   if (line.find(',') != std::string::npos && (line.find("corner") != std::string::npos || line.find(",x") != std::string::npos))
     return "; of a table, the header is camera,frame,corner,x_px,y_px (corner: row times columns plus column; "

@@ -194,8 +194,10 @@ ImportedRig ReadCalibration(CalibrationFormat format, const std::vector<std::str
   const bool several = format == CalibrationFormat::kOpenCvYaml || format == CalibrationFormat::kMrcal ||
                        format == CalibrationFormat::kEasyMocap || format == CalibrationFormat::kKalibr;
   if (paths.size() > 1 && !several) {
-    throw UsageError(paths[1] +
-                     ": only opencv, mrcal, easymocap, Kalibr's and EuRoC's calibrations may be spread over several files");
+    throw UsageError(
+        paths[1] +
+        ": only opencv, mrcal, easymocap, Kalibr's and EuRoC's calibrations may be spread over several files; give one "
+        "alone (mvstudio calib compare A B puts two side by side)");
   }
   ImportedRig imported = ReadAs(format, paths, options);
   CheckNames(imported.rig, paths[0]);

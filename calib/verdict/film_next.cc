@@ -55,6 +55,18 @@ std::string List(const std::vector<std::string>& names) {
   return text;
 }
 
+/// The four corners, and the four sides, of kParts by one name where all of them are meant.
+std::vector<std::string> InGroups(std::vector<std::string> names) {
+  const std::pair<size_t, const char*> groups[] = {{0, "all four corners"}, {4, "all four sides"}};
+  for (const auto& [first, all] : groups) {
+    const auto begin = std::find(names.begin(), names.end(), std::string("the ") + kParts[first].name);
+    if (std::distance(begin, names.end()) < 4 || begin[3] != std::string("the ") + kParts[first + 3].name) continue;
+    *begin = all;
+    names.erase(begin + 1, begin + 4);
+  }
+  return names;
+}
+
 struct Weighted {
   double urgency;
   FilmHint hint;
@@ -119,6 +131,7 @@ void HintCoverage(const std::string& camera, int camera_idx, const Seen& seen, s
     empty += size - filled, total += size, ++parts;
   }
   if (names.empty() || seen.num_views == 0) return;
+  names = InGroups(std::move(names));
   std::ostringstream text;
   text << "camera " << camera << ": " << List(names) << " of the image " << (parts == 1 ? "holds" : "hold") << ' '
        << (empty == total ? "no corners" : "almost no corners") << " (" << empty << " of the image's " << kCols * kRows

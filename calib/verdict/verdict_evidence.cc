@@ -170,8 +170,9 @@ void JudgeMissing(const CalibrateReport& report, Judgement* out) {
   const bool many = missing >= 2 && 2 * missing > report.cameras.size();
   for (const CameraReport& camera : report.cameras) {
     if (std::isfinite(camera.holdout_rms_px)) continue;
-    const std::string text = Format("camera %s: no held-out error, %d boards in %d places", camera.name.c_str(),
-                                    camera.num_views, camera.num_places);
+    const std::string text =
+        Format("camera %s: no held-out error, %d board%s in %d place%s", camera.name.c_str(), camera.num_views,
+               camera.num_views == 1 ? "" : "s", camera.num_places, camera.num_places == 1 ? "" : "s");
     const char* const hint = "show it the board in 6 places or more";
     many ? out->Fail("CAL-NOHOLDOUT", text, hint) : out->Warn("CAL-NOHOLDOUT", text, hint);
   }

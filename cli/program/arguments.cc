@@ -124,12 +124,24 @@ std::string UnknownCommand(const CLI::App& app, const std::string& word) {
   const std::string path = PathOf(app);
   const std::string nearest = NearestWord(word, SubcommandNames(app));
   const std::string text = "unknown command " + Quoted(path + (path.empty() ? "" : " ") + word) + Suggestion(nearest);
-  return nearest.empty() ? text + "; there are " + Join(SubcommandNames(app), ", ") : text;
+  const std::string plots = BeginsWith(word, "plot") ? "; plots are on the page of mvstudio report" : "";
+  return nearest.empty() ? text + "; there are " + Join(SubcommandNames(app), ", ") + plots : text;
+}
+
+/// Of -o the only flag with that letter, or --out; else nothing.
+std::string LongFlag(const std::string& letter, const std::vector<std::string>& flags) {
+  std::vector<std::string> with_letter;
+  for (const std::string& flag : flags) {
+    if (flag == "--out" && letter == "-o") return flag;
+    if (BeginsWith(flag, "-" + letter)) with_letter.push_back(flag);
+  }
+  return with_letter.size() == 1 ? with_letter[0] : "";
 }
 
 std::string UnknownFlag(const CLI::App& app, const std::string& word) {
   const std::string name = word.substr(0, word.find('='));
-  return "unknown flag " + Quoted(name) + Suggestion(NearestWord(name, FlagNames(app)));
+  const std::vector<std::string> flags = FlagNames(app);
+  return "unknown flag " + Quoted(name) + Suggestion(name.size() == 2 ? LongFlag(name, flags) : NearestWord(name, flags));
 }
 
 bool IsFlag(const std::string& word) { return word.size() > 1 && word[0] == '-'; }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 #include "core/check.h"
 #include "core/format.h"
@@ -55,10 +56,38 @@ std::string LensModelNames() {
 
 std::string_view ToString(const std::optional<LensModel>& model) { return model ? ToString(*model) : "auto"; }
 
+namespace {
+
+/// "; opencv8 is rational8 here" for the names of mrcal, OpenCV and Kalibr, or nothing.
+std::string NameElsewhere(const std::string& text) {
+  constexpr std::pair<std::string_view, LensModel> kElsewhere[] = {{"opencv4", LensModel::kBrown4},
+                                                                   {"opencv5", LensModel::kBrown5},
+                                                                   {"opencv8", LensModel::kRational8},
+                                                                   {"opencv12", LensModel::kThinPrism12},
+                                                                   {"opencv", LensModel::kBrown5},
+                                                                   {"plumbbob", LensModel::kBrown5},
+                                                                   {"radtan", LensModel::kBrown4},
+                                                                   {"rationalpolynomial", LensModel::kRational8},
+                                                                   {"fisheye", LensModel::kKannalaBrandt4},
+                                                                   {"equidistant", LensModel::kKannalaBrandt4},
+                                                                   {"kannalabrandt", LensModel::kKannalaBrandt4},
+                                                                   {"ds", LensModel::kDoubleSphere}};
+  constexpr std::string_view kPrefix = "lensmodel";
+  std::string plain = PlainWord(text);
+  if (plain.rfind(kPrefix, 0) == 0) plain.erase(0, kPrefix.size());
+  for (const auto& [name, model] : kElsewhere) {
+    if (plain == name) return "; " + text + " is " + std::string(ToString(model)) + " here";
+  }
+  return "";
+}
+
+}  // namespace
+
 void FromString(const std::string& text, const std::string& option, std::optional<LensModel>* model) {
   const std::optional<LensModel> named = LensModelFromString(text);
   if (!named && PlainWord(text) != "auto")
-    throw UsageError("option '" + option + "' " + text + ": no such lens model; there are auto, " + LensModelNames());
+    throw UsageError("option '" + option + "' " + text + ": no such lens model; there are auto, " + LensModelNames() +
+                     NameElsewhere(text));
   *model = named;
 }
 

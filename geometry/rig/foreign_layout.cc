@@ -21,6 +21,7 @@ struct Layout {
 std::string ForeignLayout(std::string_view text) {
   const auto starts = [&](std::string_view magic) { return text.substr(0, magic.size()) == magic; };
   if (starts("PK\x03\x04")) return "a zip archive, such as NumPy's .npz";
+  if (starts("\x1f\x8b")) return "a file that gzip packed (gunzip unpacks it)";
   if (starts("\x93NUMPY")) return "a NumPy array (.npy)";
   if (starts("\x89HDF")) return "an HDF5 file";
   if (starts("MATLAB")) return "a MATLAB file (.mat)";

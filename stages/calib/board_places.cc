@@ -85,7 +85,9 @@ std::string BoardPlacesText(const PlacedBoards& placed) {
   for (size_t b = 1; b < std::min(placed.boards.size(), placed.first_from_board.size()); ++b) {
     const std::string name = calib::ToString(placed.boards[b]);
     const bool is_back = placed.front_of[b] >= 0;
-    text += (is_back ? "back of board " : "board ") + name;
+    const auto is_alike = [&](const calib::Board& board) { return calib::ToString(board) == name; };
+    const bool repeats = std::count_if(placed.boards.begin(), placed.boards.end(), is_alike) > 1;
+    text += (is_back ? "back of board " : "board ") + (repeats ? std::to_string(b) + " " : "") + name;
     if (!IsPlaced(placed.first_from_board[b])) {
       text += ": no frame shows it together with those before: its place is not known\n";
       continue;

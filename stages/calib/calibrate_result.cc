@@ -209,10 +209,11 @@ CommandResult DescribeFilmGain(const calib::CalibrateReport& report, const std::
                     {"num_boards", gain.cam_from_board.size()},
                     {"corner_before_px", FiniteOrNull(gain.before_px)},
                     {"corner_after_px", FiniteOrNull(gain.after_px)}});
+    const std::string before = std::isfinite(gain.before_px) ? Format("%.2f", gain.before_px) : "what is not determined";
     result.text += Format(
         "%s: %zu more boards, tilted, where its images lack corners would lower the uncertainty in their "
-        "corners from %.2f to %.2f px\n",
-        name.c_str(), gain.cam_from_board.size(), gain.before_px, gain.after_px);
+        "corners from %s to %.2f px\n",
+        name.c_str(), gain.cam_from_board.size(), before.c_str(), gain.after_px);
   }
   return result;
 }
@@ -239,18 +240,17 @@ namespace {
 
 std::string Volume(double mm) { return Format(", %.3f mm where the boards were", mm); }
 
-double HeldOutOrOwn(const calib::CameraReport& camera) {
-  return std::isfinite(camera.holdout_rms_px) ? camera.holdout_rms_px : camera.rms_px;
-}
+/// Held-out boards judge the lens, those of the rig its place, too.
+double LargerError(const calib::CameraReport& camera) { return std::fmax(camera.holdout_rms_px, camera.rms_px); }
 
 /// Of three cameras or more: the one to look at first, with how the others do.
 std::string WorstCamera(const calib::CalibrateReport& report) {
   if (report.cameras.size() < 3) return "";
   const auto worst = std::max_element(report.cameras.begin(), report.cameras.end(),
-                                      [](const auto& a, const auto& b) { return HeldOutOrOwn(a) < HeldOutOrOwn(b); });
+                                      [](const auto& a, const auto& b) { return LargerError(a) < LargerError(b); });
   std::vector<double> errors;
-  for (const calib::CameraReport& camera : report.cameras) errors.push_back(HeldOutOrOwn(camera));
-  return Format("worst camera: %s, %.3f px beside a median of %.3f px\n", worst->name.c_str(), HeldOutOrOwn(*worst),
+  for (const calib::CameraReport& camera : report.cameras) errors.push_back(LargerError(camera));
+  return Format("worst camera: %s, %.3f px beside a median of %.3f px\n", worst->name.c_str(), LargerError(*worst),
                 UpperMedian(std::move(errors)));
 }
 
@@ -278,7 +278,9 @@ std::string CalibrateSummary(const calib::CalibrateReport& report) {
   std::string text = "camera              model      focal px  +-      rms px  held-out px  edge +- px  boards  coverage\n";
   for (size_t i = 0; i < report.cameras.size(); ++i) {
     const calib::CameraReport& c = report.cameras[i];
-    const std::string sigma = LensSigmaKnown(report, i) ? Format("%.2f", c.focal_sigma_px) : "?";
+    const std::string held =
+        c.focal_sigma_px == 0 ? "-" : Format("%.2f", c.focal_sigma_px);  // splined lenses have no focal length
+    const std::string sigma = LensSigmaKnown(report, i) ? held : "?";
     text += Format("%-19s %-9s %9s  %-6s %7.3f  %11s  %10s  %6d  %6.0f %%\n", c.name.c_str(),
                    std::string(geometry::ToString(c.model)).c_str(), FocalText(report, i).c_str(), sigma.c_str(), c.rms_px,
                    Figure(c.holdout_rms_px, 3).c_str(), EdgeText(report, c.name).c_str(), c.num_views, 100 * c.coverage);

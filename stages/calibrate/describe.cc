@@ -143,7 +143,9 @@ CommandResult DescribeSolved(const CalibrateReport& report, const BoardCalibrati
   result.Add(DescribeBoardViews(solved, found.views));
   result.metrics["pairing"] = PairingJson(timeline);
   result.metrics["wall_s"] = found.wall_s;
-  if (solved.rig.cameras.size() > 1) result.text += PairingText(timeline);
+  const bool of_file = !report.options.corners.corners.empty();
+  if (solved.rig.cameras.size() > 1)
+    result.text += of_file ? "boards are paired by the time steps of the file of corners\n" : PairingText(timeline);
   result.text += CalibrateSummary(solved);
   return result;
 }

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "core/format.h"
 #include "core/join.h"
+#include "core/some_of.h"
 #include "core/units.h"
 
 namespace mvstudio::stages {
@@ -192,6 +194,33 @@ CommandResult DescribeProjections(const CompareReport& report) {
   return result;
 }
 
+/// metrics.differing: the cameras with a figure that is significant, and a sentence; nothing where no covariance says it.
+CommandResult DescribeSignificance(const CompareReport& report) {
+  std::map<std::string, double> most;  // by camera
+  const auto count = [&](const std::string& camera, double value, double expected) {
+    if (expected > 0 && std::isfinite(expected)) most[camera] = std::max(most[camera], value / expected);
+  };
+  for (size_t c = 0; c < report.poses.size(); ++c) {
+    count(report.cameras[c], report.poses[c].rotation_rad, report.expected_poses[c].rotation_rad);
+    count(report.cameras[c], report.poses[c].translation_m, report.expected_poses[c].translation_m);
+  }
+  for (const ComparedLenses& lenses : report.lenses)
+    for (size_t r = 0; r < lenses.diff.ranges.size(); ++r)
+      count(lenses.camera, lenses.diff.ranges[r].rms_px, lenses.expected_px[r]);
+  CommandResult result;
+  std::vector<std::string> differing;
+  ordered_json& names = result.metrics["differing"] = ordered_json::array();
+  for (const auto& [name, times] : most) {
+    if (times > kSignificant) names.push_back(name), differing.push_back(name + Format(" (%.1f times)", times));
+  }
+  if (most.empty()) return result;
+  result.text = differing.empty()
+                    ? Format("no camera differs by more than %g times what both covariances let expect: no sign of a change\n",
+                             kSignificant)
+                    : "more than both covariances let expect: " + SomeOf(differing) + "\n";
+  return result;
+}
+
 /// The rigid motion leaves one or two cameras or coincident ones alone: said, and the lenses are compared all the same.
 CommandResult DescribeCompared(const CompareReport& report) {
   CommandResult result;
@@ -208,6 +237,7 @@ CommandResult DescribeCompared(const CompareReport& report) {
     result.text += std::to_string(report.cameras.size()) + " cameras, after the best rigid alignment\n";
   }
   result.Add(DescribeProjections(report));
+  result.Add(DescribeSignificance(report));
   return result;
 }
 

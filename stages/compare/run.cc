@@ -6,6 +6,7 @@
 
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/some_of.h"
 #include "geometry/rig/rig_covariance.h"
 
 namespace mvstudio::stages {
@@ -77,11 +78,12 @@ CompareReport RunCompare(const CompareOptions& options) {
   if (rig.cameras.size() == 1 && reference.cameras.size() == 1) {
     rig.cameras[0].camera.name = reference.cameras[0].camera.name;  // whatever their names: nothing else can be meant
   }
+  const std::vector<std::string> rig_names = geometry::CameraNames(rig), reference_names = geometry::CameraNames(reference);
   report.only_in_rig = KeepCommon(reference, &rig);
   report.only_in_reference = KeepCommon(rig, &reference);
   if (rig.cameras.empty()) {
-    throw UsageError(options.rig + " and " + options.reference +
-                     ": no camera name is in both; use calib convert option 'rename'");
+    throw UsageError(options.rig + " and " + options.reference + ": no camera name is in both (" + SomeOf(rig_names) +
+                     " beside " + SomeOf(reference_names) + "); give them one name: calib convert option 'rename' OLD=NEW");
   }
   report.cameras = geometry::CameraNames(reference);
   report.difference = geometry::CompareRigs(rig, reference);

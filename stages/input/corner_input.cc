@@ -146,6 +146,33 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Inpu
   return corners;
 }
 
+/// Refuses those of `options` (name, whether it was given) that have no effect on this source of corners.
+void RefuseUseless(const std::vector<std::pair<const char*, bool>>& options, const std::string& why) {
+  std::vector<std::string> given;
+  for (const auto& [name, is_given] : options) {
+    if (is_given) given.push_back("option '" + std::string(name) + "'");
+  }
+  if (!given.empty()) throw UsageError(Join(given, ", ") + " has no effect here: " + why + "; leave it out");
+}
+
+void RefuseSearchOptions(const calib::FootageOptions& search) {
+  const calib::FootageOptions standard;
+  RefuseUseless({{"every", search.every != standard.every},
+                 {"max-frames", search.max_frames != standard.max_frames},
+                 {"detector", search.detect.detector != standard.detect.detector},
+                 {"min-corners", search.detect.min_corners != standard.detect.min_corners},
+                 {"max-misfit", search.detect.max_misfit != standard.detect.max_misfit}},
+                "nothing is searched, all corners of the file are taken");
+}
+
+void RefuseFileOptions(const calib::CornerFileOptions& file) {
+  RefuseUseless({{"corners-format", file.format != calib::CornerFormat::kAuto},
+                 {"corners-unit", file.unit != calib::LengthUnit::kMetre},
+                 {"corners-camera", !file.cameras.empty()},
+                 {"size", !file.sizes.empty()}},
+                "it is of a file of corners (option 'corners'), and footage says it itself");
+}
+
 /// Two cameras with one file would stand in one place, which nothing else contradicts.
 void RequireOwnFootage(const calib::CalibrateInput& input) {
   if (const auto same = calib::FindSameCorners(input)) throw UsageError(ToString(*same));
@@ -188,6 +215,7 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
   }
   SayMirrored(arguments.mirrored, notes);
   if (arguments.corners.empty()) {
+    RefuseFileOptions(arguments.corner_files);
     CornerInput detected = Detect(arguments, run, notes);
     RequireOwnFootage(detected.input);
     return detected;
@@ -195,6 +223,7 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
   if (!arguments.cameras.empty())
     throw UsageError("give either option 'camera' (footage) or option 'corners' (a file), not both");
   if (arguments.boards.size() > 1) throw UsageError("option 'corners' takes one option 'board' at most");
+  RefuseSearchOptions(arguments.footage);
   calib::CornerFileOptions options = arguments.corner_files;
   if (!arguments.boards.empty()) options.board = arguments.boards[0];
   const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);

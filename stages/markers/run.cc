@@ -8,7 +8,7 @@ namespace {
 
 void RequirePlaces(const PointsArguments& points, const std::string& out) {
   if (points.path.empty()) throw UsageError("name the points: a folder of triangulate, its points.csv, or a file of markers");
-  if (out.empty()) throw UsageError("option 'out' is required");
+  if (out.empty()) throw UsageError("option 'out' is required: the folder (or the file) to write, e.g. option 'out' markers");
 }
 
 std::vector<std::string> MarkerInputs(const PointsArguments& points) { return {points.path, points.skeleton}; }

@@ -36,7 +36,8 @@ const Format3d& FormatNamed(const std::string& word) {
   for (const Format3d& format : kFormats) {
     if (word == format.word) return format;
   }
-  throw UsageError("option 'to' " + word + ": must be one of trc, c3d, bvh, csv, wide, npz, sto, pose3d");
+  throw UsageError("option 'to' " + word + ": must be one of trc, c3d, bvh, csv, wide, npz, sto, pose3d" +
+                   (word.find(',') == std::string::npos ? "" : "; mvstudio markers writes several at once"));
 }
 
 std::string Chosen(const std::string& asked, const char* custom, const char* possible, const char* option,

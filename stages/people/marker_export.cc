@@ -111,7 +111,8 @@ void CheckMarkerOptions(const MarkerOptions& options) {
   };
   for (const std::string& format : formats) {
     if (!has(KnownFormats(), format))
-      throw UsageError("option 'to': `" + format + "` is none of " + Join(KnownFormats(), ", "));
+      throw UsageError("option 'to': `" + format + "` is none of " + Join(KnownFormats(), ", ") +
+                       (format == "mot" ? "; angles writes the .mot" : ""));
   }
   if (formats.empty()) throw UsageError("option 'to': name at least one of " + Join(KnownFormats(), ", "));
   if (options.opensim && !has(formats, "trc")) throw UsageError("option 'opensim' needs trc among the formats of option 'to'");

@@ -192,6 +192,16 @@ TEST(ParseBoard, TakesOtherSpellings) {
   for (const auto& [other, ours] : same) EXPECT_EQ(ToString(ParseBoard(other)), ToString(ParseBoard(ours))) << other;
 }
 
+TEST(ParseBoard, FootageInItsPlaceIsNamed) {
+  const testing::TempDir folder;
+  WriteFileAtomic(folder / "left01.jpg", "");
+  for (const std::string& text : {folder / "left01.jpg", folder / ""}) {
+    const std::string refused = testing::MessageOf<UsageError>([&] { ParseBoard(text); });
+    EXPECT_NE(refused.find("is a file or folder"), std::string::npos) << refused;
+    EXPECT_NE(refused.find("option 'camera' NAME=PATH"), std::string::npos) << refused;
+  }
+}
+
 TEST(ParseBoard, SaysTheReasonFirstAndTheFormOfThisKind) {
   const std::string refusal = Refusal("chessboard:9x6:25");
   EXPECT_NE(refusal.find("has no unit: write 25mm"), std::string::npos) << refusal;

@@ -51,6 +51,13 @@ constexpr char kVnl[] =
     "cam0-0003.jpg 11 20 0\ncam0-0003.jpg 31 20 0\ncam0-0003.jpg 11 40 0\ncam0-0003.jpg 31 40 0\n"
     "cam0-0004.jpg - - -\n";
 
+TEST(CornerFiles, OneThatIsPackedIsNamed) {
+  TempDir folder;
+  const std::string path = Write(folder, "corners.csv.gz", "\x1f\x8b\x08 packed");
+  EXPECT_SAYS(MessageOf<FormatError>([&] { ReadCornerFile(path); }),
+              "it looks like a file that gzip packed (gunzip unpacks it)");
+}
+
 TEST(Vnl, LevelsBecomeSigmasAndMissingCornersAreSkipped) {
   TempDir folder;
   const CornerFile file = ReadCornerFile(Write(folder, "a.vnl", kVnl), WithBoard(Grid(2, 2, 0.1)));

@@ -70,6 +70,17 @@ TEST(FilmNext, NamesTheEmptyPartOfTheImage) {
       "board there, tilted about its vertical axis; the nearest board was 1 m away");
 }
 
+TEST(FilmNext, CornersThatAreAllMissingAreOneWord) {
+  std::vector<FilmedBoard> boards;
+  for (const FilmedBoard& good : Good(0)) {
+    boards.push_back(Filmed(0, good.frame_idx, 4, 6, 3, 5, Eigen::Vector3d::Zero(), good.range_m));
+    boards.back().cam_from_board = good.cam_from_board;
+  }
+  const auto hints = FilmNext(Cameras(1), boards);
+  ASSERT_FALSE(hints.empty());
+  EXPECT_EQ(hints[0].brief, "show the board at all four corners and all four sides of the image");
+}
+
 TEST(FilmNext, AsksForTiltsAboutTheMissingAxisOnly) {
   std::vector<FilmedBoard> boards = Good(0);
   for (FilmedBoard& board : boards) board.cam_from_board->rotation = geometry::RotationExp({0.6, 0, 0});  // about image x

@@ -126,6 +126,28 @@ TEST(CalibCompare, FocalLengthAndLimits) {
   }
 }
 
+TEST(CalibCompare, WhatBothCovariancesLetExpectIsNoChange) {
+  const TempDir folder;
+  const auto compare = [&](double sigma_px) {
+    geometry::Rig rig = geometry::ReadRig(WriteTruth(folder, SceneWith(3)));
+    for (geometry::RigCamera& camera : rig.cameras) {
+      const Eigen::Index n = camera.camera.params.size();
+      camera.params_covariance = Eigen::MatrixXd::Identity(n, n) * sigma_px * sigma_px * 1e-6;
+      camera.params_covariance->topLeftCorner<4, 4>() *= 1e6;
+    }
+    geometry::WriteRig(rig, folder / "a.json");
+    rig.cameras[1].camera.params.head<2>() *= 1.01;
+    geometry::WriteRig(rig, folder / "b.json");
+    return RunCli({"calib", "compare", folder / "a.json", folder / "b.json", "--json"});
+  };
+  const CliRun change = compare(0.1), none = compare(100);
+  const std::string name = geometry::ReadRig(folder / "b.json").cameras[1].camera.name;
+  EXPECT_EQ(change.Json()["metrics"]["differing"], nlohmann::json::array({name})) << change.err;
+  EXPECT_EQ(none.Json()["metrics"]["differing"], nlohmann::json::array()) << none.err;
+  const CliRun text = RunCli({"calib", "compare", folder / "a.json", folder / "b.json"});
+  EXPECT_NE(text.out.find("no camera differs by more than 2 times"), std::string::npos) << text.out;
+}
+
 std::string WriteCorners(const TempDir& folder, const Scene& scene) {
   const calib::CalibrateInput input = ToInput(scene);
   calib::CornerFile corners;

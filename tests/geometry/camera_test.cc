@@ -14,6 +14,17 @@ TEST(LensModel, NamesGoBothWays) {
   for (const LensModel model : kAllLensModels) EXPECT_EQ(LensModelFromString(ToString(model)), model);
   EXPECT_FALSE(LensModelFromString("fisheye"));
   EXPECT_FALSE(LensModelFromString(""));
+  std::optional<LensModel> model;
+  for (const auto& [name, here] : {std::pair("opencv8", "rational8"), std::pair("LENSMODEL_OPENCV4", "brown4"),
+                                   std::pair("equidistant", "kannala4"), std::pair("ds", "doublesphere")}) {
+    const std::string words = std::string(name) + " is " + here + " here";
+    try {
+      FromString(name, "model", &model);
+      ADD_FAILURE() << name;
+    } catch (const UsageError& error) {
+      EXPECT_NE(std::string(error.what()).find(words), std::string::npos) << error.what();
+    }
+  }
 }
 
 TEST(LensModel, ParamNamesFollowOpenCv) {

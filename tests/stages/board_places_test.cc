@@ -86,6 +86,11 @@ TEST(BoardPlaces, ABoardThatNothingLinksIsSaid) {
   const PlacedBoards placed = {boards, {geometry::Rigid3(), geometry::Rigid3()}, {0, 0}, {-1, -1}};
   EXPECT_THAT(BoardPlacesText(placed), HasSubstr("tag:4x4_50:1:60mm: no frame shows it together"));
   EXPECT_TRUE(BoardPlacesJson(placed)[0]["place"].is_null());
+  const std::vector<calib::Board> alike(3, calib::ParseBoard("grid:9x9:30mm"));
+  const std::vector<geometry::Rigid3> nowhere(3);
+  const std::string text = BoardPlacesText({alike, nowhere, {0, 0, 0}, {-1, -1, -1}});
+  EXPECT_THAT(text, HasSubstr("board 1 grid:9x9:30mm: no frame")) << "each by its number";
+  EXPECT_THAT(text, HasSubstr("board 2 grid:9x9:30mm: no frame"));
 }
 
 }  // namespace

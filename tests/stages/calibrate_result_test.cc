@@ -24,6 +24,27 @@ TEST(CalibrateResult, AVerdictAsJson) {
   EXPECT_EQ(VerdictLine(verdict), "verdict: fail: third (CAL-C) and 1 more\n");
 }
 
+/// A held-out board is of the lens alone: a camera that contradicts the others has its error in the rig.
+TEST(CalibrateResult, TheWorstCameraIsTheWorseOfHeldOutAndRig) {
+  calib::CalibrateReport report;
+  const double rms[] = {0.3, 2.6, 1.1}, held_out[] = {0.5, 0.6, 1.5};
+  for (int c = 0; c < 3; ++c) {
+    calib::CameraReport camera;
+    camera.name = std::string(1, static_cast<char>('a' + c)), camera.focal_px = 1000;
+    camera.rms_px = rms[c], camera.holdout_rms_px = held_out[c];
+    report.rig.cameras.push_back(triangulate::LookAt(camera.name, {1.0 * c, 3, 0}, {1.0 * c, 0, 0}));
+    report.cameras.push_back(camera);
+  }
+  EXPECT_THAT(CalibrateSummary(report), HasSubstr("worst camera: b, 2.600 px beside a median of 1.500 px"));
+}
+
+TEST(CalibrateResult, WhatIsNotDeterminedYetIsSaid) {
+  calib::CalibrateReport report;
+  report.cameras.emplace_back().name = "a";
+  const CommandResult result = DescribeFilmGain(report, {{0, {}, std::nan(""), 1.19}});
+  EXPECT_THAT(result.text, HasSubstr("from what is not determined to 1.19 px"));
+}
+
 TEST(CalibrateResult, ASigmaThatIsNotKnownIsNeitherShownNorZero) {
   calib::CalibrateReport report;
   for (const double x : {0.0, 1.5}) {

@@ -88,6 +88,20 @@ TEST(CornerInputs, ContradictionsAreRefusedByName) {
   EXPECT_THAT(refused({board, board}, {}, "corners.csv"), HasSubstr("option 'corners' takes one option 'board'"));
 }
 
+TEST(CornerInputs, OptionsWithoutEffectAreRefused) {
+  CornerArguments arguments;
+  arguments.corners = "corners.csv";
+  arguments.footage.every = 5, arguments.footage.detect.max_misfit = 0.1;
+  CommandResult result;
+  EXPECT_THAT(MessageOf<UsageError>([&] { ReadCornerInput(arguments, {}, &result); }),
+              HasSubstr("option 'every', option 'max-misfit' has no effect here: nothing is searched"));
+  CornerArguments footage;
+  footage.boards = {calib::ParseBoard("chessboard:4x3:25mm")}, footage.cameras = {{"a", "a.mp4"}};
+  footage.corner_files.sizes = {{"", 640, 480}};
+  EXPECT_THAT(MessageOf<UsageError>([&] { ReadCornerInput(footage, {}, &result); }),
+              HasSubstr("option 'size' has no effect here"));
+}
+
 TEST(CornerInputs, ABoardThatLooksTheSameAfterHalfATurnIsToldOf) {
   const TempDir folder;
   const auto warnings = [&](const std::string& board) {

@@ -10,9 +10,11 @@
 #include <limits>
 #include <set>
 
+#include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/support/message_of.h"
+#include "tests/support/temp_dir.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -31,6 +33,16 @@ TEST(Words, AWordWithoutNameOrPathIsRefusedByItself) {
     EXPECT_THAT(MessageOf<UsageError>([&] { SplitNamePath("option 'video'", word); }), HasSubstr("option 'video' " + word));
   }
   EXPECT_THAT(MessageOf<UsageError>([] { SplitNamePath("option 'video'", "\xff\xfe=a.mp4"); }), HasSubstr("UTF-8"));
+}
+
+TEST(Words, WhatWasProbablyMeantIsNamed) {
+  EXPECT_THAT(MessageOf<UsageError>([] { SplitNamePath("option 'camera'", "img/left01.jpg"); }),
+              HasSubstr("a pattern in quotes: option 'camera' cam_01='img/*.jpg'"));
+  const mvstudio::testing::TempDir folder;
+  for (const char* camera : {"cam02", "cam01"}) WriteFileAtomic(folder / camera + "/0_keypoints.json", "{}");
+  const std::string refused = MessageOf<UsageError>([&] { SplitNamePath("option 'pose2d'", folder / ""); });
+  EXPECT_THAT(refused, HasSubstr("e.g. option 'pose2d' cam_01=pose/cam01_json"));
+  EXPECT_LT(refused.find("cam01=" + folder / "cam01"), refused.find("cam02=" + folder / "cam02"));
 }
 
 TEST(Words, ANamedPathIsWrittenAsItIsRead) {
