@@ -158,6 +158,7 @@ MAY_INCLUDE |= {
     "stages/session": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/tradeoff": WITHOUT_TORCH | {"stages", "stages/input", "stages/people", "stages/study"},
     "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input", "stages/scores"},
