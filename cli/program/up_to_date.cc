@@ -142,13 +142,14 @@ Json LastLine(const std::string& file, const std::string& key) {
   return last;
 }
 
-/// Of its result file, unless that is of another run by now.
-CommandResult ResultOfRun(const std::string& folder, const Json& line) {
+/// Of its result file, unless that is of another run by now: then only where it is no output itself.
+std::optional<CommandResult> ResultOfRun(const std::string& folder, const Json& line, bool is_output) {
   const std::string file = folder + "/" + ResultName(line.at("command").get<std::string>());
   const int exit = line.at("exit").get<int>();
   Json json = fs::is_regular_file(file) ? Json::parse(ReadFile(file), nullptr, false) : Json();
   const bool same = json.is_object() && json.value("argv", Json()) == line.at("argv") &&
                     json.value("timing", Json::object()).value("wall_s", Json()) == line.at("wall_s");
+  if (is_output && !same) return std::nullopt;
   CommandResult result = ResultFromJson(same ? json : Json::object({{"outputs", line.at("outputs")}}), exit);
   result.unchanged_since = line.at("time").get<std::string>();
   result.text = "up to date: nothing changed since " + result.unchanged_since;
@@ -159,12 +160,13 @@ std::optional<CommandResult> ResultBeside(const std::string& folder, const std::
   const Json line = LastLine(folder + "/provenance.jsonl", key);
   if (!line.is_object()) return std::nullopt;
   const Json &reads = line.at("record").at("reads"), &writes = line.at("record").at("writes");
+  const bool is_record = path == folder + "/" + ResultName(line.at("command").get<std::string>());
   const bool wrote_it = std::any_of(writes.begin(), writes.end(), [&](const Json& write) {
     const std::string written = write.at("path").get<std::string>();
     return IsAtOrBelow(path, written) || IsAtOrBelow(written, path);
   });
-  if (!wrote_it || !AreAsTheyWere(writes) || !AreAsTheyWere(reads)) return std::nullopt;
-  return ResultOfRun(folder, line);
+  if ((!wrote_it && !is_record) || !AreAsTheyWere(writes) || !AreAsTheyWere(reads)) return std::nullopt;
+  return ResultOfRun(folder, line, is_record);
 }
 
 }  // namespace
@@ -194,7 +196,6 @@ Json RecordOfLine(const Registry::Entry& entry, const GlobalOptions& global, con
     const PathSet inputs = InputsOfLine(entry, line, result, trace);
     PathSet written = trace.published();
     for (auto at = written.begin(); at != written.end();) at = fs::exists(*at) ? std::next(at) : written.erase(at);
-    if (written.empty()) return nullptr;
     return {
         {"key", line.key}, {"reads", PrintsOf(inputs, written, begun_ns)}, {"writes", PrintsOf(written, written, begun_ns)}};
   } catch (const NotJudged&) {
