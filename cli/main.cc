@@ -55,7 +55,7 @@ void PrintForPerson(const CommandResult& result) {
   std::string written;
   for (const auto& output : result.outputs) {
     const bool small = output.role == "heldout-picture" || output.role == "board-view" || output.role == "joint-view";
-    if (!small) written += OneLine("Wrote " + output.path) + "\n";
+    if (!small) written += OneLine((result.unchanged_since.empty() ? "Wrote " : "Kept ") + output.path) + "\n";
   }
   PrintOut(written);
 }

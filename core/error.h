@@ -23,6 +23,16 @@ class UsageError : public Error {
   using Error::Error;
 };
 
+/// A result that is there already and is kept, because nobody asked to replace it (exit code 2).
+class ResultExistsError : public UsageError {
+ public:
+  ResultExistsError(const std::string& path, const std::string& message) : UsageError(message), path_(path) {}
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
 /// A file or device that cannot be opened, read or written (exit code 3).
 class IoError : public Error {
  public:

@@ -39,6 +39,7 @@ struct CommandResult : InputNotes {
   std::string text;  ///< printed to stdout without --json
   std::string
       folder;  ///< when set: the whole result is kept as folder/<command>.result.json and provenance.jsonl gets a line there
+  std::string unchanged_since;  ///< UTC; of an earlier run of the same command line: nothing was done, and nothing is kept
 
   /// Appends what a part of the command has to say; its exit code, if it has one, and its metrics replace those of the same
   /// name.

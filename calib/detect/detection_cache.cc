@@ -9,6 +9,7 @@
 
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
+#include "core/disk/trace.h"
 #include "core/error.h"
 #include "core/fields.h"
 #include "core/hash/sha256.h"
@@ -203,6 +204,7 @@ DetectionCache::DetectionCache(const CachePlace& place) {
 std::optional<StoredFootage> DetectionCache::Load(const std::string& key) const {
   std::error_code ignored;
   if (!enabled() || !fs::is_regular_file(PathOf(key), ignored)) return std::nullopt;
+  const UntracedScope untraced;
   try {
     return Decode(ReadFile(PathOf(key)));
   } catch (const Damaged&) {
@@ -215,6 +217,7 @@ std::optional<StoredFootage> DetectionCache::Load(const std::string& key) const 
 
 void DetectionCache::Store(const std::string& key, const StoredFootage& footage) const {
   if (!enabled()) return;
+  const UntracedScope untraced;
   try {
     WriteFileAtomic(PathOf(key), Encode(footage));
   } catch (const std::exception& error) {

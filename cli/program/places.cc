@@ -28,6 +28,8 @@ void CheckFile(const std::string& path) {
 
 }  // namespace
 
+bool IsOutput(CLI::Option* option) { return HasMark(option, kFileMark) || HasMark(option, kPlaceMark); }
+
 void CheckPlaces(const Registry::Entry& entry) {
   if (entry.name == "models list") return;  // only reads there
   for (CLI::Option* option : entry.app->get_options([](const CLI::Option*) { return true; })) {

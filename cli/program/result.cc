@@ -50,6 +50,13 @@ Json NoticesToJson(const std::vector<Notice>& notices) {
   return list;
 }
 
+std::vector<Notice> NoticesFrom(const Json& list) {
+  std::vector<Notice> notices;
+  for (const Json& item : list)
+    notices.push_back({item.value("code", ""), item.value("text", ""), item.value("hint", ""), item.contains("level")});
+  return notices;
+}
+
 double PeakRssMb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
@@ -85,29 +92,43 @@ Json ResultToJson(const std::string& command, const CommandResult& result, doubl
     if (!output.role.empty()) item["role"] = output.role;
     outputs.push_back(item);
   }
-  return {{"schema", "mvstudio.result/1"},
-          {"command", command},
-          {"version", MVSTUDIO_VERSION},
-          {"status", StatusName(result)},
-          {"exit", result.exit},
-          {"metrics", result.metrics},
-          {"outputs", outputs},
-          {"warnings", NoticesToJson(result.warnings)},
-          {"errors", NoticesToJson(result.errors)},
-          {"timing", {{"wall_s", wall_s}, {"peak_rss_mb", PeakRssMb()}}},
-          {"argv", argv}};
+  Json json = {{"schema", "mvstudio.result/1"},
+               {"command", command},
+               {"version", MVSTUDIO_VERSION},
+               {"status", StatusName(result)},
+               {"exit", result.exit},
+               {"metrics", result.metrics},
+               {"outputs", outputs},
+               {"warnings", NoticesToJson(result.warnings)},
+               {"errors", NoticesToJson(result.errors)},
+               {"timing", {{"wall_s", wall_s}, {"peak_rss_mb", PeakRssMb()}}},
+               {"argv", argv}};
+  if (!result.unchanged_since.empty()) json["unchanged_since"] = result.unchanged_since;
+  return json;
+}
+
+CommandResult ResultFromJson(const Json& json, int exit) {
+  CommandResult result;
+  result.exit = exit;
+  result.metrics = json.value("metrics", Json::object());
+  for (const Json& item : json.value("outputs", Json::array()))
+    result.outputs.push_back({item.value("path", ""), item.value("role", "")});
+  result.warnings = NoticesFrom(json.value("warnings", Json::array()));
+  result.errors = NoticesFrom(json.value("errors", Json::array()));
+  return result;
 }
 
 namespace {
 
 Json ProvenanceLine(const std::string& command, const CommandResult& result, const Json& json,
-                    const std::vector<std::string>& argv) {
+                    const std::vector<std::string>& argv, const Json& record) {
   Json line = {{"time", UtcNow()}, {"command", command}, {"version", MVSTUDIO_VERSION}, {"argv", argv}, {"exit", result.exit}};
   line["inputs"] = Json::array();
   line["outputs"] = Json::array();
   for (const std::string& input : result.inputs) line["inputs"].push_back(stages::FingerprintJson(input));
   for (const auto& output : result.outputs) line["outputs"].push_back(stages::FingerprintJson(output.path));
   line["wall_s"] = json["timing"]["wall_s"];
+  if (!record.is_null()) line["record"] = record;
   return line;
 }
 
@@ -156,7 +177,8 @@ CommandResult PathResult(const std::string& text) {
 
 std::string JsonText(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"; }
 
-void KeepResult(const std::string& command, CommandResult* result, const Json& json, const std::vector<std::string>& argv) {
+void KeepResult(const std::string& command, CommandResult* result, const Json& json, const std::vector<std::string>& argv,
+                const Json& record) {
   if (result->folder.empty()) return;
   std::string name = command;
   std::replace(name.begin(), name.end(), ' ', '_');
@@ -169,7 +191,7 @@ void KeepResult(const std::string& command, CommandResult* result, const Json& j
     }
   };
   keep([&] {
-    const Json line = RedactedJson(ProvenanceLine(command, *result, json, argv));
+    const Json line = RedactedJson(ProvenanceLine(command, *result, json, argv, record));
     AppendLine(result->folder + "/provenance.jsonl", line.dump(-1, ' ', false, Json::error_handler_t::replace));
   });
   keep([&] { WriteFileAtomic(result->folder + "/" + name + ".result.json", JsonText(RedactedJson(json))); });

@@ -11,13 +11,17 @@ namespace mvstudio::cli {
 nlohmann::ordered_json ResultToJson(const std::string& command, const CommandResult& result, double wall_s,
                                     const std::vector<std::string>& argv);
 
+/// What ResultToJson made of a result. Throws the library's exception for another object.
+CommandResult ResultFromJson(const nlohmann::ordered_json& json, int exit);
+
 /// The text that is printed and kept.
 std::string JsonText(const nlohmann::ordered_json& json);
 
 /// Keeps `<folder>/<command>.result.json` and appends a line to `<folder>/provenance.jsonl` (argv, version, hashes, time),
-/// redacted when that was asked for. Where that fails, the result gets a warning and stays what it is, but for a full disk.
+/// redacted when that was asked for. `record`: of RecordOfLine. Where that fails, the result gets a warning and stays what it
+/// is, but for a full disk.
 void KeepResult(const std::string& command, CommandResult* result, const nlohmann::ordered_json& json,
-                const std::vector<std::string>& argv);
+                const std::vector<std::string>& argv, const nlohmann::ordered_json& record);
 
 /// Turns the exception being handled into an error result with the exit code of its type.
 CommandResult ResultOfCurrentException();

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <optional>
+#include <utility>
 
 #include "cli/help/examples.h"
 #include "cli/help/short_help.h"
@@ -13,10 +15,12 @@
 #include "cli/program/places.h"
 #include "cli/program/redact.h"
 #include "cli/program/result.h"
+#include "cli/program/up_to_date.h"
 #include "core/check.h"
 #include "core/disk/lock.h"
 #include "core/disk/manifest.h"
 #include "core/disk/replace.h"
+#include "core/error.h"
 #include "stages/dataset/studio_names.h"
 
 namespace mvstudio::cli {
@@ -133,8 +137,26 @@ void FinishOutcome(LineOutcome& outcome, const CommandContext& context, double w
   NameFlags(&outcome.result);
   stages::NameCameras(context.camera_names, &outcome.result);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
-  KeepResult(outcome.command, &outcome.result, outcome.json, argv);
+  KeepResult(outcome.command, &outcome.result, outcome.json, argv, outcome.record);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
+}
+
+/// Runs the command, unless what it would make is there: then its earlier result is the result.
+void RunRecorded(const Registry::Entry& entry, const GlobalOptions& global, const RunEntry& run, CommandContext& context,
+                 LineOutcome* outcome) {
+  const std::chrono::nanoseconds begun = std::chrono::system_clock::now().time_since_epoch();
+  const DiskTrace trace;
+  try {
+    outcome->result = run(entry, context);
+  } catch (const ResultExistsError& kept) {
+    std::optional<CommandResult> earlier = EarlierResult(entry, global, kept.path());
+    if (!earlier) throw;
+    context.camera_names.clear();  // it calls the cameras so
+    outcome->result = std::move(*earlier);
+    return;
+  }
+  const bool known_again = !GoesOn(entry.name) && entry.name != "plan";  // a plan reads the state of a whole session
+  if (known_again) outcome->record = RecordOfLine(entry, global, outcome->result, trace, begun.count());
 }
 
 /// Fills `outcome` but for its JSON object.
@@ -167,7 +189,7 @@ void RunParsed(const std::vector<std::string>& words, const std::vector<std::str
       CheckPlaces(*entry);
       return entry->run(its);
     };
-    outcome->result = run(checked, context);
+    RunRecorded(checked, global, run, context, outcome);
   } catch (const CLI::CallForHelp&) {
     outcome->help = WrapHelp(app.help(), HelpWidth());
   } catch (const CLI::CallForAllHelp&) {

@@ -22,7 +22,8 @@ struct LineOutcome {
   std::string command;
   CommandResult result;
   nlohmann::ordered_json json;
-  std::string help;  ///< text of --help when that was asked for; nothing was run then
+  nlohmann::ordered_json record;  ///< of RecordOfLine
+  std::string help;               ///< text of --help when that was asked for; nothing was run then
 };
 
 /// Runs a command's entry, with a context that it completes.

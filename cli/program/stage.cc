@@ -1,5 +1,6 @@
 #include "cli/program/stage.h"
 
+#include "cli/program/result.h"
 #include "core/disk/files.h"
 #include "core/disk/lock.h"
 #include "core/disk/output.h"
@@ -27,25 +28,6 @@ LineOutcome RunHere(const std::vector<std::string>& words, const CommandContext&
   });
 }
 
-std::vector<Notice> NoticesFrom(const StageJson& list) {
-  std::vector<Notice> notices;
-  for (const StageJson& item : list)
-    notices.push_back({item.value("code", ""), item.value("text", ""), item.value("hint", "")});
-  return notices;
-}
-
-/// What ResultToJson made of a result.
-CommandResult ResultFrom(const StageJson& json, int exit) {
-  CommandResult result;
-  result.exit = exit;
-  result.metrics = json.value("metrics", StageJson::object());
-  for (const StageJson& item : json.value("outputs", StageJson::array()))
-    result.outputs.push_back({item.value("path", ""), item.value("role", "")});
-  result.warnings = NoticesFrom(json.value("warnings", StageJson::array()));
-  result.errors = NoticesFrom(json.value("errors", StageJson::array()));
-  return result;
-}
-
 LineOutcome RunChild(const std::vector<std::string>& words, const StageOptions& options) {
   ReleaseIdleOutputs();
   const ScratchFolder scratch(options.folder);
@@ -59,7 +41,7 @@ LineOutcome RunChild(const std::vector<std::string>& words, const StageOptions& 
   outcome.json = StageJson::parse(text, nullptr, false);
   if (!outcome.json.is_object()) throw FormatError(out, "", "is no result of mvstudio");
   outcome.command = outcome.json.value("command", "");
-  outcome.result = ResultFrom(outcome.json, outcome.result.exit);
+  outcome.result = ResultFromJson(outcome.json, outcome.result.exit);
   return outcome;
 }
 

@@ -21,6 +21,7 @@
 #include "core/disk/parents.h"
 #include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
+#include "core/disk/trace.h"
 #include "core/error.h"
 
 namespace mvstudio {
@@ -194,6 +195,7 @@ std::string ReadFile(const std::string& path) {
   struct stat info {};
   if (file.fd < 0 || fstat(file.fd, &info) != 0) ThrowErrno(path, "cannot open", errno);
   if (S_ISDIR(info.st_mode)) throw IoError(path, "is a folder, a file was expected");
+  TraceRead(path);
   if (S_ISFIFO(info.st_mode)) return ReadPipe(file.fd, path);
   if (!S_ISREG(info.st_mode)) throw FormatError(path, "", "is a device or a socket; a file was expected");
   return ReadRegular(file.fd, path, static_cast<size_t>(std::max<off_t>(info.st_size, 0)));

@@ -20,6 +20,7 @@
 #include "core/disk/replace.h"
 #include "core/disk/system_calls.h"
 #include "core/disk/temporary.h"
+#include "core/disk/trace.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/log.h"
@@ -139,6 +140,7 @@ void CommitTogether(const std::vector<AtomicFile*>& files) {
   for (const AtomicFile* file : outside) RequireReplaceable(file->path_);
   if (!replacements.empty()) internal::Publish(replacements);
   internal::RecordResults(PathsOf(replacements));
+  for (const internal::Replacement& replacement : replacements) TracePublished(replacement.path);
   for (AtomicFile* file : files) {
     file->committed_ = true;
     internal::UnregisterTemporary(file->temporary_);
@@ -157,6 +159,7 @@ void PlaceLink(const std::string& target, const std::string& given) {
     RemoveEmpty(made);
     ThrowErrno(path, "cannot make the link", code);
   }
+  TracePublished(path);
 }
 
 namespace {
@@ -196,7 +199,8 @@ AtomicFolder::AtomicFolder(const std::string& path, bool overwrite, const std::v
   if (internal::Exists(path_) && !fs::is_directory(path_)) throw UsageError(path + ": is a file; a folder goes there");
   lock_ = std::make_unique<OutputLock>(path_);
   if (internal::Exists(path_) && !fs::is_empty(path_)) {
-    if (!overwrite_) throw UsageError(path + ": exists already; choose another option 'out' or pass option 'overwrite'");
+    if (!overwrite_)
+      throw ResultExistsError(path_, path + ": exists already; choose another option 'out' or pass option 'overwrite'");
     RequireOurs({path_});
   }
   MakeFolder(internal::ParentOf(path_));
@@ -226,6 +230,7 @@ void AtomicFolder::Commit() {
     throw;
   }
   RemoveOld();
+  TracePublished(path_);
 }
 
 void AtomicFolder::SwapBack() {

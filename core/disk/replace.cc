@@ -63,8 +63,9 @@ void RequireNoResult(const std::string& path) {
     if (Shared().written.count(internal::Normal(path)) > 0) return;
   }
   const std::string writer = WriterOf(path);
-  throw UsageError(path + ": is a result of an earlier run" + (writer.empty() ? "" : " of `mvstudio " + writer + "`") +
-                   "; choose another option 'out' or pass option 'overwrite'");
+  throw ResultExistsError(path, path + ": is a result of an earlier run" +
+                                    (writer.empty() ? "" : " of `mvstudio " + writer + "`") +
+                                    "; choose another option 'out' or pass option 'overwrite'");
 }
 
 void RequireRoomIn(const std::string& folder) {

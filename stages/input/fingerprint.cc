@@ -23,6 +23,7 @@ constexpr uintmax_t kMaxHashedBytes = 2ull << 30;
 struct Found {
   std::vector<std::string> files;
   uintmax_t bytes = 0;
+  bool links = false;  ///< to folders, which are not followed
   size_t num_faults = 0;
   std::string first_fault;
 
@@ -60,7 +61,9 @@ void AddFolder(const std::string& path, Found* found) {
         found->AddFault(name, std::generic_category().message(errno));
         at.disable_recursion_pending();
       }
-    } else if (!fs::is_directory(name, error) && !IsRecord(at->path().filename().string())) {
+    } else if (fs::is_directory(name, error)) {
+      found->links = true;
+    } else if (!IsRecord(at->path().filename().string())) {
       AddFile(name, found);
     }
     at.increment(error);
@@ -89,20 +92,31 @@ Found Find(const std::string& path) {
 
 std::string NameIn(const std::string& path, const std::string& file) { return file.substr(std::min(path.size(), file.size())); }
 
+bool IsFile(const std::string& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+/// Of what is behind a link, not of its name.
+std::string ContentDigest(const std::string& file) {
+  return KnownDigest(fs::is_symlink(file) ? fs::canonical(file).string() : file).sha256;
+}
+
 std::string DigestOfList(const std::string& path, const std::vector<std::string>& files) {
   Sha256 all;
   for (const std::string& file : files) {
-    const std::string line = KnownDigest(file).sha256 + " " + NameIn(path, file) + "\n";
+    const std::string line = ContentDigest(file) + " " + NameIn(path, file) + "\n";
     all.Update(line.data(), line.size());
   }
   return all.HexDigest();
 }
 
-std::string StampOf(const std::string& path, const std::vector<std::string>& files) {
+std::string StampOf(const std::string& path, const std::vector<std::string>& files, int64_t* newest_ns) {
   Sha256 all;
   for (const std::string& file : files) {
     struct stat info {};
     if (stat(file.c_str(), &info) != 0) return "";
+    *newest_ns = std::max<int64_t>(*newest_ns, int64_t{1000000000} * info.st_mtim.tv_sec + info.st_mtim.tv_nsec);
     const std::string line = std::to_string(info.st_size) + " " + std::to_string(info.st_mtim.tv_sec) + "." +
                              std::to_string(info.st_mtim.tv_nsec) + " " + NameIn(path, file) + "\n";
     all.Update(line.data(), line.size());
@@ -116,11 +130,11 @@ std::string FaultText(const Found& found) {
 }
 
 void AddDigests(const Found& found, const Fingerprint* earlier, Fingerprint* print) {
-  print->stamp = StampOf(print->path, found.files);
+  print->stamp = StampOf(print->path, found.files, &print->newest_ns);
   if (earlier && !print->stamp.empty() && earlier->stamp == print->stamp) {
     print->sha256 = earlier->sha256;
   } else if (found.bytes <= kMaxHashedBytes) {
-    print->sha256 = found.files.size() == 1 ? KnownDigest(found.files.front()).sha256 : DigestOfList(print->path, found.files);
+    print->sha256 = IsFile(print->path) ? ContentDigest(print->path) : DigestOfList(print->path, found.files);
   }
 }
 
@@ -138,6 +152,7 @@ Fingerprint FingerprintOf(const std::string& path, const Fingerprint* earlier) {
     const Found found = Find(path);
     print.files = found.files.size();
     print.bytes = found.bytes;
+    print.links = found.links;
     if (found.num_faults > 0) {
       print.error = FaultText(found);
     } else if (!found.files.empty()) {
@@ -153,7 +168,7 @@ nlohmann::ordered_json FingerprintJson(const std::string& path) {
   const Fingerprint print = FingerprintOf(path);
   nlohmann::ordered_json item = {{"path", print.path}, {"files", print.files}, {"bytes", print.bytes}};
   if (!print.error.empty()) item["error"] = print.error;
-  if (!print.sha256.empty()) item[print.files == 1 ? "sha256" : "sha256_of_list"] = print.sha256;
+  if (!print.sha256.empty()) item[IsFile(path) ? "sha256" : "sha256_of_list"] = print.sha256;
   return item;
 }
 

@@ -77,9 +77,10 @@ std::vector<std::string> AvatarRun::Names() {
 
 void AvatarRun::RequireFree(bool overwrite) const {
   if ((fs::exists(checkpoint_path()) || avatar::HoldsGaussians(folder_)) && !overwrite) {
-    throw UsageError(
+    throw ResultExistsError(
+        folder_,
         "option 'out' " + folder_ +
-        " holds a trained avatar: choose another folder, continue it with `avatar resume`, or give option 'overwrite'");
+            " holds a trained avatar: choose another folder, continue it with `avatar resume`, or give option 'overwrite'");
   }
 }
 

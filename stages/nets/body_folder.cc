@@ -20,7 +20,8 @@ constexpr char kGlbFile[] = "body.glb", kTextureFile[] = "texture.png", kPicture
 
 BodyFolder::BodyFolder(const std::string& path, bool overwrite) : path_(path) {
   if (std::filesystem::exists(path + "/" + body::kPersonFileName) && !overwrite)
-    throw UsageError("option 'out' " + path + " holds a fitted body: choose another folder, or give option 'overwrite'");
+    throw ResultExistsError(path,
+                            "option 'out' " + path + " holds a fitted body: choose another folder, or give option 'overwrite'");
 }
 
 std::vector<std::string> BodyFolder::Names() { return {body::kPersonFileName, kGlbFile, kTextureFile, kPictureFile}; }

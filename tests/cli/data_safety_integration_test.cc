@@ -269,7 +269,7 @@ TEST_F(DataSafety, TriangulateReplacesItsThreeFilesTogether) {
   ASSERT_EQ(RunCli(Triangulate(out("pose3d"))).exit % 4, 0);
   const auto before = StateOf(out("pose3d"));
   Words words = Triangulate(out("pose3d"));
-  EXPECT_EQ(RunCli(words).exit, 2) << "an earlier result is kept";
+  EXPECT_EQ(RunCli(words + Words{"--seed", "2"}).exit, 2) << "an earlier result is kept";
   EXPECT_EQ(StateOf(out("pose3d")), before);
   words.push_back("--overwrite");
   ASSERT_EQ(RunCli(words).exit % 4, 0);

@@ -64,7 +64,8 @@ TEST(DatasetExport, SaysWhatIsWrongWithTheRightExitCode) {
   EXPECT_EQ(exit_of({folder / "nothing", "--to", "zju", "--out", out}, "no such folder"), 3);
   fs::remove(dataset.ImagePath("00_03", 246));
   EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out}, "1 images are not in the dataset"), 6);
-  EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out}, "exists already"), 2);
+  EXPECT_EQ(exit_of({d, "--to", "zju", "--out", out}, "up to date"), 6) << "it still lacks an image";
+  EXPECT_EQ(exit_of({d, "--to", "npz", "--out", out}, "exists already"), 2);
   EXPECT_EQ(exit_of({d, "--to", "trc", "--out", out, "--overwrite"}, "1 people"), 0);
   EXPECT_FALSE(fs::exists(out + "/annots.npy"));
 }

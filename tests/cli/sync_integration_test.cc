@@ -87,7 +87,11 @@ TEST(Sync, KeepsAnEarlierResult) {
   std::vector<std::string> words = WriteTake(folder, true);
   ASSERT_EQ(RunCli(words).exit, 0);
   const std::string good = Slurp(folder / "sync/sync.json"), told = Slurp(folder / "sync/sync.result.json");
-  const CliRun again = RunCli(words);
+  EXPECT_EQ(RunCli(words).exit, 0) << "nothing changed";
+  EXPECT_EQ(Slurp(folder / "sync/sync.result.json"), told);
+  std::vector<std::string> other = words;
+  other.insert(other.end(), {"--seed", "2"});
+  const CliRun again = RunCli(other);
   EXPECT_EQ(again.exit, 2);
   EXPECT_THAT(again.err, HasSubstr("is a result of an earlier run of `mvstudio sync`"));
   EXPECT_THAT(again.err, HasSubstr("--overwrite"));

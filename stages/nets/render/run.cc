@@ -65,7 +65,8 @@ class PictureSink {
       throw UsageError("option 'video' " + video_ + ": videos are written as .mp4");
     for (const std::string& view : views_) {
       if (!video_.empty() && !options.overwrite && fs::exists(VideoPath(view)))
-        throw UsageError("option 'video' " + VideoPath(view) + " is there: choose another name or give option 'overwrite'");
+        throw ResultExistsError(
+            VideoPath(view), "option 'video' " + VideoPath(view) + " is there: choose another name or give option 'overwrite'");
     }
     if (!video_.empty()) LockVideos();
     folder_path_ = !options.out.empty() ? options.out : video_.empty() ? options.run_folder + "/render" : "";
