@@ -149,14 +149,15 @@ void TakeScan(const InitArguments& arguments, Session* session, CommandResult* r
   if (!arguments.scan.empty() && scanned.takes.empty()) RefuseScan(arguments.scan);
   session->takes = scanned.takes;
   result->metrics["layout"] = std::string(ToString(scanned.layout));
+  std::vector<std::string> unnamed;
   for (const dataset::SessionCamera& camera : scanned.cameras) {
     if (session->FindCamera(camera.name) >= 0) continue;
-    if (!arguments.cameras.empty()) {
-      result->warnings.push_back(
-          {"SES-CAMERA", "camera " + camera.name + " has footage and was not named in --cameras; added", ""});
-    }
+    if (!arguments.cameras.empty()) unnamed.push_back(camera.name);
     session->cameras.push_back(camera);
   }
+  if (unnamed.empty()) return;
+  result->warnings.push_back({"SES-CAMERA", "not named in --cameras, but with footage, and added: " + Join(unnamed, ", "),
+                              "leave --cameras out where the names of the files and folders are the cameras'"});
 }
 
 Session SessionOf(const InitArguments& arguments) {

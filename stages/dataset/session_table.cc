@@ -77,7 +77,7 @@ void AddFindings(const dataset::SessionReport& report, CommandResult* result) {
     (f.fails ? result->errors : result->warnings).push_back({f.code, f.text, f.hint});
   }
   for (Notice& error : result->errors) {
-    if (error.code == "SES-OUTSIDE" && outside > 1) error.text += Format("; so do %d others", outside - 1);
+    if (error.code == "SES-OUTSIDE" && outside > 1) error.text += Format(" (and %d others like it)", outside - 1);
   }
   if (report.num_errors() == 0) return;
   const bool any = std::any_of(report.footage.begin(), report.footage.end(), [](const InspectedFootage& f) { return f.sound; });
