@@ -13,7 +13,9 @@ CommandResult RunInfo(const std::string& run, const avatar::ModelOptions& asked)
   CommandResult result;
   avatar::ModelOptions options = asked;
   if (!run.empty()) {
-    const avatar::AvatarModel model = avatar::LoadModel(stages::AvatarRun(run).checkpoint_path());
+    const std::string checkpoint = stages::AvatarRun(run).checkpoint_path();
+    avatar::RequireCheckpoint(checkpoint);
+    const avatar::AvatarModel model = avatar::LoadModel(checkpoint);
     options = model.options;
     result.metrics["steps"] = model.step;
     result.metrics["size_px"] = model.size_px;

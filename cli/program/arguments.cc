@@ -5,10 +5,13 @@
 #include <charconv>
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <limits>
+#include <system_error>
 
 #include "cli/program/options.h"
 #include "core/join.h"
+#include "core/text/shell_word.h"
 #include "core/text/words.h"
 
 namespace mvstudio::cli {
@@ -120,12 +123,27 @@ std::vector<std::string> FlagNames(const CLI::App& app) {
 
 std::string Suggestion(const std::string& nearest) { return nearest.empty() ? "" : "; did you mean " + Quoted(nearest) + "?"; }
 
+/// Of all commands below `app`, those whose last word is `word`: "session init" of "init".
+std::vector<std::string> CommandsNamed(const CLI::App& app, const std::string& word) {
+  std::vector<std::string> paths;
+  for (const CLI::App* sub : app.get_subcommands([](const CLI::App*) { return true; })) {
+    if (sub->get_name() == word) paths.push_back(Quoted(PathOf(*sub)));
+    const std::vector<std::string> below = CommandsNamed(*sub, word);
+    paths.insert(paths.end(), below.begin(), below.end());
+  }
+  return paths;
+}
+
 std::string UnknownCommand(const CLI::App& app, const std::string& word) {
   const std::string path = PathOf(app);
+  const std::string text = "unknown command " + Quoted(path + (path.empty() ? "" : " ") + word);
+  const CLI::App* root = &app;
+  while (root->get_parent()) root = root->get_parent();
+  const std::vector<std::string> same = CommandsNamed(*root, word);
+  if (!same.empty()) return text + "; did you mean " + Join(same, " or ") + "?";
   const std::string nearest = NearestWord(word, SubcommandNames(app));
-  const std::string text = "unknown command " + Quoted(path + (path.empty() ? "" : " ") + word) + Suggestion(nearest);
   const std::string plots = BeginsWith(word, "plot") ? "; plots are on the page of mvstudio report" : "";
-  return nearest.empty() ? text + "; there are " + Join(SubcommandNames(app), ", ") + plots : text;
+  return text + (nearest.empty() ? "; there are " + Join(SubcommandNames(app), ", ") + plots : Suggestion(nearest));
 }
 
 /// Of -o the only flag with that letter, or --out; else nothing.
@@ -136,6 +154,14 @@ std::string LongFlag(const std::string& letter, const std::vector<std::string>& 
     if (BeginsWith(flag, "-" + letter)) with_letter.push_back(flag);
   }
   return with_letter.size() == 1 ? with_letter[0] : "";
+}
+
+/// A session is named by a flag, by most commands.
+std::string UnexpectedArgument(const CLI::App& app, const std::string& word) {
+  std::error_code none;
+  const bool session =
+      app.get_option_no_throw("--session") && std::filesystem::exists(std::filesystem::path(word) / "mvstudio.toml", none);
+  return "unexpected argument " + Quoted(word) + (session ? "; did you mean --session " + ShellWord(word) + "?" : "");
 }
 
 std::string UnknownFlag(const CLI::App& app, const std::string& word) {
@@ -168,7 +194,7 @@ std::string FaultText(const CLI::App& app, const CLI::ParseError& error) {
   }
   if (word != rest.end()) {
     if (IsFlag(*word)) return UnknownFlag(current, *word);
-    return group ? UnknownCommand(current, *word) : "unexpected argument " + Quoted(*word);
+    return group ? UnknownCommand(current, *word) : UnexpectedArgument(current, *word);
   }
   if (!group || !dynamic_cast<const CLI::RequiredError*>(&error)) return WithMeaning(current, error.what());
   const std::string path = PathOf(current);

@@ -1,7 +1,9 @@
 #include "dataset/exports/export.h"
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
+#include <initializer_list>
 #include <nlohmann/json.hpp>
 
 #include "core/disk/files.h"
@@ -87,14 +89,27 @@ const std::vector<Writer>& Writers() {
   return writers;
 }
 
+/// What readers of a format without a writer take as well.
+std::string FormatInstead(const std::string& name) {
+  std::string lower = name;
+  for (char& c : lower) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  const auto names = [&](std::initializer_list<const char*> words) {
+    return std::any_of(words.begin(), words.end(), [&](const char* word) { return lower.find(word) != std::string::npos; });
+  };
+  if (names({"gaussian", "splat", "3dgs"}))
+    return "; programs for Gaussian splatting read colmap, of moving scenes dynamic3dgs";
+  if (names({"usd", "fbx", "abc", "alembic", "maya", "unreal", "unity"}))
+    return "; Blender and Unreal read gltf (cameras, skeletons), animation programs bvh (joints); the person's surface is the "
+           "body.glb of `mvstudio avatar fit`";
+  return "";
+}
+
 const Writer& WriterByName(const std::string& name) {
   for (const Writer& writer : Writers()) {
     if (writer.info.name == name) return writer;
   }
   const std::string known = Join(Writers(), ", ", [](const Writer& writer) { return writer.info.name; });
-  const bool splats = name.find("gaussian") != std::string::npos || name.find("splat") != std::string::npos;
-  throw UsageError("unknown format '" + name + "'; known are " + known +
-                   (splats ? "; programs for Gaussian splatting read colmap, of moving scenes dynamic3dgs" : ""));
+  throw UsageError("unknown format '" + name + "'; known are " + known + FormatInstead(name));
 }
 
 Json CameraJson(const View& view) {

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 
 #include "core/disk/paths.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "dataset/json/json_file.h"
 #include "dataset/panoptic/sequence.h"
 
@@ -17,7 +19,33 @@ using internal::JsonView;
 
 constexpr char kPoseFolder[] = "hdPose3d_stage1_coco19";
 
+constexpr char kIsPack[] = "is a pack; this command reads the dataset that the pack was made from";
+
 std::string FrameName(const std::string& camera, int frame) { return camera + Format("_%08d", frame); }
+
+bool IsPackFile(const std::string& path) {
+  std::error_code none;
+  std::string head(8, '\0');
+  std::ifstream file(fs::is_regular_file(path, none) ? path : "", std::ios::binary);
+  return file.read(head.data(), 8) && head == "\x89HDF\r\n\x1a\n";
+}
+
+/// Of a folder without a calibration file: what it is instead, where that can be told.
+std::string WhyNoDataset(const std::string& root) {
+  if (!FilesNamed(root, "shard-", ".h5").empty()) return kIsPack;
+  std::error_code none;
+  if (!fs::exists(root + "/mvstudio.toml", none))
+    return "holds no calibration_<sequence>.json: not a dataset in Panoptic layout";
+  std::vector<std::string> found;
+  const std::string folder = root + "/dataset";
+  for (const std::string& name : fs::is_directory(folder, none) ? NamesIn(folder) : std::vector<std::string>{}) {
+    const std::string path = folder + "/" + name;
+    if (fs::is_directory(path, none) && !FilesNamed(path, "calibration_", ".json").empty()) found.push_back(path);
+  }
+  return "is a session, not a dataset; " + (found.empty()
+                                                ? "mvstudio dataset build option 'session' " + root + " makes one of a take"
+                                                : "its datasets: " + Join(found, ", "));
+}
 
 }  // namespace
 
@@ -62,11 +90,10 @@ std::string PanopticDataset::MaskPath(const std::string& camera, int frame) cons
 }
 
 std::string FindPanopticCalibration(const std::string& root) {
-  RequireFolder(root, "; a dataset is a folder in Panoptic's layout, or a pack, which begins like HDF5");
+  if (IsPackFile(root)) throw IoError(root, kIsPack);
+  RequireFolder(root, "; a dataset is a folder in Panoptic's layout");
   const std::vector<std::string> found = FilesNamed(root, "calibration_", ".json");
-  if (found.empty() && !FilesNamed(root, "shard-", ".h5").empty())
-    throw IoError(root, "is a pack; this command reads the dataset that the pack was made from");
-  if (found.empty()) throw IoError(root, "holds no calibration_<sequence>.json: not a dataset in Panoptic layout");
+  if (found.empty()) throw IoError(root, WhyNoDataset(root));
   if (found.size() > 1) {
     throw FormatError(root, "",
                       "holds several calibrations (" + fs::path(found[0]).filename().string() + ", " +

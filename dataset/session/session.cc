@@ -35,7 +35,8 @@ bool IsWithin(const fs::path& real, const fs::path& real_folder) {
       (fs::path(session.folder) / "mvstudio.toml").string(), path,
       how +
           "; footage must lie in the session: copy it there, allow it with option 'allow-outside', or trust it from now "
-          "on: mvstudio session trust");
+          "on: mvstudio session trust " +
+          session.folder);
 }
 
 /// What a pattern begins with, up to the first part that is not there by its very name.

@@ -256,6 +256,7 @@ SessionTake ScanFolder(const std::string& folder, std::vector<SessionCamera>* ca
   take.name = fs::path(PathOnDisk(folder)).filename().string();
   for (const auto& [camera, files] : FootageIn(folder)) {
     if (!WhyNotAName(camera).empty()) continue;
+    if (fs::is_directory(files[0]) && !VideosIn(files[0]).empty()) continue;  // CAMERA/TAKE.mp4 beside CAMERA/plate.png
     take.footage.push_back({camera, Relative(files[0], folder), ""});
     cameras->push_back({camera, "", "", 0, 0});
   }

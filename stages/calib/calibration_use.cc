@@ -161,7 +161,7 @@ std::optional<OffsetUse> ApplyCalibrationOffsets(AutoOnOff how, const triangulat
       return OffsetsUnused(input->rig, reason);
     }
   }
-  input->frames = triangulate::ApplyClocks(input->frames, clocks);
+  input->frames = triangulate::ApplyClocks(input->frames, clocks, triangulate::kMeasuredBeyond);
   return OffsetUse{true, reason, offsets};
 }
 

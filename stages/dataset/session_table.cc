@@ -78,7 +78,7 @@ CommandResult DescribeFootageFindings(const dataset::SessionReport& report) {
     (f.fails ? result.errors : result.warnings).push_back({f.code, f.text, f.hint});
   }
   for (Notice& error : result.errors) {
-    if (error.code == "SES-OUTSIDE" && outside > 1) error.text += Format("; so do %d others", outside - 1);
+    if (error.code == "SES-OUTSIDE" && outside > 1) error.text += Format(" (and %d others like it)", outside - 1);
   }
   if (report.num_errors() == 0) return result;
   const bool any = std::any_of(report.footage.begin(), report.footage.end(), [](const InspectedFootage& f) { return f.sound; });

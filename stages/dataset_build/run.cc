@@ -45,12 +45,16 @@ dataset::BuildInputs ToBuildInputs(DatasetBuildOptions* options, InputNotes* not
     throw UsageError("no footage: give option 'video' or option 'images' for each camera, or option 'session'");
   dataset::BuildInputs inputs;
   inputs.calibration = options->calib.empty() ? take.calibration : options->calib;
-  if (inputs.calibration.empty()) throw UsageError("option 'calib' is needed: the calibration of these cameras");
+  if (inputs.calibration.empty()) RefuseWithoutCalibration(options->take.session);
   inputs.pose3d = options->pose3d.empty() ? take.Folder("pose3d") : options->pose3d;
   inputs.first_frame = options->first_frame, inputs.first_mask = options->first_mask;
   inputs.marker_unit = options->marker_unit, inputs.skeleton = options->skeleton;
   if (!options->frames.empty()) inputs.frames = ParseRanges("option 'frames'", options->frames);
   if (inputs.pose3d.empty()) throw UsageError("option 'pose3d' is needed: the folder that triangulate wrote");
+  std::error_code none;
+  if (options->pose3d.empty() && !std::filesystem::exists(inputs.pose3d, none))
+    throw UsageError(inputs.pose3d + ": no 3D joints; run mvstudio triangulate option 'session' " + options->take.session +
+                     " first, or give option 'pose3d'");
   if (options->out.empty()) options->out = take.Folder("dataset");
   if (options->out.empty()) throw UsageError("option 'out' is needed without option 'session'");
   if (!options->keep_sequence && !take.take.empty()) options->build.sequence = dataset::Slug(take.take);

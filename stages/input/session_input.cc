@@ -60,9 +60,7 @@ std::optional<FoundTake> FindTake(const SessionArguments& arguments, InputNotes*
 
 void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseArguments* pose) {
   if (pose->calib.empty()) pose->calib = dataset::CalibrationOf(found.session, arguments.allow_outside);
-  if (pose->calib.empty())
-    throw UsageError(found.session.folder +
-                     " has no calibration: run mvstudio calibrate option 'session', or give option 'calib'");
+  if (pose->calib.empty()) RefuseWithoutCalibration(found.session.folder);
   if (!pose->pose2d.empty() || !pose->points2d.empty()) return;
   for (const dataset::SessionFootage& f : found.take.footage) {
     const std::string folder = dataset::TakeFolder(found.session, "pose2d", found.take.name, f.camera);
@@ -70,7 +68,7 @@ void FillPoses(const FoundTake& found, const SessionArguments& arguments, PoseAr
   }
   if (pose->pose2d.empty()) {
     throw UsageError(dataset::TakeFolder(found.session, "pose2d", found.take.name) +
-                     ": no 2D poses; run mvstudio pose2d option 'session' first");
+                     ": no 2D poses; run mvstudio pose2d option 'session' " + found.session.folder + " first");
   }
 }
 

@@ -148,6 +148,12 @@ void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, Input
   take->footage.erase(std::remove_if(take->footage.begin(), take->footage.end(), is_out), take->footage.end());
 }
 
+void RefuseWithoutCalibration(const std::string& session) {
+  if (session.empty()) throw UsageError("option 'calib' is needed: the calibration of these cameras");
+  throw UsageError(session + " has no calibration: run mvstudio calibrate option 'session' " + session +
+                   ", or give option 'calib'");
+}
+
 std::string TakeInput::Folder(const std::string& kind, const std::string& camera) const {
   return session ? dataset::TakeFolder(*session, kind, take, camera) : "";
 }

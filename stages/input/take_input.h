@@ -60,6 +60,8 @@ void RefuseSameFootage(const std::vector<NamedPath>& footage, bool of_session);
 /// Takes the footage of cameras that a session's calibration lacks out, names them (CAL-LEFTOUT) and makes the result partial.
 /// Does nothing without --session or calibration. Throws FormatError when fewer than two cameras would stay.
 void LeaveOutUncalibrated(const std::string& calibration, TakeInput* take, InputNotes* notes);
+/// Throws UsageError that says how to get one; `session`: its folder, empty without one.
+[[noreturn]] void RefuseWithoutCalibration(const std::string& session);
 /// True where some of `cameras` stay out; `kept` are those that the calibration has.
 bool NameUncalibrated(const std::string& calibration, const std::vector<std::string>& cameras, std::vector<std::string>* kept,
                       InputNotes* notes);

@@ -18,9 +18,9 @@ void ApplySync(const std::string& path, PoseInput* input, InputNotes* notes) {
   for (const std::string& camera : input->cameras) {
     if (std::isfinite(offsets[static_cast<size_t>(input->rig.Find(camera))])) continue;
     notes->warnings.push_back({"TRI-NO-OFFSET", camera + ": " + path + " has no time offset for it, it is left out",
-                                "run `mvstudio sync` again with more motion, or set its offset_frames in the file"});
+                               "run `mvstudio sync` again with more motion, or set its offset_frames in the file"});
   }
-  input->frames = triangulate::ApplyClocks(input->frames, clocks);
+  input->frames = triangulate::ApplyClocks(input->frames, clocks, triangulate::kMeasuredBeyond);
 }
 
 }  // namespace mvstudio::stages

@@ -19,9 +19,10 @@ CommandResult DescribeScan(const SessionInitReport& report) {
   for (const std::string& note : report.scanned.notes)
     result.warnings.push_back(
         {"SES-LAYOUT", note, "option 'layout' says how the folders are meant; option 'overwrite' writes the session again"});
-  for (const std::string& camera : report.unnamed)
-    result.warnings.push_back(
-        {"SES-CAMERA", "camera " + camera + " has footage and was not named in option 'cameras'; added", ""});
+  if (!report.unnamed.empty())
+    result.warnings.push_back({"SES-CAMERA",
+                               "not named in option 'cameras', but with footage, and added: " + Join(report.unnamed, ", "),
+                               "leave option 'cameras' out where the names of the files and folders are the cameras'"});
   result.metrics["layout"] = std::string(ToString(report.scanned.layout));
   return result;
 }

@@ -1,6 +1,9 @@
 #include "dataset/panoptic/panoptic.h"
 
+#include <gmock/gmock.h>
+
 #include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <regex>
 
@@ -16,7 +19,12 @@
 namespace mvstudio::dataset {
 namespace {
 
+using mvstudio::testing::MessageOf;
+using mvstudio::testing::TempDir;
 using nlohmann::json;
+using ::testing::HasSubstr;
+
+namespace fs = std::filesystem;
 
 const char kBand2[] = "panoptic/160906_band2/calibration_160906_band2.json";
 const char kBand2Poses[] = "panoptic/160906_band2/hdPose3d_stage1_coco19";
@@ -229,6 +237,27 @@ TEST(Panoptic, OpensAForeignDataset) {
   const Coco19Pose& pose = dataset.poses.at(0).at(0);
   EXPECT_GT(pose.x_in_world(2, 1), 1.4);  // the nose is up
   EXPECT_THROW(OpenPanopticDataset(person + "/truth"), IoError);
+}
+
+/// What people give in place of a dataset is named, and where the dataset is.
+TEST(Panoptic, PacksAndSessionsAreNamed) {
+  const TempDir folder;
+  const auto said = [&](const std::string& name) {
+    return MessageOf<IoError>([&] { FindPanopticCalibration(folder / name); });
+  };
+  std::ofstream(folder / "one.h5", std::ios::binary) << std::string("\x89HDF\r\n\x1a\n\0rest", 13);
+  std::ofstream(folder / "text") << "calibration";
+  fs::create_directories(folder / "pack");
+  std::ofstream(folder / "pack/shard-00000.h5") << "";
+  EXPECT_THAT(said("one.h5"), HasSubstr("reads the dataset that the pack was made from"));
+  EXPECT_THAT(said("pack"), HasSubstr("reads the dataset that the pack was made from"));
+  EXPECT_THAT(said("text"), HasSubstr("is a file, a folder was expected"));
+  fs::create_directories(folder / "day/dataset/walk");
+  EXPECT_THAT(said("day"), HasSubstr("not a dataset in Panoptic layout"));
+  std::ofstream(folder / "day/mvstudio.toml") << "";
+  EXPECT_THAT(said("day"), HasSubstr("mvstudio dataset build option 'session' " + (folder / "day") + " makes one"));
+  std::ofstream(folder / "day/dataset/walk/calibration_walk.json") << "{}";
+  EXPECT_THAT(said("day"), HasSubstr("its datasets: " + (folder / "day/dataset/walk")));
 }
 
 TEST(PanopticSequence, EveryKindOfFootageIsFound) {

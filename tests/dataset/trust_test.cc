@@ -56,7 +56,7 @@ class Trust : public ::testing::Test {
 };
 
 TEST_F(Trust, IsForTheFoldersThatTheSessionReads) {
-  EXPECT_NE(Refused("day1", "raw/walk/a.mp4").find("mvstudio session trust"), std::string::npos);
+  EXPECT_NE(Refused("day1", "raw/walk/a.mp4").find("mvstudio session trust " + (root_ / "day1")), std::string::npos);
   TrustIt();
   const std::string day1 = fs::canonical(root_ / "day1"), cards = fs::canonical(root_ / "cards");
   EXPECT_EQ(Text(state_), day1 + "\t" + cards + "\n");

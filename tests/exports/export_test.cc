@@ -221,6 +221,12 @@ TEST(Export, RefusesWhatAFormatCannotSay) {
   EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "zju", folder / "zju", options); }),
               HasSubstr("exists already"));
   EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "obj", folder / "out", {}); }), HasSubstr("known are colmap"));
+  for (const char* format : {"usd", "FBX", "usda", "alembic"}) {
+    const std::string said = MessageOf<UsageError>([&] { ExportDataset(dataset, format, folder / "out", {}); });
+    EXPECT_THAT(said, HasSubstr("Blender and Unreal read gltf")) << format;
+  }
+  EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "3DGS", folder / "out", {}); }),
+              HasSubstr("Gaussian splatting read colmap"));
   options = {};
   options.frames = {246, 999};
   EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }), HasSubstr("frame 999"));

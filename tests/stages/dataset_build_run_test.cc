@@ -155,6 +155,27 @@ TEST(DatasetBuildStage, WhatIsMissingIsNamed) {
 }
 
 /// Every option that is typed is a field of the one list.
+/// What a session lacks is made by the command before this one, which the message names.
+TEST(DatasetBuildStage, ASessionIsSentToTheStageBefore) {
+  const TempDir folder;
+  Put(folder / "mvstudio.toml", R"(schema = "mvstudio.session/1"
+units = "m"
+cameras = ["a", "b"]
+[[takes]]
+name = "walk"
+[takes.footage]
+a = "raw/walk/a.mp4"
+b = "raw/walk/b.mp4"
+)");
+  for (const char* file : {"raw/walk/a.mp4", "raw/walk/b.mp4"}) Put(folder / file, file);
+  DatasetBuildOptions options;
+  options.take.session = folder.path();
+  const auto said = [&] { return MessageOf<UsageError>([&] { RunDatasetBuild(options); }); };
+  EXPECT_THAT(said(), HasSubstr("run mvstudio calibrate option 'session' " + folder.path()));
+  Put(folder / "calib/calibration.json", "{}");
+  EXPECT_THAT(said(), HasSubstr("run mvstudio triangulate option 'session' " + folder.path()));
+}
+
 TEST(DatasetBuildStage, TheListHasEveryOption) {
   DatasetBuildOptions options;
   std::vector<std::string> names;

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
@@ -16,7 +17,9 @@ namespace {
 
 using mvstudio::testing::MessageOf;
 using mvstudio::testing::TempDir;
+using ::testing::Contains;
 using ::testing::ElementsAre;
+using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -86,6 +89,27 @@ TEST(MaskStage, ABlockThatWalksIsMaskedExactly) {
   EXPECT_TRUE(std::filesystem::exists(folder / "out/a/00000011.png")) << "the older output stays";
 }
 
+/// Masks before `triangulate` are worse ones, which nobody would notice.
+TEST(MaskStage, ASessionWithoutJointsIsSentToTriangulate) {
+  const TempDir folder;
+  MaskStageOptions options = PutBlock(folder, true);
+  std::ofstream(folder / "mvstudio.toml") << R"(schema = "mvstudio.session/1"
+units = "m"
+fps_hz = 25
+cameras = ["a"]
+[[takes]]
+name = "walk"
+[takes.footage]
+a = "raw"
+)";
+  options.take.images.clear(), options.take.session = folder.path(), options.out.clear();
+  const CommandResult said = Describe(RunMask(options));
+  EXPECT_THAT(MaskCodes(said.warnings), Contains("MSK-NO-JOINTS"));
+  EXPECT_THAT(said.warnings,
+              Contains(Field(&Notice::hint, HasSubstr("run mvstudio triangulate option 'session' " + folder.path()))));
+  EXPECT_TRUE(std::filesystem::exists(folder / "masks/walk/a/00000011.png"));
+}
+
 TEST(MaskStage, AWallAloneGivesAReportAndNoFolder) {
   const TempDir folder;
   const MaskStageReport report = RunMask(PutBlock(folder, false));
@@ -125,6 +149,16 @@ TEST(MaskStage, WhatIsDoubtfulIsSaidByCamera) {
   EXPECT_THAT(said.warnings[4].text, HasSubstr("no joint of option 'pose3d' lies in an image of b"));
   EXPECT_THAT(said.text, HasSubstr("backend background: background disagrees with the visual hull by 2.0 %; selfie"));
   EXPECT_EQ(said.metrics["trials"].size(), 2u);
+}
+
+/// The two halves of the disagreement, of which one alone should be near 0.
+TEST(MaskStage, TheHullSaysWhichWayMasksDisagree) {
+  MaskStageReport report = TwoCameras();
+  report.masks.hull.instants = 2;
+  report.masks.hull.sums = {{200, 0.02, 0.30, 0}, {200, 0.04, 0.10, 0}};
+  const CommandResult said = Describe(report);
+  EXPECT_THAT(said.text, HasSubstr("hull: 1.5 % of the masks outside it (best: 0 %), 10.0 % of it in no mask"));
+  EXPECT_NEAR(said.metrics["disagreement_with_hull"], 0.115, 1e-12);
 }
 
 TEST(MaskStage, MasksOfNobodyFailTheGate) {

@@ -71,7 +71,7 @@ TEST(AvatarRenderStage, WhatTheAvatarWasNotMadeForIsSaid) {
   const CommandResult said = Describe(report);
   EXPECT_THAT(CodesSaid(said), ElementsAre("AVA-SCALE", "AVA-V2V-MOVING-CAMERA"));
   EXPECT_THAT(said.warnings[0].text, HasSubstr("1.25 times the trained person's"));
-  EXPECT_EQ(said.text, "2 images of 1 view(s), 0 pose(s) of walk.bvh, 0 s each\n");
+  EXPECT_EQ(said.text, "2 images of 1 view, 0 poses of walk.bvh, 0.000 s an image\n");
   report.plan.scaled = true, report.plan.skipped = {"cam frame 3"};
   EXPECT_EQ(Describe(report).exit, kExitPartial);
   EXPECT_THAT(CodesSaid(Describe(report)), ElementsAre("AVA-SKIPPED", "AVA-V2V-MOVING-CAMERA"));

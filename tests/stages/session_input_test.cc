@@ -95,7 +95,8 @@ TEST(SessionInput, PosesAndCalibrationAreWhereTheSessionKeepsThem) {
   const TempDir folder;
   const FoundTake found = PeopleTake(folder);
   PoseArguments pose;
-  EXPECT_THAT(MessageOf<UsageError>([&] { FillPoses(found, {}, &pose); }), HasSubstr("has no calibration"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { FillPoses(found, {}, &pose); }),
+              HasSubstr("run mvstudio calibrate option 'session' " + folder.path()));
   Put(folder / "calib/calibration.json", "{}");
   EXPECT_THAT(MessageOf<UsageError>([&] { FillPoses(found, {}, &pose); }), HasSubstr("pose2d/walk: no 2D poses"));
   for (const char* name : {"a", "c"}) std::filesystem::create_directories(folder / ("pose2d/walk/" + std::string(name)));

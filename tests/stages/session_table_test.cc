@@ -95,7 +95,7 @@ TEST(SessionTable, OneCauseIsSaidOnce) {
   report.findings.push_back({"SES-MISSING", "d", "", true});
   const CommandResult result = DescribeFootageFindings(report);
   ASSERT_EQ(result.errors.size(), 2u);
-  EXPECT_EQ(result.errors[0].text, "camera a: leaves the session; so do 2 others");
+  EXPECT_EQ(result.errors[0].text, "camera a: leaves the session (and 2 others like it)");
   EXPECT_EQ(result.errors[1].code, "SES-MISSING");
 }
 

@@ -55,6 +55,27 @@ TEST(ApplyOffsets, FractionsFollowCubics) {
   EXPECT_EQ(shifted[3].people[0][0][1].score, 0);  // missing in frame 4
 }
 
+/// Measured offsets of cameras that started together scatter about 0: no frame at an end is lost for that.
+TEST(ApplyClocks, EndsAreExtendedByALine) {
+  const auto at = [](double t) { return Eigen::Vector2d(1 + 2 * t, 5 * t); };
+  const std::vector<int> all = {0, 1, 2, 3, 4, 5, 8, 9};
+  const auto numbers = [&](double offset, double beyond) {
+    std::vector<int> list;
+    for (const DetectedFrame& frame : ApplyClocks(OneCamera(at, all), {{offset, 1}}, beyond)) {
+      list.push_back(frame.frame);
+      EXPECT_LT((frame.people[0][0][0].px - at(frame.frame + offset)).norm(), 1e-12) << frame.frame;
+    }
+    return list;
+  };
+  EXPECT_EQ(numbers(-0.02, 0.05), all);
+  EXPECT_EQ(numbers(0.02, 0.05), all);
+  EXPECT_EQ(numbers(-0.02, 0), (std::vector<int>{1, 2, 3, 4, 5, 9}));
+  EXPECT_EQ(numbers(0.02, 0), (std::vector<int>{0, 1, 2, 3, 4, 8}));
+  EXPECT_EQ(numbers(-0.06, 0.05), (std::vector<int>{1, 2, 3, 4, 5, 9}));
+  const auto alone = ApplyClocks(OneCamera(at, {4}), {{-0.02, 1}}, 0.05);
+  EXPECT_TRUE(alone.empty()) << "one frame has no line";
+}
+
 TEST(ApplyOffsets, NaNLeavesTheCameraOut) {
   auto frames = OneCamera([](double t) { return Eigen::Vector2d(t, t); }, {0, 1});
   for (DetectedFrame& frame : frames) frame.people.push_back(frame.people[0]);

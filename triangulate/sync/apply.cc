@@ -77,40 +77,46 @@ People Between(const CameraFrames& frames, int first, double t) {
   return between;
 }
 
-/// People at a time between two frames of the camera, or of one; nothing where a frame is missing.
-std::optional<People> At(const CameraFrames& frames, double position) {
+/// People at a time between two frames of the camera, of one, or up to `beyond` frames outside of two; else nothing.
+std::optional<People> At(const CameraFrames& frames, double position, double beyond) {
   const double whole = std::round(position);
   if (std::abs(position - whole) < kWhole) {
     const People* people = At(frames, static_cast<int>(whole));
     return people ? std::optional(*people) : std::nullopt;
   }
   const int low = static_cast<int>(std::floor(position));
-  if (!At(frames, low) || !At(frames, low + 1)) return std::nullopt;
-  return Between(frames, low, position - low);
+  const double t = position - low;
+  const bool has_low = At(frames, low), has_high = At(frames, low + 1);
+  if (has_low && has_high) return Between(frames, low, t);
+  if (has_high && 1 - t <= beyond && At(frames, low + 2)) return Between(frames, low + 1, t - 1);
+  if (has_low && t <= beyond && At(frames, low - 1)) return Between(frames, low - 1, t + 1);
+  return std::nullopt;
 }
 
-void AddCamera(const CameraFrames& frames, size_t camera_idx, size_t num_cameras, const Clock& clock,
+void AddCamera(const CameraFrames& frames, size_t camera_idx, size_t num_cameras, const Clock& clock, double beyond,
                std::map<int, DetectedFrame>* timed) {
   if (frames.empty()) return;
   const auto on_reference = [&](int frame) { return (frame - clock.offset_frames) / clock.rate; };
   const auto add = [&](int number) {
-    std::optional<People> people = At(frames, clock.offset_frames + clock.rate * number);
+    std::optional<People> people = At(frames, clock.offset_frames + clock.rate * number, beyond);
     if (!people) return;
     DetectedFrame& frame = (*timed)[number];
     frame.frame = number;
     frame.people.resize(num_cameras);
     frame.people[camera_idx] = std::move(*people);
   };
-  int next = static_cast<int>(std::ceil(on_reference(frames.begin()->first) - kWhole));
+  const double margin = std::max(kWhole, beyond / clock.rate);
+  int next = static_cast<int>(std::ceil(on_reference(frames.begin()->first) - margin));
   for (const auto& [number, people] : frames) {  // the reference's frames up to the next of the camera's
-    next = std::max(next, static_cast<int>(std::ceil(on_reference(number) - kWhole)));
+    next = std::max(next, static_cast<int>(std::ceil(on_reference(number) - margin)));
     for (; next < on_reference(number + 1) - kWhole; ++next) add(next);
   }
 }
 
 }  // namespace
 
-std::vector<DetectedFrame> ApplyClocks(const std::vector<DetectedFrame>& frames, const std::vector<Clock>& clocks) {
+std::vector<DetectedFrame> ApplyClocks(const std::vector<DetectedFrame>& frames, const std::vector<Clock>& clocks,
+                                       double beyond_frames) {
   std::map<int, DetectedFrame> timed;
   for (size_t c = 0; c < clocks.size(); ++c) {
     const Clock& clock = clocks[c];
@@ -122,7 +128,7 @@ std::vector<DetectedFrame> ApplyClocks(const std::vector<DetectedFrame>& frames,
       MVS_CHECK(frame.people.size() == clocks.size(), "frame " << frame.frame << ": " << frame.people.size() << " cameras");
       if (!frame.people[c].empty()) of_camera[frame.frame] = &frame.people[c];
     }
-    AddCamera(of_camera, c, clocks.size(), clock, &timed);
+    AddCamera(of_camera, c, clocks.size(), clock, beyond_frames, &timed);
   }
   std::vector<DetectedFrame> list;
   for (auto& [number, frame] : timed) list.push_back(std::move(frame));

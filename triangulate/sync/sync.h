@@ -105,8 +105,14 @@ SyncResult SynchronizeCameras(const PreparedRig& rig, const std::vector<Detected
 /// The take with the reference's frame numbers: detections of camera c at frame offset + rate * f of its own. Whole frames
 /// (to 1e-6) are taken as they are. Between two frames the joints of a person are interpolated, by a cubic through four
 /// where they exist, else linearly; of the scores, the lower one is taken. Gaps remain: a joint or person missing on
-/// either side is missing, and only consecutive frames are interpolated. A NaN offset leaves the camera out.
-std::vector<DetectedFrame> ApplyClocks(const std::vector<DetectedFrame>& frames, const std::vector<Clock>& clocks);
+/// either side is missing, and only consecutive frames are interpolated. A NaN offset leaves the camera out. Up to
+/// `beyond_frames` of the camera's frames before the first and after the last of consecutive frames, the nearest two are
+/// extended by a line.
+std::vector<DetectedFrame> ApplyClocks(const std::vector<DetectedFrame>& frames, const std::vector<Clock>& clocks,
+                                       double beyond_frames = 0);
+/// `beyond_frames` for clocks that were measured: cameras that start together have offsets of some thousandths of a frame, of
+/// either sign, and their first frame is a time step all the same.
+inline constexpr double kMeasuredBeyond = 0.05;  // frames
 
 /// The same with equal rates.
 std::vector<DetectedFrame> ApplyOffsets(const std::vector<DetectedFrame>& frames, const std::vector<double>& offset_frames);

@@ -147,14 +147,21 @@ RunConfig ReadRunConfig(const std::string& path) {
 
 bool HoldsGaussians(const std::string& folder) { return std::filesystem::exists(folder + "/" + kGaussiansFile); }
 
+void RequireCheckpoint(const std::string& path) {
+  if (std::filesystem::exists(path)) return;
+  RequireFolder(std::filesystem::path(path).parent_path().string(),
+                "; give the option 'out' folder of `mvstudio avatar train`");
+  throw IoError(path,
+                "is missing: the training has not reached its first checkpoint; where it no longer runs, begin it again with "
+                "the same `mvstudio avatar train`");
+}
+
 RunConfig OpenRun(const std::string& folder, const std::string& dataset) {
   namespace fs = std::filesystem;
   RequireFolder(folder, "; give the option 'out' folder of `mvstudio avatar train`");
   const std::string config_path = folder + "/" + kRunConfigFile, checkpoint = folder + "/" + kCheckpointFile;
   if (!fs::exists(config_path)) throw IoError(config_path, "is missing: not the folder of a training run");
-  if (!fs::exists(checkpoint) && !HoldsGaussians(folder))
-    throw IoError(checkpoint,
-                  "is missing: the run has not reached its first checkpoint; train it or `mvstudio avatar resume` it");
+  if (!HoldsGaussians(folder)) RequireCheckpoint(checkpoint);
   RunConfig config = ReadRunConfig(config_path);
   config.pack.keep_views = HoldsGaussians(folder) || fs::exists(folder + "/" + kReferencesFile);
   if (config.pack.keep_views && !config.pack.fitted)

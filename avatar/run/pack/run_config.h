@@ -30,6 +30,8 @@ void WriteRunConfig(const RunConfig& config, const std::string& path);
 RunConfig ReadRunConfig(const std::string& path);
 /// Whether the run of a folder is of Gaussians.
 bool HoldsGaussians(const std::string& folder);
+/// Throws IoError that says how to go on where a run's checkpoint is missing.
+void RequireCheckpoint(const std::string& path);
 /// The configuration of a run that has a checkpoint, or Gaussians, and whose dataset exists (pack.keep_views where
 /// rendering needs them); `dataset`, unless empty, replaces the one used for training. Throws IoError / FormatError naming what
 /// is missing.

@@ -67,7 +67,7 @@ MaskJson CameraMasksJson(const MaskStageReport& report, size_t c) {
 
 CommandResult DescribeMasks(const MaskStageReport& report) {
   CommandResult result;
-  double area = 0, flicker = 0, ms = 0;
+  double area = 0, flicker = 0, ms = 0, outside = 0, missing = 0;
   int pictures = 0;
   MaskJson per_camera = MaskJson::array(), disagreeing = MaskJson::array();
   for (size_t c = 0; c < report.cameras.size(); ++c) {
@@ -76,6 +76,7 @@ CommandResult DescribeMasks(const MaskStageReport& report) {
     pictures += take.pictures;
     area += take.mean_area_fraction, flicker += take.flicker.Share(), ms += take.ms_per_picture;
     per_camera.push_back(CameraMasksJson(report, c));
+    if (report.masks.hull.instants > 0) outside += report.masks.hull.Mean(c).outside, missing += report.masks.hull.Mean(c).missing;
     result.text += Format("  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms an image\n", name.c_str(), take.pictures,
                           100 * take.mean_area_fraction, 100 * take.flicker.Share(), take.ms_per_picture);
     if (!report.masks.cameras[c].sheet.empty())
@@ -91,7 +92,8 @@ CommandResult DescribeMasks(const MaskStageReport& report) {
   result.metrics["hull_instants"] = hull.instants;
   if (hull.instants > 0) {
     result.metrics["disagreement_with_hull"] = hull.Disagreement();
-    result.text += "disagreement with the visual hull: " + MaskPercent(hull.Disagreement()) + "\n";
+    result.text += "disagreement with the visual hull: " + MaskPercent(outside / n) + " of the masks outside it (best: 0 %), " +
+                   MaskPercent(missing / n) + " of it in no mask (more, the fewer the cameras)\n";
   }
   for (const size_t c : report.masks.disagreeing) disagreeing.push_back(report.cameras[c].name);
   result.metrics["disagreeing_cameras"] = disagreeing;

@@ -25,12 +25,18 @@ size_t BestTrial(const std::vector<MaskTrial>& trials) {
 }
 
 /// What the session gives where no option does.
-void FillMaskOptions(const TakeInput& take, MaskStageOptions* options) {
+void FillMaskOptions(const TakeInput& take, MaskStageOptions* options, InputNotes* notes) {
   if (options->out.empty()) options->out = take.Folder("masks");
   if (options->out.empty()) throw UsageError("option 'out' is needed without option 'session'");
   const std::string joints = take.Folder("pose3d");
   const bool given = !options->pose3d.empty() || !options->pose2d.empty();
-  if (!given && !joints.empty() && std::filesystem::exists(joints + "/points.csv")) options->pose3d = joints;
+  if (given || joints.empty()) return;
+  if (std::filesystem::exists(joints + "/points.csv")) {
+    options->pose3d = joints;
+    return;
+  }
+  notes->warnings.push_back({"MSK-NO-JOINTS", joints + ": no 3D joints: plates and movement alone say where people are",
+                             "run mvstudio triangulate option 'session' " + options->take.session + " first, then mask again"});
 }
 
 /// What the folder of masks must not lie in.
@@ -87,7 +93,7 @@ MaskStageReport RunMask(MaskStageOptions options, const RunContext& run) {
   MaskStageReport report;
   TakeInput take = ReadTakeInput(options.take, &report.notes);
   LeaveOutUncalibrated(options.calib.empty() ? take.calibration : options.calib, &take, &report.notes);
-  FillMaskOptions(take, &options);
+  FillMaskOptions(take, &options, &report.notes);
   report.options = options;
   AtomicFolder folder(options.out, options.run.overwrite, MaskInputs(take, options));
   const std::vector<MaskBackend> backends = MaskBackends(options, &report.notes);

@@ -6,6 +6,7 @@
 
 #include "core/format.h"
 #include "stages/frame_notice.h"
+#include "stages/words.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -69,10 +70,11 @@ CommandResult Describe(const AvatarRenderReport& report) {
   result.metrics = RenderMetrics(report);
   result.Add(RenderWarnings(report));
   std::ostringstream text;
-  text << plan.jobs.size() << " images of " << result.metrics["views"].size() << " view(s), " << plan.track.poses.size()
-       << " pose(s) of " << plan.track.source;
+  text << Counted(static_cast<int64_t>(plan.jobs.size()), "image") << " of "
+       << Counted(static_cast<int64_t>(result.metrics["views"].size()), "view") << ", "
+       << Counted(static_cast<int64_t>(plan.track.poses.size()), "pose") << " of " << plan.track.source;
   if (plan.scaled) text << " in the trained person's size (x " << plan.ratio << ")";
-  text << ", " << report.seconds / static_cast<double>(plan.jobs.size()) << " s each\n";
+  text << Format(", %.3f s an image\n", report.seconds / static_cast<double>(plan.jobs.size()));
   if (!result.outputs.empty()) text << "  " << result.outputs.front().path << (result.outputs.size() > 1 ? " …\n" : "\n");
   result.text = text.str();
   return result;

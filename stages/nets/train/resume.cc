@@ -44,6 +44,7 @@ AvatarTrainReport RunAvatarResume(const AvatarResumeOptions& options, RunContext
   AvatarRun files(options.run);
   avatar::RunConfig config = avatar::ReadRunConfig(files.Path(avatar::kRunConfigFile));
   const std::string path = files.checkpoint_path();
+  avatar::RequireCheckpoint(path);
   const avatar::TensorFile checkpoint = avatar::ReadTensorFile(path);
   avatar::TrainOptions train = TrainOptionsNow(options, checkpoint, path);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(config.dataset);

@@ -82,7 +82,9 @@ void RefuseOthers(const AvatarTrainOptions& options, avatar::Method method) {
 
 std::optional<avatar::AvatarModel> StartOf(const AvatarTrainOptions& options) {
   if (options.init_from.empty()) return std::nullopt;
-  avatar::AvatarModel from = avatar::LoadModel(AvatarRun(options.init_from).checkpoint_path());
+  const std::string checkpoint = AvatarRun(options.init_from).checkpoint_path();
+  avatar::RequireCheckpoint(checkpoint);
+  avatar::AvatarModel from = avatar::LoadModel(checkpoint);
   RequireFit(options, from.options);
   return from;
 }
