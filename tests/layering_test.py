@@ -137,7 +137,7 @@ STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth
 WITHOUT_TORCH = {f for f in STAGE_LIBRARIES if not needs_torch(f)}
 NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/input", "stages/nets"}
 MAY_INCLUDE |= {
-    "stages": {"core"},
+    "stages": {"core", "core/text"},
     "stages/input": WITHOUT_TORCH | {"stages", "dataset/exports/read"},
     "stages/calib": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/click": WITHOUT_TORCH | {"stages", "stages/input"},

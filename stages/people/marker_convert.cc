@@ -37,7 +37,7 @@ const Format3d& FormatNamed(const std::string& word) {
     if (word == format.word) return format;
   }
   throw UsageError("option 'to' " + word + ": must be one of trc, c3d, bvh, csv, wide, npz, sto, pose3d" +
-                   (word.find(',') == std::string::npos ? "" : "; mvstudio markers writes several at once"));
+                   (word.find(',') == std::string::npos ? "" : "; `mvstudio markers` writes several at once"));
 }
 
 std::string Chosen(const std::string& asked, const char* custom, const char* possible, const char* option,
