@@ -34,6 +34,9 @@ TEST_F(AvatarGaussians, LearnsScoresAndRenders) {
        {"gaussians.npz", "gaussians.ply", "config.json", "body.npz", "history.csv", "samples/step_000060.png"})
     EXPECT_TRUE(fs::exists(out("run") + "/" + name)) << name;
 
+  EXPECT_THAT(ReadFile(out("run") + "/history.csv"), ::testing::ContainsRegex("\n[012],0,,,,,"))
+      << "no loss before the first step";
+
   const CliRun eval = RunCli({"avatar", "eval", out("run"), "--json", "--features", "gabor"});
   ASSERT_EQ(eval.exit, 0) << eval.err;
   const auto scores = eval.Json()["metrics"];

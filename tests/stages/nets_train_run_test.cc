@@ -3,6 +3,7 @@
 
 #include <filesystem>
 
+#include "avatar/run/pack/run_config.h"
 #include "core/error.h"
 #include "stages/nets/train/describe.h"
 #include "stages/nets/train/run.h"
@@ -44,6 +45,22 @@ TEST(AvatarTrainStage, ANetworkIsTrainedAndGoesOn) {
   const CommandResult done = Describe(RunAvatarResume(more, run));
   ASSERT_THAT(done.warnings, SizeIs(1));
   EXPECT_EQ(done.warnings[0].code, "AVA-NOTHING-TO-DO");
+}
+
+/// A training that was cut off before its first checkpoint: nothing says to resume it.
+TEST(AvatarTrainStage, WithoutACheckpointItBeginsAgain) {
+  const TempDir folder;
+  RunContext run;
+  run.num_threads = 1;
+  AvatarTrainOptions options = SmallAvatar(folder);
+  RunAvatarTrain(options, run);
+  std::filesystem::remove(folder / "run/checkpoint.safetensors");
+  AvatarResumeOptions more;
+  more.run = folder / "run";
+  const auto same_again = HasSubstr("begin it again with the same `mvstudio avatar train`");
+  EXPECT_THAT(MessageOf<IoError>([&] { RunAvatarResume(more, run); }), same_again);
+  EXPECT_THAT(MessageOf<IoError>([&] { avatar::OpenRun(folder / "run", ""); }), same_again);
+  EXPECT_NO_THROW(RunAvatarTrain(options, run)) << "as the message says";
 }
 
 TEST(AvatarTrainStage, OptionsOfOtherMethodsAreRefused) {

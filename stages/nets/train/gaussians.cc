@@ -31,8 +31,9 @@ std::string HistoryOf(const std::vector<std::string>& rows) {
 
 std::string RowText(int degree, const splats::TrainRow& row, double wall_s) {
   const auto number = [](double value) { return std::isfinite(value) ? Format("%.6g", value) : std::string(); };
-  return std::to_string(degree) + "," + std::to_string(row.step) + "," + number(row.loss.l1) + "," + number(row.loss.ssim) +
-         "," + number(row.loss.mask) + "," + number(row.loss.total) + "," + number(row.validation_ssim) + "," +
+  const auto loss = [&](double value) { return row.step > 0 ? number(value) : std::string(); };  // none before the first step
+  return std::to_string(degree) + "," + std::to_string(row.step) + "," + loss(row.loss.l1) + "," + loss(row.loss.ssim) + "," +
+         loss(row.loss.mask) + "," + loss(row.loss.total) + "," + number(row.validation_ssim) + "," +
          number(row.validation_psnr_db) + "," + std::to_string(row.gaussians) + Format(",%.2f", wall_s);
 }
 
