@@ -145,6 +145,7 @@ MAY_INCLUDE |= {
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/align": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/avatar_compare": WITHOUT_TORCH | {"stages", "stages/study"},
     "stages/board": WITHOUT_TORCH | {"stages"},
     "stages/calib_files": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "dataset/exports"},
     "stages/compare": WITHOUT_TORCH | {"stages", "stages/input"},

@@ -95,8 +95,9 @@ std::vector<std::string> SpreadOut(const dataset::PanopticDataset& data, const s
   return names;
 }
 
-void RunAll(const stages::AvatarTradeoffOptions& options, CommandContext& context, std::vector<stages::AvatarTrial>* trials,
-            CommandResult* result) {
+/// Returns how many trials were left out, for the time was over.
+int64_t RunAll(const stages::AvatarTradeoffOptions& options, CommandContext& context,
+               std::vector<stages::AvatarTrial>* trials) {
   const double begin_s = stages::NowSeconds();
   ProgressStage stage(context.run, "tradeoff avatar", static_cast<int64_t>(trials->size()));
   int64_t left_out = 0;
@@ -110,10 +111,7 @@ void RunAll(const stages::AvatarTradeoffOptions& options, CommandContext& contex
         options, context, [&] { stage.Advance(0, name); }, &trial);
     stage.Advance(1, name);
   }
-  if (left_out == 0) return;
-  result->exit = kExitPartial;
-  result->warnings.push_back({"TRD-LIMIT", std::to_string(left_out) + " trials were not begun within --limit-minutes",
-                              "run the same line again: what is finished is kept"});
+  return left_out;
 }
 
 CommandResult Run(const Arguments& arguments, CommandContext& context) {
@@ -134,7 +132,11 @@ CommandResult Run(const Arguments& arguments, CommandContext& context) {
   const OutputFolder place(options.out, {options.dataset}, {"tradeoff-avatar.html"});
   MakeFolder(options.out);
   CommandResult result;
-  RunAll(options, context, &trials, &result);
+  if (const int64_t left_out = RunAll(options, context, &trials); left_out > 0) {
+    result.exit = kExitPartial;
+    result.warnings.push_back({"TRD-LIMIT", std::to_string(left_out) + " trials were not begun within --limit-minutes",
+                               "run the same line again: what is finished is kept"});
+  }
   context.camera_names = stages::StudioNames(options.dataset);
   trials.erase(std::remove_if(trials.begin(), trials.end(), [](const stages::AvatarTrial& t) { return !t.done; }),
                trials.end());

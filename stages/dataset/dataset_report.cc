@@ -82,8 +82,9 @@ std::string AliasOf(const std::map<std::string, std::string>& aliases, const std
   return "";
 }
 
-void DescribeCamera(const geometry::Camera& camera, const dataset::PanopticSequence& sequence, const std::string& alias,
-                    CommandResult* result) {
+/// Its entry of the metrics, and its line of text.
+std::pair<ordered_json, std::string> DescribeCamera(const geometry::Camera& camera, const dataset::PanopticSequence& sequence,
+                                                    const std::string& alias) {
   const auto found = sequence.footage.find(camera.name);
   const bool none = found == sequence.footage.end();
   const bool video = !none && found->second.is_video, pictures = !none && !video;
@@ -96,12 +97,11 @@ void DescribeCamera(const geometry::Camera& camera, const dataset::PanopticSeque
                                     : video ? "video"
                                             : "pictures"}};
   if (pictures) entry["pictures"] = RangeMetrics(found->second.pictures);
-  result->metrics["camera_list"].push_back(entry);
-  if (none && !sequence.footage.empty()) return;  // 479 lines of cameras without pictures help nobody
-  result->text += "  " + camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(camera.width_px) + "x" +
-                  std::to_string(camera.height_px) + " " + entry["model"].get<std::string>();
-  if (pictures) result->text += ", " + std::to_string(found->second.pictures.size()) + " images";
-  result->text += (video ? ", video\n" : "\n");
+  if (none && !sequence.footage.empty()) return {entry, ""};  // 479 lines of cameras without pictures help nobody
+  std::string line = "  " + camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(camera.width_px) +
+                     "x" + std::to_string(camera.height_px) + " " + entry["model"].get<std::string>();
+  if (pictures) line += ", " + std::to_string(found->second.pictures.size()) + " images";
+  return {entry, line + (video ? ", video\n" : "\n")};
 }
 
 int MostPeople(const dataset::PanopticFrames& scenes) {
@@ -145,7 +145,9 @@ CommandResult FolderInfo(const std::string& folder) {
   if (sequence.footage.empty()) result.text += "  no images and no videos\n";
   for (const auto& c : rig.cameras) {
     if (rig.cameras.size() > 60 && sequence.footage.empty()) break;
-    DescribeCamera(c.camera, sequence, AliasOf(aliases, c.camera.name), &result);
+    const auto [entry, line] = DescribeCamera(c.camera, sequence, AliasOf(aliases, c.camera.name));
+    result.metrics["camera_list"].push_back(entry);
+    result.text += line;
   }
   return result;
 }

@@ -56,7 +56,7 @@ CommandResult Describe(const DatasetExportReport& report) {
   result.text = options.out + Format(": %zu cameras, %zu frames, %d people, %d images, %d masks, %d points (%s)\n",
                                      written.cameras.size(), written.frames.size(), written.people, written.pictures,
                                      written.masks, written.points, options.to.c_str());
-  if (written.masks > 0) TellMasks(report.masks, options.dataset + "/masks", &result);
+  if (written.masks > 0) result.Add(DescribeMaskMeaning(report.masks, options.dataset + "/masks", result.text));
   if (written.missing_pictures > 0) result.exit = kExitPartial;
   if (written.people == 0 && written.pictures == 0) {
     result.exit = kExitQualityGate;

@@ -109,7 +109,7 @@ CommandResult Describe(const DatasetPackReport& report) {
   result.outputs.push_back({options.out, "pack"});
   if (!options.dataset.empty()) result.inputs.push_back(options.dataset);
   result.Add(DescribeLacks(report.built));
-  if (options.pack.masks) TellMasks(report.built.masks, options.dataset + "/masks", &result);
+  if (options.pack.masks) result.Add(DescribeMaskMeaning(report.built.masks, options.dataset + "/masks", result.text));
   if (report.wrote_single) result.outputs.push_back({options.single, "pack"});
   return result;
 }

@@ -81,7 +81,7 @@ CommandResult DescribeGround(const ScoresReport& report, const std::optional<Reg
     result.text += Format("\n  %lld pairs have opacity: put over ", static_cast<long long>(clear)) + ToString(pairs.backdrop) +
                    " (" + pairs.backdrop.reason + ")";
   }
-  TellMasks(pairs.masks, report.options.masks, &result);
+  result.Add(DescribeMaskMeaning(pairs.masks, report.options.masks, result.text));
   return result;
 }
 

@@ -15,7 +15,7 @@ CommandResult Describe(const AvatarFitReport& report) {
   result.text = ToTable(report.fit);
   result.Add(JudgeFit(report.fit));
   Append(report.doubts, &result.warnings);
-  TellMasks(report.masks, report.dataset + "/masks", &result);
+  result.Add(DescribeMaskMeaning(report.masks, report.dataset + "/masks", result.text));
   return result;
 }
 

@@ -170,7 +170,7 @@ CommandResult Describe(const AvatarTrainReport& report) {
     result.Add(JudgeFit(*report.fit));
   }
   Append(report.notes.warnings, &result.warnings);
-  if (report.masks) TellMasks(*report.masks, report.dataset + "/masks", &result);
+  if (report.masks) result.Add(DescribeMaskMeaning(*report.masks, report.dataset + "/masks", result.text));
   return result;
 }
 
