@@ -45,6 +45,21 @@ TEST_F(SessionInit, CamerasFirst) {
   EXPECT_EQ(Init({"--layout", "sideways", "--overwrite"}).exit, 2);
 }
 
+/// The card before it is a session, with a clean plate beside the videos: as `session init --scan` reads it.
+TEST_F(SessionInit, DoctorReadsACardAsScanDoes) {
+  for (const char* camera : {"gopro1", "gopro2"}) {
+    const std::string at = folder_ / ("card/" + std::string(camera));
+    fs::create_directories(at);
+    WriteClip(at + "/board.mp4", Regular(4));
+    WriteClip(at + "/walk.mp4", Regular(6));
+    Put(at + "/plate.png", "x");
+  }
+  const CliRun doctor = RunCli({"doctor", folder_ / "card", "--json"});
+  const auto footage = doctor.Json()["metrics"]["footage"];
+  ASSERT_EQ(footage.size(), 4u) << doctor.out << doctor.err;
+  for (const auto& one : footage) EXPECT_EQ(one["frames"], one["take"] == "board" ? 4 : 6) << one;
+}
+
 TEST_F(SessionInit, ChaptersAreReadAsOneVideo) {
   fs::create_directories(folder_ / "card/walk/gopro1");
   fs::create_directories(folder_ / "card/walk/gopro2");
