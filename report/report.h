@@ -17,8 +17,8 @@ struct ReportOptions {
   std::string version;              ///< of the program that writes the report
   bool follow_links = false;        ///< read what lies outside of the run's folder, too
   int max_heldout_pictures = 24;    ///< of each evaluation; the rest is listed by name
-  int max_picture_mb = 8;           ///< a larger picture is named, not embedded
-  int max_pictures_total_mb = 48;   ///< all pictures together
+  int max_picture_mb = 8;           ///< a larger image is named, not embedded
+  int max_pictures_total_mb = 48;   ///< all images together
 };
 
 template <class Visitor>
@@ -43,7 +43,7 @@ struct Report {
 };
 
 /// Reads the files below `run_folder` (four levels deep): `*.result.json`, `calibration.json`, `points.csv`,
-/// `history.csv`, `provenance.jsonl` and the pictures that the results list. An unreadable file, and a path that leads out of
+/// `history.csv`, `provenance.jsonl` and the images that the results list. An unreadable file, and a path that leads out of
 /// the folder, becomes a warning of the report. Of the folders `with`, only results of `avatar eval` and `avatar train` are
 /// taken, with their absolute paths. Throws UsageError for an unknown audience, and IoError when a folder is missing or
 /// contains nothing to report.

@@ -21,8 +21,8 @@ std::set<std::string> CameraNames(const Value& metrics) {
   return names;
 }
 
-/// What the result says of a picture beyond its path: the entry of metrics.pictures with the same file name.
-const Value& PictureEntry(const Value& metrics, const std::string& path) {
+/// What the result says of an image beyond its path: the entry of metrics.pictures with the same file name.
+const Value& ImageEntry(const Value& metrics, const std::string& path) {
   static const Value null;
   const auto name = std::filesystem::path(path).filename();
   for (const Value& entry : metrics["pictures"].items()) {
@@ -40,10 +40,10 @@ double FrameInName(const std::string& stem, const std::string& camera) {
   return digits.empty() || digits.size() > 12 ? std::numeric_limits<double>::quiet_NaN() : std::stod(digits);
 }
 
-/// "camera cam_02, frame 84, SSIM 0.93, PSNR 24.1 dB", from what the result says of the picture, else from its file name.
+/// "camera cam_02, frame 84, SSIM 0.93, PSNR 24.1 dB", from what the result says of the image, else from its file name.
 std::string Caption(const Value& metrics, const Value& output) {
   const std::string path = output["path"].Text(), stem = std::filesystem::path(path).stem().string();
-  const Value& entry = PictureEntry(metrics, path);
+  const Value& entry = ImageEntry(metrics, path);
   std::string camera = output["camera"].Text(entry["camera"].Text());
   for (const std::string& name : CameraNames(metrics)) {
     if (camera.empty() && stem.find(name) != std::string::npos) camera = name;
@@ -67,7 +67,7 @@ std::vector<Value> OutputsOf(const Stage& stage, const std::string& role) {
   std::vector<std::pair<double, Value>> found;
   for (const Value& output : stage.result["outputs"].items()) {
     if (output["role"].Text() != role) continue;
-    found.emplace_back(PictureEntry(stage.metrics(), output["path"].Text())["ssim"].Number(), output);
+    found.emplace_back(ImageEntry(stage.metrics(), output["path"].Text())["ssim"].Number(), output);
   }
   std::stable_sort(found.begin(), found.end(), [](const auto& a, const auto& b) {
     return std::isfinite(a.first) && (!std::isfinite(b.first) || a.first < b.first);

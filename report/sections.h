@@ -75,7 +75,7 @@ void SetNotRun(Section* section, const std::string& what, const std::string& com
 std::string ReadOutput(SectionContext* context, const Stage& stage, const Value& output,
                        const std::function<bool(std::string_view)>& is_right, const std::string& what_is_wrong);
 
-/// The picture of an output inside the page, or an empty string and a warning. `legend`: names above equal parts of a strip;
+/// The image of an output inside the page, or an empty string and a warning. `legend`: names above equal parts of a strip;
 /// `compared`: with a slider between the first two of them.
 std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
                         const std::vector<std::string>& legend = {}, bool compared = false);
@@ -112,7 +112,7 @@ std::string MethodsSideBySide(SectionContext* context);
 /// What the fits of bodies found, with their surfaces; empty when none was run.
 std::string FittedBodies(SectionContext* context);
 
-/// Rig pictures of a calibration file with the people of `points` (may be null) between the cameras; empty without any pose.
+/// Drawings of the rig of a calibration file with the people of `points` (may be null) between the cameras; empty without any pose.
 /// `skeleton`: the definition in their pose3d.json, or null: then joints are connected as people's.
 std::string RigFigures(const Value& calibration, const CsvFile* points, const Value& skeleton);
 /// name, model, size_px, focal_px (of fx and fy, as `calibrate` gives it), focal_sigma_px (null when unknown),

@@ -7,7 +7,7 @@
 namespace mvstudio::stages {
 
 /// Says which frames were asked for that are not there: `beyond` of a FrameChoice.
-inline void TellFrames(const std::string& beyond, InputNotes* notes) {
+inline void NoteFrames(const std::string& beyond, InputNotes* notes) {
   if (!beyond.empty())
     notes->warnings.push_back({"CLI-FRAMES", beyond, "look at the numbers: files count from 0 or as they are named"});
 }

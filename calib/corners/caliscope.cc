@@ -48,7 +48,7 @@ int InstantColumn(const CsvTable& table, const Columns& columns) {
 /// A camera has one frame per time step, and its frames keep their order.
 void CheckFrameOrder(const CsvTable& table, const Columns& columns) {
   if (columns.sync < 0 || columns.frame < 0) return;
-  std::map<int64_t, std::map<int64_t, std::pair<int64_t, size_t>>> frames;  // camera -> instant -> frame, row
+  std::map<int64_t, std::map<int64_t, std::pair<int64_t, size_t>>> frames;  // camera -> time step -> frame, row
   for (size_t row = 0; row < table.num_rows(); ++row) {
     const int64_t frame = table.Frame(row, columns.frame);
     const auto [entry, is_new] =

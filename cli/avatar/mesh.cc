@@ -36,7 +36,7 @@ std::map<int, body::BodyPose> PosesOf(const body::PersonBody& person, const std:
   std::vector<int> known;
   for (const auto& [frame, pose] : person.seen) known.push_back(frame);
   const FrameChoice choice = KnownFrames("--frames", ParseRanges("--frames", frames), known, path);
-  stages::TellFrames(choice.beyond, notes);
+  stages::NoteFrames(choice.beyond, notes);
   for (const int frame : choice.frames) poses.emplace(frame, ToBodyPose(person.body, person.seen.at(frame)));
   return poses;
 }

@@ -14,7 +14,7 @@ namespace mvstudio::markers {
 enum class Source : uint8_t {
   kMissing,
   kMeasured,  ///< triangulated from detections
-  kFilled,    ///< predicted from other instants
+  kFilled,    ///< predicted from other time steps
 };
 
 struct MarkerTake {

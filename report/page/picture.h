@@ -13,10 +13,10 @@ std::string PictureType(std::string_view bytes);
 /// Width and height from a PNG header; false for other content.
 bool PngSize(std::string_view bytes, int* width, int* height);
 
-/// The picture as a data URI.
+/// The image as a data URI.
 std::string PictureUri(std::string_view bytes);
 
-/// An <img> with the picture inside it as a data URI.
+/// An <img> with the image inside it as a data URI.
 std::string PictureHtml(std::string_view bytes, const std::string& alt);
 
 }  // namespace mvstudio::report

@@ -75,7 +75,7 @@ std::string PackSummary(const std::string& out, const dataset::PackBuildReport& 
 /// What is not in the pack, or not as it should be.
 CommandResult DescribeLacks(const dataset::PackBuildReport& built) {
   CommandResult result;
-  TellFrames(built.frames_beyond, &result);
+  NoteFrames(built.frames_beyond, &result);
   if (!built.skipped.empty()) {
     const std::string text = built.missing.missing() > 0 ? dataset::MissingText(built.missing)
                                                          : std::to_string(built.skipped.size()) + " pictures were left out";

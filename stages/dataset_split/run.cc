@@ -23,7 +23,7 @@ dataset::Split ReadOrMakeSplit(const dataset::PanopticDataset& data, DatasetSpli
     throw UsageError("option 'out' is needed: the file for the split (or option 'describe' an existing one)");
   const auto choose = [&](const char* option, const std::string& ranges) {
     const FrameChoice choice = KnownFrames(option, ParseRanges(option, ranges), data.frames, data.root);
-    TellFrames(choice.beyond, notes);
+    NoteFrames(choice.beyond, notes);
     return choice.frames;
   };
   options->split.test_frames = choose("option 'holdout-frames'", options->test_frames);

@@ -341,7 +341,7 @@ std::vector<int> LimitFrames(const PoseChanges& changes, const std::vector<int>&
   if (changes.frames.empty()) return there;
   FrameChoice choice =
       KnownFrames("option 'frames'", ParseRanges("option 'frames'", changes.frames), there, "the 2D poses of all cameras");
-  TellFrames(choice.beyond, notes);
+  NoteFrames(choice.beyond, notes);
   return std::move(choice.frames);
 }
 

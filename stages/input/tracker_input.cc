@@ -39,20 +39,20 @@ void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>&
   }
 }
 
-void TellTimes(const std::string& told, InputNotes* notes) {
+void NoteTimes(const std::string& told, InputNotes* notes) {
   notes->warnings.push_back(
       {"POSE-TIMES", "rows were numbered by their times, from time 0, since no column gives frames: " + told,
        "where cameras run at different rates, or their clocks begin apart, see options 'rate' and 'sync'"});
 }
 
 /// Frames that were found by times; cameras of other steps have other frames.
-void SayWhatTimesTell(const std::vector<TrackedPoints>& cameras, InputNotes* notes) {
+void NoteTimesFound(const std::vector<TrackedPoints>& cameras, InputNotes* notes) {
   std::string told;
   for (const TrackedPoints& camera : cameras) {
     if (camera.time_step > 0)
       told += (told.empty() ? "" : ", ") + camera.track.camera + Format(" (a frame every %.6g)", camera.time_step);
   }
-  if (!told.empty()) TellTimes(told, notes);
+  if (!told.empty()) NoteTimes(told, notes);
 }
 
 using NamedBones = std::vector<std::pair<std::string, std::string>>;
@@ -97,7 +97,7 @@ dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, InputNotes* 
   }
   const std::vector<std::string> joints = dataset::UnitedJoints(cameras);
   for (const TrackedPoints& camera : cameras) SayWhatDiffers(camera, joints, notes);
-  SayWhatTimesTell(cameras, notes);
+  NoteTimesFound(cameras, notes);
   dataset::Pose2dSet set;
   set.skeleton = arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones)
                                             : geometry::SkeletonFrom(arguments.skeleton);
@@ -111,7 +111,7 @@ dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& s
   const TrackerKind kind = KindOf(path);
   if (kind == TrackerKind::kNone) {
     dataset::Pose2dSet set = dataset::ReadPose2dCsv(path, named);
-    if (set.time_step > 0) TellTimes(Format("all cameras (a frame every %.6g)", set.time_step), notes);
+    if (set.time_step > 0) NoteTimes(Format("all cameras (a frame every %.6g)", set.time_step), notes);
     return set;
   }
   if (kind != TrackerKind::kCaliscopeCsv) {

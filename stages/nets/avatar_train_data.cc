@@ -170,8 +170,8 @@ std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, co
 }
 
 void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& a, InputNotes* notes) {
-  TellFrames(ChoiceOf(data, "option 'frames'", a.frames).beyond, notes);
-  TellFrames(ChoiceOf(data, "option 'holdout-frames'", a.holdout_frames).beyond, notes);
+  NoteFrames(ChoiceOf(data, "option 'frames'", a.frames).beyond, notes);
+  NoteFrames(ChoiceOf(data, "option 'holdout-frames'", a.holdout_frames).beyond, notes);
 }
 
 RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,

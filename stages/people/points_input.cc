@@ -48,7 +48,7 @@ void KeepChosenFrames(const std::string& ranges, const std::string& path, datase
   for (const dataset::JointRow& row : pose->rows) there.insert(row.frame);
   const FrameChoice choice =
       KnownFrames("option 'frames'", ParseRanges("option 'frames'", ranges), {there.begin(), there.end()}, path);
-  TellFrames(choice.beyond, notes);
+  NoteFrames(choice.beyond, notes);
   const auto gone = [&](const auto& row) { return !std::binary_search(choice.frames.begin(), choice.frames.end(), row.frame); };
   pose->rows.erase(std::remove_if(pose->rows.begin(), pose->rows.end(), gone), pose->rows.end());
 }

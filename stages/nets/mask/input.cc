@@ -168,7 +168,7 @@ void LimitToFrames(const std::string& ranges, MaskJob* job, InputNotes* notes) {
   }
   const FrameChoice choice =
       KnownFrames("option 'frames'", ParseRanges("option 'frames'", ranges), std::move(there), "the footage");
-  TellFrames(choice.beyond, notes);
+  NoteFrames(choice.beyond, notes);
   for (MaskCamera& camera : job->cameras) {
     camera.wanted.emplace();
     for (const int frame : camera.samples.all) {

@@ -61,7 +61,7 @@ VisualHull Carve(const MaskJob& job, int instant, const std::vector<Image>& mask
   return dataset::CarveHull(views, box, job.hull);
 }
 
-/// Masks of every camera at one time step, from the files; empty pictures where a file is missing.
+/// Masks of every camera at one time step, from the files; empty images where a file is missing.
 std::vector<Image> ReadMasks(const MaskJob& job, const std::string& folder, int instant) {
   std::vector<Image> masks;
   for (const MaskCamera& camera : job.cameras) {

@@ -87,7 +87,7 @@ void LimitPoses(const std::vector<int>& asked, std::vector<CameraPoses>* cameras
   }
   if (asked.empty() || std::all_of(cameras->begin(), cameras->end(), HasFailed)) return;
   const FrameChoice choice = KnownFrames("option 'frames'", asked, std::move(there), "the footage");
-  TellFrames(choice.beyond, notes);
+  NoteFrames(choice.beyond, notes);
   for (CameraPoses& camera : *cameras) {
     auto& frames = camera.track.frames;
     const size_t before = frames.size();

@@ -41,7 +41,7 @@ CommandResult RenderWarnings(const AvatarRenderReport& report) {
         {"AVA-SKIPPED", std::to_string(plan.skipped.size()) + " images could not be made; the first: " + plan.skipped.front(),
          "leave these cameras or frames out, or use option 'place' training"});
   }
-  TellFrames(plan.track.beyond, &result);
+  NoteFrames(plan.track.beyond, &result);
   constexpr double kSameSize = 0.05;
   if (plan.foreign && !plan.scaled && std::abs(plan.ratio - 1) > kSameSize) {
     const std::string text =
