@@ -63,6 +63,7 @@ CommandResult DoStage(const PipelineStage& stage, StageRecord record, const Stag
   record.exit = row->exit;
   if (std::isfinite(row->seconds)) record.seconds = row->seconds;
   if (row->state == RowState::kAccepted) record.accepted = wish.accept;
+  if (row->state == RowState::kFailed) record.errors = outcome.result.errors;
   const bool refused = row->exit == kExitUsage && !known;  // what was in its way, and it has to refuse it the next time
   keep(refused ? nullptr : &record);
   return std::move(outcome.result);

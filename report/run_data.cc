@@ -164,6 +164,35 @@ class Reader {
   RunData* data_;
 };
 
+/// "dataset build" of its words.
+std::string CommandOf(const Value& words) {
+  const std::string first = words.At(0).Text();
+  const bool group = first == "avatar" || first == "calib" || first == "dataset" || first == "session";
+  return group ? first + " " + words.At(1).Text() : first;
+}
+
+/// Stages that `run` saw fail before they had a place for a result: what run.json keeps of them.
+void AddFailures(const fs::path& root, RunData* data) {
+  constexpr const char* kFile = "run.json";
+  std::error_code ignored;
+  if (!InsideFolder(root.string(), kFile) || !fs::is_regular_file(root / kFile, ignored)) return;
+  try {
+    const Value record = Value::Parse(ReadFile((root / kFile).string()), kFile);
+    if (record["schema"].Text() != "mvstudio.run/1") return;
+    for (const Value& stage : record["stages"].items()) {
+      const std::string command = CommandOf(stage["words"]);
+      const std::vector<const Stage*> told = data->All(command);
+      const bool known = std::any_of(told.begin(), told.end(), [](const Stage* s) { return s->verdict == Verdict::kFail; });
+      if (known || stage["errors"].items().empty()) continue;
+      Value result = Value::Object();
+      result.Set("command", command).Set("status", "error").Set("exit", stage["exit"]).Set("errors", stage["errors"]);
+      data->stages.push_back({root.string(), kFile, "", command, std::move(result), Verdict::kFail});
+    }
+  } catch (const Error& error) {
+    data->warnings.push_back({"REP-FILE", error.what(), "run `mvstudio run` again"});
+  }
+}
+
 int FolderDepth(const std::string& folder) {
   return static_cast<int>(std::distance(fs::path(folder).begin(), fs::path(folder).end()));
 }
@@ -206,6 +235,7 @@ RunData ScanRun(const std::string& folder, bool follow_links) {
   const fs::path root(folder);
   Reader reader(root, &data);
   for (const fs::path& path : WantedFiles(root, follow_links, &data.warnings)) reader.Read(path);
+  AddFailures(root, &data);
   std::stable_sort(data.stages.begin(), data.stages.end(),
                    [](const Stage& a, const Stage& b) { return PipelineOrder(a.command) < PipelineOrder(b.command); });
   std::stable_sort(data.provenance.begin(), data.provenance.end(),

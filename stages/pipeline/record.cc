@@ -41,6 +41,8 @@ StageJson RecordJson(const std::string& name, const StageRecord& record) {
   StageJson json = {{"stage", name},        {"version", record.version},   {"words", record.words},
                     {"exit", record.exit},  {"accepted", record.accepted}, {"seconds", record.seconds},
                     {"found", record.found}};
+  for (const Notice& error : record.errors)
+    json["errors"].push_back({{"code", error.code}, {"text", error.text}, {"hint", error.hint}});
   json["inputs"] = StageJson::array();
   for (const Fingerprint& input : record.inputs) json["inputs"].push_back(PrintJson(input));
   json["output"] = PrintJson(record.output);
@@ -55,6 +57,8 @@ StageRecord RecordFrom(const StageJson& json) {
   record.accepted = json.at("accepted").get<std::vector<std::string>>();
   record.seconds = json.at("seconds").get<double>();
   record.found = json.at("found").get<bool>();
+  for (const StageJson& error : json.value("errors", StageJson::array()))
+    record.errors.push_back({error.at("code"), error.at("text"), error.at("hint"), true});
   for (const StageJson& input : json.at("inputs")) record.inputs.push_back(PrintFrom(input));
   record.output = PrintFrom(json.at("output"));
   return record;

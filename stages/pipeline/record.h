@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/notice.h"
 #include "stages/input/fingerprint.h"
 #include "stages/pipeline/pipeline.h"
 
@@ -18,6 +19,7 @@ struct StageRecord {
   std::vector<std::string> words;
   int exit = 0;                       ///< kBegun until it has ended
   std::vector<std::string> accepted;  ///< codes of errors that were accepted
+  std::vector<Notice> errors;         ///< of a stage that failed, for the report
   double seconds = 0;
   bool found = false;  ///< made by other means than `run`, and newer than what it is made of
   std::vector<Fingerprint> inputs;

@@ -184,6 +184,31 @@ void ExpectOffline(const std::string& html) {
   }
 }
 
+TEST_F(ReportTest, AStageThatRunSawFailIsNoStageThatWasNotRun) {
+  Save("calib/calibrate.result.json", Result("calibrate", Json::object()));
+  const Json error = {{"code", "INPUT-FORMAT"}, {"text", "camera gopro4: no calibration <b>"}, {"hint", "calibrate it"}};
+  const auto stage = [&](const std::vector<std::string>& words, int exit, const Json& errors) {
+    return Json{{"stage", words[0]}, {"words", words}, {"exit", exit}, {"errors", errors}};
+  };
+  Save("run.json",
+       {{"schema", "mvstudio.run/1"},
+        {"stages",
+         {stage({"calibrate", "--session", "."}, 0, Json::array()), stage({"triangulate", "--session", "."}, 3, {error}),
+          stage({"dataset", "build", "--session", "."}, 3, {error})}}});
+  const Report report = Build();
+  EXPECT_EQ(report.verdict, Verdict::kFail);
+  EXPECT_EQ(report.num_stages, 3);
+  EXPECT_EQ(json_["stages"][1]["command"], "triangulate");
+  EXPECT_EQ(json_["stages"][2]["command"], "dataset build");
+  EXPECT_THAT(report.html, HasSubstr("camera gopro4: no calibration &lt;b&gt;"));
+  Save("triangulate.result.json", [&] {
+    Json own = Result("triangulate", Json::object());
+    own["status"] = "error", own["exit"] = 4, own["errors"] = {error};
+    return own;
+  }());
+  EXPECT_EQ(Build().num_stages, 3) << "its own result tells it";
+}
+
 TEST_F(ReportTest, NumbersInJsonAreThoseOfTheInputs) {
   SaveWholeRun();
   const Report report = Build();
