@@ -190,11 +190,11 @@ TEST_F(ReportTest, AStageThatRunSawFailIsNoStageThatWasNotRun) {
   const auto stage = [&](const std::vector<std::string>& words, int exit, const Json& errors) {
     return Json{{"stage", words[0]}, {"words", words}, {"exit", exit}, {"errors", errors}};
   };
-  Save("run.json",
-       {{"schema", "mvstudio.run/1"},
-        {"stages",
-         {stage({"calibrate", "--session", "."}, 0, Json::array()), stage({"triangulate", "--session", "."}, 3, {error}),
-          stage({"dataset", "build", "--session", "."}, 3, {error})}}});
+  Save("run.json", {{"schema", "mvstudio.run/1"},
+                    {"stages",
+                     {stage({"calibrate", "--session", "."}, 0, Json::array()),
+                      stage({"triangulate", "--session", "."}, 3, Json::array({error})),
+                      stage({"dataset", "build", "--session", "."}, 3, Json::array({error}))}}});
   const Report report = Build();
   EXPECT_EQ(report.verdict, Verdict::kFail);
   EXPECT_EQ(report.num_stages, 3);
@@ -203,7 +203,7 @@ TEST_F(ReportTest, AStageThatRunSawFailIsNoStageThatWasNotRun) {
   EXPECT_THAT(report.html, HasSubstr("camera gopro4: no calibration &lt;b&gt;"));
   Save("triangulate.result.json", [&] {
     Json own = Result("triangulate", Json::object());
-    own["status"] = "error", own["exit"] = 4, own["errors"] = {error};
+    own["status"] = "error", own["exit"] = 4, own["errors"] = Json::array({error});
     return own;
   }());
   EXPECT_EQ(Build().num_stages, 3) << "its own result tells it";
