@@ -41,9 +41,10 @@ void Judge(const PipelineStage& stage, const CommandResult& done, const StageWis
 }  // namespace
 
 std::string NeedText(const stages::StageNeed& need) {
-  const auto cell = [](double value) { return std::isfinite(value) ? Format("%7.0f", value) : std::string(7, ' '); };
-  const bool known = std::isfinite(need.memory_mb);
-  return known ? cell(need.memory_mb) + " MB" + cell(need.disk_mb) + " MB on disk" : std::string(28, ' ');
+  const auto cell = [](double value, const std::string& unit) {
+    return std::isfinite(value) ? Format("%7.0f", value) + unit : std::string(7 + unit.size(), ' ');
+  };
+  return cell(need.memory_mb, " MB") + cell(need.disk_mb, " MB on disk");
 }
 
 CommandResult DoStage(const PipelineStage& stage, StageRecord record, const StageRecord* earlier, const StageWish& wish,

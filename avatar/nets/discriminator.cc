@@ -13,19 +13,21 @@ namespace {
 
 namespace nn = torch::nn;
 
-nn::Conv2d Conv(int in, int out, int stride) { return nn::Conv2d(nn::Conv2dOptions(in, out, 4).stride(stride).padding(2)); }
+nn::Conv2d PatchConv(int in, int out, int stride) {
+  return nn::Conv2d(nn::Conv2dOptions(in, out, 4).stride(stride).padding(2));
+}
 
 /// One scale: each entry is a layer whose output is compared.
 std::vector<nn::Sequential> MakeScale(int inputs, int width, int layers) {
   const auto leaky = [] { return nn::LeakyReLU(nn::LeakyReLUOptions().negative_slope(0.2).inplace(true)); };
-  std::vector<nn::Sequential> scale = {nn::Sequential(Conv(inputs, width, 2), leaky())};
+  std::vector<nn::Sequential> scale = {nn::Sequential(PatchConv(inputs, width, 2), leaky())};
   int channels = width;
   for (int layer = 1; layer <= layers; ++layer) {
     const int next = std::min(width << layer, 8 * width);
-    scale.push_back(nn::Sequential(Conv(channels, next, layer < layers ? 2 : 1), nn::InstanceNorm2d(next), leaky()));
+    scale.push_back(nn::Sequential(PatchConv(channels, next, layer < layers ? 2 : 1), nn::InstanceNorm2d(next), leaky()));
     channels = next;
   }
-  scale.push_back(nn::Sequential(Conv(channels, 1, 1)));
+  scale.push_back(nn::Sequential(PatchConv(channels, 1, 1)));
   return scale;
 }
 

@@ -26,14 +26,14 @@ constexpr size_t kFewestJoints = 30, kMostJoints = 600;
 
 using Label = std::pair<int, int>;  // frame, joint
 
-struct Sight {
+struct SeenJoint {
   Eigen::Vector2d px = Eigen::Vector2d::Zero();
   Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();
 };
 
 /// What each camera sees of the person, and the noise of it.
 struct Sights {
-  std::vector<std::map<Label, Sight>> of_camera;
+  std::vector<std::map<Label, SeenJoint>> of_camera;
   std::vector<double> sigma_px, sigma_rad;
 };
 
@@ -198,7 +198,7 @@ std::map<Label, Eigen::Vector3d> Triangulated(const geometry::Rig& rig, const st
   return points;
 }
 
-PointResection Resect(const geometry::RigCamera& camera, const std::map<Label, Sight>& seen_joints, double sigma_px,
+PointResection Resect(const geometry::RigCamera& camera, const std::map<Label, SeenJoint>& seen_joints, double sigma_px,
                       const std::map<Label, Eigen::Vector3d>& points) {
   std::vector<Label> labels;
   for (const auto& [label, x] : points) {

@@ -113,7 +113,7 @@ CommandResult Describe(const DatasetBuildReport& report) {
   }
   result.text = BuildSummary(report);
   if (!report.inputs.masks.empty()) {
-    TellMasks(built.masks, report.inputs.masks, &result);
+    result.Add(DescribeMaskMeaning(built.masks, report.inputs.masks, result.text));
   } else if (report.options.build.masks) {
     for (const dataset::BuiltCamera& camera : built.cameras) result.text += MadeMaskLine(camera);
   }

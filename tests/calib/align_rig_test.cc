@@ -27,7 +27,7 @@ testing::Scene MakeScene(double noise_px) {
 }
 
 /// The largest difference of the cameras' poses, radians plus metres.
-double PoseDifference(const Rig& a, const Rig& b) {
+double LargestPoseDifference(const Rig& a, const Rig& b) {
   double worst = 0;
   for (size_t c = 0; c < a.cameras.size(); ++c) {
     const Rigid3 &x = a.cameras[c].cam_from_world, &y = b.cameras[c].cam_from_world;
@@ -43,7 +43,7 @@ TEST(AlignToBoard, WithoutNoiseTheBoardIsTheWorld) {
   const RigAlignment found = AlignToBoard(geometry::InWorld(truth, kElsewhere), testing::ToInput(scene), frame);
   ASSERT_EQ(found.status, Status::kOk) << found.message;
   const Rigid3 board_from_cam0 = geometry::Inverse(scene.truth.cam_from_world[0] * scene.truth.world_from_board[4]);
-  EXPECT_LT(PoseDifference(found.rig, geometry::InWorld(truth, WorldFromFloorBoard() * board_from_cam0)), 1e-7);
+  EXPECT_LT(LargestPoseDifference(found.rig, geometry::InWorld(truth, WorldFromFloorBoard() * board_from_cam0)), 1e-7);
   EXPECT_EQ(GaugeText(found.rig.gauge), "board in frame " + std::to_string(frame));
   EXPECT_LT(found.rms_px, 1e-6);
   for (const geometry::RigCamera& camera : found.rig.cameras) EXPECT_GT(camera.CenterInWorld().z(), 0) << "z is up";
@@ -62,7 +62,7 @@ TEST(AlignToBoard, UncertaintyIsThatOfACalibrationInTheBoardsWorld) {
   ASSERT_EQ(by_board.status, Status::kOk);
   const RigAlignment found = AlignToBoard(by_camera.rig, input, frame);
   ASSERT_EQ(found.status, Status::kOk) << found.message;
-  EXPECT_LT(PoseDifference(found.rig, by_board.rig), 2e-3);
+  EXPECT_LT(LargestPoseDifference(found.rig, by_board.rig), 2e-3);
   for (size_t c = 0; c < 3; ++c) {
     const geometry::Vector6d got = found.rig.cameras[c].cam_from_world_covariance->diagonal().cwiseSqrt();
     const geometry::Vector6d wanted = by_board.rig.cameras[c].cam_from_world_covariance->diagonal().cwiseSqrt();
@@ -84,7 +84,7 @@ TEST(InWorld, CarriedCovarianceIsThatOfASolutionInTheNewWorld) {
   options.fix = {{HeldPart::What::kPoses, {"cam0"}}};
   const CalibrateReport second = Calibrate(input, options, {});
   ASSERT_EQ(second.status, Status::kOk) << second.message;
-  ASSERT_LT(PoseDifference(second.rig, moved), 1e-5);
+  ASSERT_LT(LargestPoseDifference(second.rig, moved), 1e-5);
   for (size_t c = 0; c < 3; ++c) {
     const auto &got = *moved.cameras[c].cam_from_world_covariance, &wanted = *second.rig.cameras[c].cam_from_world_covariance;
     EXPECT_LT((got - wanted).norm(), 5e-3 * wanted.norm() + 1e-18) << c;
@@ -115,11 +115,11 @@ TEST(AlignToPlaces, MotionAndScaleAreFound) {
   const Rig rig = testing::TruthRig(MakeScene(0));
   const RigAlignment rigid = AlignToPlaces(rig, Pairs(8, 1, 0), false);
   ASSERT_EQ(rigid.status, Status::kOk);
-  EXPECT_LT(PoseDifference(rigid.rig, geometry::InWorld(rig, kElsewhere)), 1e-9);
+  EXPECT_LT(LargestPoseDifference(rigid.rig, geometry::InWorld(rig, kElsewhere)), 1e-9);
   const RigAlignment scaled = AlignToPlaces(rig, Pairs(8, 1.25, 0), true);
   ASSERT_EQ(scaled.status, Status::kOk);
   EXPECT_NEAR(scaled.scale, 1.25, 1e-12);
-  EXPECT_LT(PoseDifference(scaled.rig, geometry::InWorld(rig, kElsewhere, 1.25)), 1e-9);
+  EXPECT_LT(LargestPoseDifference(scaled.rig, geometry::InWorld(rig, kElsewhere, 1.25)), 1e-9);
   EXPECT_GT(AlignToPlaces(rig, Pairs(8, 1.25, 0), false).rms_m, 0.1) << "a wrong scale is no motion";
 }
 
@@ -163,10 +163,10 @@ TEST(AlignToClicks, ScaleComesFromTriangulatedPoints) {
   const RigAlignment found = AlignToClicks(small, points, true, {});
   ASSERT_EQ(found.status, Status::kOk) << found.message;
   EXPECT_NEAR(found.scale, 2, 1e-6);
-  EXPECT_LT(PoseDifference(found.rig, geometry::InWorld(truth, kElsewhere)), 1e-6);
+  EXPECT_LT(LargestPoseDifference(found.rig, geometry::InWorld(truth, kElsewhere)), 1e-6);
   const RigAlignment rigid = AlignToClicks(truth, points, false, {});
   ASSERT_EQ(rigid.status, Status::kOk) << rigid.message;
-  EXPECT_LT(PoseDifference(rigid.rig, geometry::InWorld(truth, kElsewhere)), 1e-6);
+  EXPECT_LT(LargestPoseDifference(rigid.rig, geometry::InWorld(truth, kElsewhere)), 1e-6);
 }
 
 TEST(PlacePairs, AreReadFromATable) {

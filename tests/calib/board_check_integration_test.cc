@@ -31,13 +31,13 @@ std::vector<Image> Photos(const std::string& text, bool mirrored = false) {
   return images;
 }
 
-struct Outcome {
+struct CheckOutcome {
   std::string text, relation;
   int num_images = 0;
   bool mirrored = false;
 };
 
-Outcome Check(const std::string& printed, const std::string& claimed, bool mirrored = false) {
+CheckOutcome Check(const std::string& printed, const std::string& claimed, bool mirrored = false) {
   std::optional<Board> given;
   if (!claimed.empty()) given = ParseBoard(claimed);
   const BoardCheckReport report = CheckBoard(given, Photos(printed, mirrored), RunContext());
@@ -51,7 +51,7 @@ TEST(CheckBoard, ChessboardCounts) {
   for (const auto& [claimed, relation] : {std::pair{"chessboard:7x5:30mm", "as given"},
                                           {"chessboard:8x6:30mm", "the given numbers count squares, not inner corners"},
                                           {"chessboard:6x4:30mm", "the given numbers count inner corners, not squares"}}) {
-    const Outcome outcome = Check("chessboard:7x5:30mm", claimed);
+    const CheckOutcome outcome = Check("chessboard:7x5:30mm", claimed);
     EXPECT_EQ(outcome.text, "chessboard:7x5:30mm");
     EXPECT_EQ(outcome.relation, relation) << claimed;
     EXPECT_EQ(outcome.num_images, 2);
@@ -84,29 +84,29 @@ TEST(CheckBoard, ABoardInOneOfManyImages) {
 
 TEST(CheckBoard, CharucoMistakes) {
   const std::string printed = "charuco:7x6:40mm:30mm:5x5_250:legacy";
-  const Outcome exchanged = Check(printed, "charuco:6x7:40mm:30mm:5x5_250");
+  const CheckOutcome exchanged = Check(printed, "charuco:6x7:40mm:30mm:5x5_250");
   EXPECT_EQ(exchanged.text, printed);
   EXPECT_EQ(exchanged.relation, "rows and columns exchanged, legacy layout");
-  const Outcome inner = Check(printed, "charuco:6x5:40mm:30mm:5x5_250:legacy");
+  const CheckOutcome inner = Check(printed, "charuco:6x5:40mm:30mm:5x5_250:legacy");
   EXPECT_EQ(inner.text, printed) << inner.relation;
-  const Outcome dictionary = Check(printed, "charuco:7x6:40mm:30mm:4x4_50");
+  const CheckOutcome dictionary = Check(printed, "charuco:7x6:40mm:30mm:4x4_50");
   EXPECT_EQ(dictionary.text, "charuco:7x6:40mm:30mm:5x5_1000:legacy");
   EXPECT_EQ(dictionary.relation, "another dictionary, legacy layout");
   EXPECT_EQ(Check(printed, "charuco:9x9:40mm:30mm:5x5_250").text, printed);
-  const Outcome mirrored = Check("charuco:7x5:40mm:30mm:6x6_250", "charuco:7x5:40mm:30mm:6x6_250", true);
+  const CheckOutcome mirrored = Check("charuco:7x5:40mm:30mm:6x6_250", "charuco:7x5:40mm:30mm:6x6_250", true);
   EXPECT_TRUE(mirrored.mirrored);
   EXPECT_EQ(mirrored.text, "charuco:7x5:40mm:30mm:6x6_250");
 }
 
 TEST(CheckBoard, InvertedCharucoWithoutAHint) {
-  const Outcome outcome = Check("charuco:5x7:40mm:30mm:4x4_50:inverted", "");
+  const CheckOutcome outcome = Check("charuco:5x7:40mm:30mm:4x4_50:inverted", "");
   EXPECT_EQ(outcome.text, "charuco:5x7:SQUARE:0.75*SQUARE:4x4_1000:inverted");
   EXPECT_EQ(Check("charuco:5x7:40mm:30mm:4x4_50:inverted", "charuco:5x7:40mm:30mm:4x4_50").relation,
             "black and white exchanged");
 }
 
 TEST(CheckBoard, AprilGrids) {
-  const Outcome exchanged = Check("aprilgrid:5x3:40mm:0.3:36h11", "aprilgrid:3x5:40mm:0.3:36h11");
+  const CheckOutcome exchanged = Check("aprilgrid:5x3:40mm:0.3:36h11", "aprilgrid:3x5:40mm:0.3:36h11");
   EXPECT_EQ(exchanged.text, "aprilgrid:5x3:40mm:0.3:36h11");
   EXPECT_EQ(exchanged.relation, "rows and columns exchanged");
   EXPECT_EQ(Check("aprilgrid:4x3:40mm:0.5:36h11:first=24", "aprilgrid:4x3:40mm:0.5:36h11:first=24").relation, "as given");

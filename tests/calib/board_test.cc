@@ -193,10 +193,10 @@ TEST(ParseBoard, TakesOtherSpellings) {
 }
 
 TEST(ParseBoard, FootageInItsPlaceIsNamed) {
-  const testing::TempDir folder;
+  const mvstudio::testing::TempDir folder;
   WriteFileAtomic(folder / "left01.jpg", "");
   for (const std::string& text : {folder / "left01.jpg", folder / ""}) {
-    const std::string refused = testing::MessageOf<UsageError>([&] { ParseBoard(text); });
+    const std::string refused = mvstudio::testing::MessageOf<UsageError>([&] { ParseBoard(text); });
     EXPECT_NE(refused.find("is a file or folder"), std::string::npos) << refused;
     EXPECT_NE(refused.find("option 'camera' NAME=PATH"), std::string::npos) << refused;
   }

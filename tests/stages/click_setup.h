@@ -7,8 +7,12 @@
 #include "geometry/rigid/rigid3.h"
 #include "stages/click/click_scene.h"
 
+namespace mvstudio::testing {}
+
 /// Twelve points on two walls and one camera, "a", that sees them all.
 namespace mvstudio::stages::testing {
+
+using namespace mvstudio::testing;  // `testing::TempDir` means the same in every test of stages
 
 inline geometry::Camera ClickLens() { return geometry::MakePinhole("a", 640, 480, 500); }
 

@@ -11,7 +11,7 @@
 namespace mvstudio::triangulate {
 namespace {
 
-PointSolver Solver(const PreparedRig& rig, PointMethod method) {
+PointSolver SolverOf(const PreparedRig& rig, PointMethod method) {
   return [&rig, method](const std::vector<Observation>& seen) {
     PointOptions options;
     options.method = method;
@@ -27,10 +27,10 @@ TEST(LeaveOneCameraOut, MethodsOnBalancing) {
   std::vector<PointLabel> labels;
   for (const TakePoint& point : take.points) labels.push_back({point.frame, point.person, point.joint_idx});
   const auto dlt = [&recording](const std::vector<Observation>& seen) { return TriangulateExhaustiveDlt(recording.rig, seen); };
-  const std::vector<MethodCandidate> candidates{{"robust", 4, Solver(rig, PointMethod::kRobust)},
-                                                {"all-views", 3, Solver(rig, PointMethod::kAllViews)},
-                                                {"linear", 2, Solver(rig, PointMethod::kLinear)},
-                                                {"midpoint", 1, Solver(rig, PointMethod::kMidpoint)},
+  const std::vector<MethodCandidate> candidates{{"robust", 4, SolverOf(rig, PointMethod::kRobust)},
+                                                {"all-views", 3, SolverOf(rig, PointMethod::kAllViews)},
+                                                {"linear", 2, SolverOf(rig, PointMethod::kLinear)},
+                                                {"midpoint", 1, SolverOf(rig, PointMethod::kMidpoint)},
                                                 {"exhaustive-dlt", 5, dlt}};
   const MethodChoice choice = ChooseMethod(rig, take.observations, labels, candidates, {}, 2);
   for (const MethodScore& score : choice.scores) {

@@ -42,7 +42,7 @@ Scene MakeScene(int num_cameras, int num_frames, double noise_px, double outlier
   return scene;
 }
 
-PointSolver Solver(const PreparedRig& rig, PointMethod method = PointMethod::kRobust) {
+PointSolver SolverOf(const PreparedRig& rig, PointMethod method = PointMethod::kRobust) {
   return [&rig, method](const std::vector<Observation>& observations) {
     PointOptions options;
     options.method = method;
@@ -52,7 +52,7 @@ PointSolver Solver(const PreparedRig& rig, PointMethod method = PointMethod::kRo
 
 TEST(LeaveOneCameraOut, PredictsExactDetectionsExactly) {
   const Scene scene = MakeScene(5, 4, 0, 0, 1);
-  const auto samples = LeaveOneCameraOut(scene.prepared, scene.points, Solver(scene.prepared), 1);
+  const auto samples = LeaveOneCameraOut(scene.prepared, scene.points, SolverOf(scene.prepared), 1);
   size_t detections = 0;
   for (const auto& each : scene.points) detections += each.size();
   ASSERT_EQ(samples.size(), detections);
@@ -67,7 +67,7 @@ TEST(LeaveOneCameraOut, VeryManyCamerasTakeTurns) {
   std::atomic<int> solved = 0;
   const auto count = [&](const std::vector<Observation>& others) {
     ++solved;
-    return Solver(scene.prepared, PointMethod::kLinear)(others);
+    return SolverOf(scene.prepared, PointMethod::kLinear)(others);
   };
   const auto samples = LeaveOneCameraOut(scene.prepared, scene.points, count, 1);
   EXPECT_LE(solved, 32 * static_cast<int>(scene.points.size()));
@@ -85,13 +85,13 @@ TEST(LeaveOneCameraOut, VeryManyCamerasTakeTurns) {
 TEST(LeaveOneCameraOut, ResidualIsDetectionMinusProjection) {
   Scene scene = MakeScene(4, 1, 0, 0, 2);
   scene.points[3][1].px += Eigen::Vector2d(3, -2);
-  const auto samples = LeaveOneCameraOut(scene.prepared, {scene.points[3]}, Solver(scene.prepared), 1);
+  const auto samples = LeaveOneCameraOut(scene.prepared, {scene.points[3]}, SolverOf(scene.prepared), 1);
   EXPECT_NEAR((samples[1].residual_px - Eigen::Vector2d(3, -2)).norm(), 0, 1e-8);
 }
 
 TEST(LeaveOneCameraOut, PredictedCovarianceCoversTheResiduals) {
   const Scene scene = MakeScene(4, 200, 1.0, 0, 3);
-  const auto samples = LeaveOneCameraOut(scene.prepared, scene.points, Solver(scene.prepared, PointMethod::kAllViews), 2);
+  const auto samples = LeaveOneCameraOut(scene.prepared, scene.points, SolverOf(scene.prepared, PointMethod::kAllViews), 2);
   int inside68 = 0, inside95 = 0, count = 0;
   size_t last = std::numeric_limits<size_t>::max();
   for (const LeftOutSample& sample : samples) {
@@ -130,18 +130,18 @@ TEST(LeaveOneCameraOut, CopiesOfACameraDoNotPredictIt) {
 
 TEST(LeaveOneCameraOut, TwoViewsPredictNothing) {
   const Scene scene = MakeScene(2, 2, 1, 0, 5);
-  EXPECT_TRUE(LeaveOneCameraOut(scene.prepared, scene.points, Solver(scene.prepared), 1).empty());
-  const MethodChoice choice =
-      ChooseMethod(scene.prepared, scene.points, scene.labels,
-                   {{"safe", 2, Solver(scene.prepared)}, {"cheap", 1, Solver(scene.prepared, PointMethod::kMidpoint)}}, {}, 1);
+  EXPECT_TRUE(LeaveOneCameraOut(scene.prepared, scene.points, SolverOf(scene.prepared), 1).empty());
+  const MethodChoice choice = ChooseMethod(
+      scene.prepared, scene.points, scene.labels,
+      {{"safe", 2, SolverOf(scene.prepared)}, {"cheap", 1, SolverOf(scene.prepared, PointMethod::kMidpoint)}}, {}, 1);
   EXPECT_EQ(choice.status, Status::kTooFewViews);
   EXPECT_EQ(choice.chosen, 0u);
 }
 
 TEST(LeaveOneCameraOut, DoesNotDependOnThreads) {
   const Scene scene = MakeScene(5, 30, 1, 0.2, 6);
-  const auto one = LeaveOneCameraOut(scene.prepared, scene.points, Solver(scene.prepared), 1);
-  const auto three = LeaveOneCameraOut(scene.prepared, scene.points, Solver(scene.prepared), 3);
+  const auto one = LeaveOneCameraOut(scene.prepared, scene.points, SolverOf(scene.prepared), 1);
+  const auto three = LeaveOneCameraOut(scene.prepared, scene.points, SolverOf(scene.prepared), 3);
   ASSERT_EQ(one.size(), three.size());
   for (size_t i = 0; i < one.size(); ++i) EXPECT_EQ(one[i].residual_px, three[i].residual_px);
 }
@@ -204,9 +204,9 @@ std::vector<MethodCandidate> Candidates(const PreparedRig& rig) {
     if (point.rms_px > 0.6) point.status = Status::kOutlier;
     return point;
   };
-  return {{"robust", 3, Solver(rig)},
-          {"all-views", 2, Solver(rig, PointMethod::kAllViews)},
-          {"linear", 1, Solver(rig, PointMethod::kLinear)},
+  return {{"robust", 3, SolverOf(rig)},
+          {"all-views", 2, SolverOf(rig, PointMethod::kAllViews)},
+          {"linear", 1, SolverOf(rig, PointMethod::kLinear)},
           {"picky", 0, picky}};
 }
 
