@@ -175,8 +175,8 @@ class Reader {
     csv->RequireCells(num_fields_);
     Row row;
     row.line = line_;
-    row.person = Index(fields, kPerson);
     if (time_column_ < 0) row.frame = Frame(fields);
+    row.person = Index(fields, kPerson);
     if (time_column_ >= 0) row.time = ReadNumberCell(fields[static_cast<size_t>(time_column_)]).value;
     if (!std::isfinite(row.time)) Fail("the row has no time, and no column tells its frame");
     Keypoint2d key{Number(fields, kX), Number(fields, kY)};

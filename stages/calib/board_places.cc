@@ -24,6 +24,15 @@ bool IsPlaced(const geometry::Rigid3& first_from_board) {
          first_from_board.rotation.angularDistance(Eigen::Quaterniond::Identity()) > 0;
 }
 
+/// Boards of this name, the backs of others left out.
+int FrontsLike(const PlacedBoards& placed, const std::string& name) {
+  int count = 0;
+  for (size_t b = 0; b < placed.boards.size(); ++b) {
+    if (placed.front_of[b] < 0 && calib::ToString(placed.boards[b]) == name) ++count;
+  }
+  return count;
+}
+
 }  // namespace
 
 BoardPlace PlaceOf(const calib::Board& first, const calib::Board& board, const geometry::Rigid3& first_from_board) {
@@ -85,9 +94,8 @@ std::string BoardPlacesText(const PlacedBoards& placed) {
   for (size_t b = 1; b < std::min(placed.boards.size(), placed.first_from_board.size()); ++b) {
     const std::string name = calib::ToString(placed.boards[b]);
     const bool is_back = placed.front_of[b] >= 0;
-    const auto is_alike = [&](const calib::Board& board) { return calib::ToString(board) == name; };
-    const bool repeats = std::count_if(placed.boards.begin(), placed.boards.end(), is_alike) > 1;
-    text += (is_back ? "back of board " : "board ") + (repeats ? std::to_string(b) + " " : "") + name;
+    const size_t front = is_back ? static_cast<size_t>(placed.front_of[b]) : b;
+    text += (is_back ? "back of board " : "board ") + (FrontsLike(placed, name) > 1 ? std::to_string(front) + " " : "") + name;
     if (!IsPlaced(placed.first_from_board[b])) {
       text += ": no frame shows it together with those before: its place is not known\n";
       continue;

@@ -13,7 +13,7 @@ namespace {
 
 using mvstudio::testing::TempDir;
 
-constexpr int kJoints = 3;
+constexpr int kNumJoints = 3;
 
 /// One joint seen by `cameras`, each keypoint `error_px` to the right of the projection.
 void AddPoint(const geometry::Rig& rig, int frame, int person, int joint, double error_px, const std::vector<int>& cameras,
@@ -36,17 +36,17 @@ TEST(JointViews, OneTimeStepForAllCamerasThatSeeSomebody) {
   const geometry::Rig rig = triangulate::MakeRing(3);
   triangulate::TakeResult take;
   for (const auto& [frame, error] : {std::pair(4, 0.5), std::pair(5, 2.0), std::pair(6, 9.0)}) {
-    for (int joint = 0; joint < kJoints; ++joint) AddPoint(rig, frame, 0, joint, error, {0, 1}, &take);
+    for (int joint = 0; joint < kNumJoints; ++joint) AddPoint(rig, frame, 0, joint, error, {0, 1}, &take);
   }
   AddPoint(rig, 9, 0, 1, 1.0, {1, 2}, &take);
-  const auto views = ChooseJointViews(rig, take, kJoints, {});
+  const auto views = ChooseJointViews(rig, take, kNumJoints, {});
   ASSERT_EQ(views.size(), 3u);
   EXPECT_EQ(views[0].instant, 5) << "the median of the rich ones";
   EXPECT_EQ(views[1].instant, 5);
   EXPECT_EQ(views[2].instant, 9) << "the third camera sees nobody in step 5";
   EXPECT_EQ(views[0].frame, -1) << "no footage";
-  ASSERT_EQ(views[0].keypoint_px.size(), size_t{kJoints});
-  for (int joint = 0; joint < kJoints; ++joint) {
+  ASSERT_EQ(views[0].keypoint_px.size(), size_t{kNumJoints});
+  for (int joint = 0; joint < kNumJoints; ++joint) {
     EXPECT_NEAR((views[0].keypoint_px[joint] - views[0].projected_px[joint]).x(), 2, 1e-9);
     EXPECT_NEAR((views[0].keypoint_px[joint] - views[0].projected_px[joint]).y(), 0, 1e-9);
   }
@@ -55,10 +55,10 @@ TEST(JointViews, OneTimeStepForAllCamerasThatSeeSomebody) {
 TEST(JointViews, NothingWithoutPoints) {
   const geometry::Rig rig = triangulate::MakeRing(2);
   triangulate::TakeResult take;
-  EXPECT_TRUE(ChooseJointViews(rig, take, kJoints, {}).empty());
+  EXPECT_TRUE(ChooseJointViews(rig, take, kNumJoints, {}).empty());
   AddPoint(rig, 1, 0, 0, 1, {0, 1}, &take);
   take.points[0].point.status = Status::kLowParallax;
-  EXPECT_TRUE(ChooseJointViews(rig, take, kJoints, {}).empty());
+  EXPECT_TRUE(ChooseJointViews(rig, take, kNumJoints, {}).empty());
 }
 
 TEST(JointViews, TheTimelineSaysWhichImageShowsATimeStep) {
@@ -69,7 +69,7 @@ TEST(JointViews, TheTimelineSaysWhichImageShowsATimeStep) {
   timeline->cameras.resize(1);
   timeline->cameras[0].name = "cam_0";
   timeline->cameras[0].frame_at = {7, 8};
-  const auto views = ChooseJointViews(rig, take, kJoints, {{{"cam_0", "/gone"}, {"cam_1", "/gone"}}, timeline});
+  const auto views = ChooseJointViews(rig, take, kNumJoints, {{{"cam_0", "/gone"}, {"cam_1", "/gone"}}, timeline});
   EXPECT_EQ(views[0].frame, 8);
   EXPECT_EQ(views[1].frame, -1) << "it is not in the timeline";
 }
