@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 
+#include "core/disk/files.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/session/session.h"
@@ -72,8 +73,9 @@ TEST_F(SessionStage, NothingIsMadeOfWhatIsRefused) {
   EXPECT_THAT(MessageOf<UsageError>([&] { RunSessionInit(options_); }), HasSubstr("option 'units' must be m, cm or mm"));
   options_.units = "mm", options_.cameras = "a,a";
   EXPECT_THAT(MessageOf<UsageError>([&] { RunSessionInit(options_); }), HasSubstr("option 'cameras': 'a' is there twice"));
-  options_.cameras.clear(), options_.scan = folder_ / "card/walk";
-  EXPECT_THAT(MessageOf<FormatError>([&] { RunSessionInit(options_); }), HasSubstr("is one take's folder"));
+  MakeFolder(folder_ / "empty");
+  options_.cameras.clear(), options_.scan = folder_ / "empty";
+  EXPECT_THAT(MessageOf<FormatError>([&] { RunSessionInit(options_); }), HasSubstr("holds no footage"));
   EXPECT_FALSE(fs::exists(options_.folder));
 }
 
