@@ -293,7 +293,7 @@ TEST_F(EvaluateRun, MissingThingsAreNamed) {
   EXPECT_NO_THROW(Evaluate(run(), options, {}));
   std::filesystem::remove(run() + "/checkpoint.safetensors");
   EXPECT_THAT(MessageOf<IoError>([&] { Evaluate(run(), options, {}); }),
-              AllOf(HasSubstr("checkpoint.safetensors"), HasSubstr("resume")));
+              AllOf(HasSubstr("checkpoint.safetensors"), HasSubstr("begin it again")));
 }
 
 TEST_F(EvaluateRun, FramesOfAnotherDatasetAreRefused) {
