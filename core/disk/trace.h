@@ -1,12 +1,13 @@
 #pragma once
 
+#include <map>
 #include <set>
 #include <string>
 
 namespace mvstudio {
 
 /// What this process reads by ReadFile and what it publishes while the object lives: absolute paths, a folder that appears as a
-/// whole by its own. Traces nest; the innermost one sees.
+/// whole by its own, and so is one of which very many files are read. Traces nest; the innermost one sees.
 class DiskTrace {
  public:
   DiskTrace();
@@ -19,7 +20,8 @@ class DiskTrace {
 
  private:
   DiskTrace* outer_;
-  std::set<std::string> read_, published_;
+  std::map<std::string, std::set<std::string>> read_;  ///< names by folder, as they were given; none: very many
+  std::set<std::string> published_;
 
   friend void TraceRead(const std::string& path);
   friend void TracePublished(const std::string& path);

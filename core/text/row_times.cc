@@ -21,7 +21,7 @@ bool IsTimeColumn(std::string_view name) {
   return plain == "seconds" || plain == "msec";
 }
 
-std::optional<RowFrames> FramesOfTimes(const std::vector<double>& times, std::string* why) {
+std::optional<RowFrames> FramesOfTimes(const std::vector<double>& times, std::string* why, double step) {
   constexpr double kUneven = 0.35, kLastFrame = 1e6;  // shares of a step; frames
   std::vector<double> steps;
   if (!std::all_of(times.begin(), times.end(), [](double time) { return std::isfinite(time); })) {
@@ -35,12 +35,12 @@ std::optional<RowFrames> FramesOfTimes(const std::vector<double>& times, std::st
     }
     if (times[i] > times[i - 1]) steps.push_back(times[i] - times[i - 1]);
   }
-  if (steps.size() < 2) {
+  if (step == 0 && steps.size() < 2) {
     *why = "fewer than three of them differ, which tells no rate";
     return std::nullopt;
   }
-  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
-  const double usual = steps[steps.size() / 2];
+  std::sort(steps.begin(), steps.end());
+  const double usual = step > 0 ? step : steps[steps.size() / 2];
   RowFrames found;
   found.frames = {0};
   double passed = 0;
@@ -53,7 +53,7 @@ std::optional<RowFrames> FramesOfTimes(const std::vector<double>& times, std::st
     }
     found.frames.push_back(static_cast<int>(passed += whole));
   }
-  found.step = (times.back() - times.front()) / passed;  // stamps may be rounded, as 33 ms
+  found.step = passed > 0 ? (times.back() - times.front()) / passed : usual;  // stamps may be rounded, as 33 ms
   const double first = std::round(times.front() / found.step);
   if (!(std::abs(first) <= kLastFrame) || first < 0) {
     *why = Format("they begin at %.10g, which is no time from the recording's start", times.front());

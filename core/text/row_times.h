@@ -16,8 +16,9 @@ struct RowFrames {
   std::vector<int> frames;  ///< one a row; rows of one time share it
 };
 
-/// `times` in the order of the rows, in any unit. Nothing, and `why`, where they do not tell: a row has none, they fall, fewer
-/// than three differ, their steps are no multiples of one, or they begin beyond a million frames (a clock of the day).
-std::optional<RowFrames> FramesOfTimes(const std::vector<double>& times, std::string* why);
+/// `times` in the order of the rows, in any unit; `step`: the step where it is known, 0: it is found. Nothing, and `why`, where
+/// they do not tell: a row has none, they fall, fewer than three differ and the step is not known, their steps are no multiples
+/// of one, or they begin beyond a million frames (a clock of the day).
+std::optional<RowFrames> FramesOfTimes(const std::vector<double>& times, std::string* why, double step = 0);
 
 }  // namespace mvstudio

@@ -204,21 +204,33 @@ class Reader {
   std::unordered_map<std::string, int> places_;  ///< in the skeleton, of the file's joints
 };
 
-/// Numbers a camera's rows by their times. Returns the step.
-double NumberByTimes(const std::string& path, const std::string& camera, std::vector<Row>* rows) {
+std::vector<double> DistinctTimes(const std::vector<Row>& rows) {
   std::set<double> distinct;
-  for (const Row& row : *rows) distinct.insert(row.time);
-  const std::vector<double> times(distinct.begin(), distinct.end());
-  std::string why;
-  const std::optional<RowFrames> found = FramesOfTimes(times, &why);
-  if (!found)
-    throw FormatError(path, "times of camera " + camera,
-                      why + ", and there is no column `frame`: add one, with the number of the image");
-  for (Row& row : *rows) {
-    const auto at = std::lower_bound(times.begin(), times.end(), row.time) - times.begin();
-    row.frame = found->frames[static_cast<size_t>(at)];
+  for (const Row& row : rows) distinct.insert(row.time);
+  return {distinct.begin(), distinct.end()};
+}
+
+/// Numbers the rows of all cameras by one step, the shortest of any camera: the others may run at a part of its rate, or hold
+/// every second image alone. Returns it.
+double NumberByTimes(const std::string& path, const std::vector<std::string>& names, CameraRows* cameras) {
+  std::string why = "no camera has rows";
+  double step = INFINITY;
+  for (const std::vector<Row>& rows : *cameras) {
+    if (const auto found = FramesOfTimes(DistinctTimes(rows), &why)) step = std::min(step, found->step);
   }
-  return found->step;
+  for (size_t c = 0; c < cameras->size(); ++c) {
+    std::vector<Row>& rows = (*cameras)[c];
+    const std::vector<double> times = DistinctTimes(rows);
+    const auto found = std::isfinite(step) ? FramesOfTimes(times, &why, step) : std::nullopt;
+    if (!found)
+      throw FormatError(path, "times of camera " + names[c],
+                        why + ", and there is no column `frame`: add one, with the number of the image");
+    for (Row& row : rows) {
+      const auto at = std::lower_bound(times.begin(), times.end(), row.time) - times.begin();
+      row.frame = found->frames[static_cast<size_t>(at)];
+    }
+  }
+  return step;
 }
 
 /// Sorts and leaves out all rows whose point another row gives, too.
@@ -280,8 +292,7 @@ Pose2dSet ReadPose2dCsv(const std::string& path, const geometry::Skeleton* skele
   Reader reader(path, skeleton);
   CameraRows cameras = reader.Read(&set.skipped);
   if (CountRows(cameras) == 0) throw FormatError(path, "", "the table holds no point");
-  for (size_t c = 0; reader.is_timed() && c < cameras.size(); ++c)
-    set.time_step = NumberByTimes(path, reader.cameras()[c], &cameras[c]);
+  if (reader.is_timed()) set.time_step = NumberByTimes(path, reader.cameras(), &cameras);
   for (std::vector<Row>& rows : cameras) DropTwins(path, &rows, &set.skipped);
   if (CountRows(cameras) == 0) throw FormatError(path, "", "every point stands there twice");
   set.skeleton = skeleton ? *skeleton : geometry::PointsSkeleton(reader.joints());

@@ -5,20 +5,27 @@ namespace {
 
 constexpr std::string_view kSliderScript = R"js((function () {
   'use strict';
-  function part(image, name, index, count) {
+  function part(image, name, width, left) {
     const frame = document.createElement('div'), copy = image.cloneNode();
     copy.alt = name;
-    copy.style.width = 100 * count + '%';
-    copy.style.left = -100 * index + '%';
+    copy.style.width = 100 * width + '%';
+    copy.style.left = -100 * left + '%';
     frame.append(copy);
     return frame;
+  }
+  // Square images have a narrow gap between them: what is left of the strip's width.
+  function gapOf(width, height, count) {
+    const gap = (width - count * height) / (count - 1);
+    return gap >= 0 && gap < height / 8 ? gap : 0;
   }
   for (const strip of document.querySelectorAll('.strip[data-compared]')) {
     const image = strip.querySelector('img'), names = Array.from(strip.querySelectorAll('.legend span'), function (name) { return name.textContent; });
     const box = document.createElement('div'), slider = document.createElement('input');
+    const width = Number(image.getAttribute('width')), height = Number(image.getAttribute('height'));
+    const gap = gapOf(width, height, names.length), one = (width - gap * (names.length - 1)) / names.length;
     box.className = 'compared';
-    box.style.aspectRatio = image.getAttribute('width') / names.length + ' / ' + image.getAttribute('height');
-    box.append(part(image, names[0], 0, names.length), part(image, names[1], 1, names.length));
+    box.style.aspectRatio = one + ' / ' + height;
+    box.append(part(image, names[0], width / one, 0), part(image, names[1], width / one, (one + gap) / one));
     slider.type = 'range';
     slider.min = '0';
     slider.max = '100';

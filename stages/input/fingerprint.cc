@@ -6,12 +6,16 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <map>
+#include <mutex>
+#include <optional>
 #include <string_view>
 #include <system_error>
 #include <vector>
 
 #include "core/disk/manifest.h"
 #include "core/disk/paths.h"
+#include "core/disk/place.h"
 #include "core/hash/sha256.h"
 
 namespace mvstudio::stages {
@@ -138,6 +142,29 @@ void AddDigests(const Found& found, const Fingerprint* earlier, Fingerprint* pri
   }
 }
 
+/// What was found last: provenance and what is kept beside it ask for one path after the other, and a take has very many files.
+class LastFound {
+ public:
+  std::optional<Fingerprint> Of(const std::string& place) {
+    const std::lock_guard<std::mutex> guard(mutex_);
+    const auto found = prints_.find(place);
+    return found == prints_.end() ? std::nullopt : std::optional(found->second);
+  }
+  void Keep(const std::string& place, const Fingerprint& print) {
+    const std::lock_guard<std::mutex> guard(mutex_);
+    prints_[place] = print;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::map<std::string, Fingerprint> prints_;  ///< by the path on the disk
+};
+
+LastFound& TheLastFound() {
+  static LastFound found;
+  return found;
+}
+
 }  // namespace
 
 bool Fingerprint::SameAs(const Fingerprint& other) const {
@@ -156,7 +183,10 @@ Fingerprint FingerprintOf(const std::string& path, const Fingerprint* earlier) {
     if (found.num_faults > 0) {
       print.error = FaultText(found);
     } else if (!found.files.empty()) {
-      AddDigests(found, earlier, &print);
+      const std::string place = PathOnDisk(path);
+      const std::optional<Fingerprint> last = earlier ? std::nullopt : TheLastFound().Of(place);
+      AddDigests(found, last ? &*last : earlier, &print);
+      TheLastFound().Keep(place, print);
     }
   } catch (const std::exception& e) {
     print.error = e.what();

@@ -22,6 +22,13 @@ TEST(RowTimes, GapsStayGapsAndRoundingDoesNotAddUp) {
   EXPECT_NEAR(found->step, 1000 / 30.0, 1e-3);
 }
 
+TEST(RowTimes, AKnownStepCounts) {
+  std::string why;
+  EXPECT_THAT(FramesOfTimes({0, 2, 4}, &why, 1)->frames, ElementsAre(0, 2, 4));
+  EXPECT_THAT(FramesOfTimes({3}, &why, 1)->frames, ElementsAre(3));
+  EXPECT_FALSE(FramesOfTimes({0, 1.5, 3}, &why, 1));
+}
+
 TEST(RowTimes, WhatTellsNothingIsSaid) {
   const auto why = [](const std::vector<double>& times) {
     std::string text;

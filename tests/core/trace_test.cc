@@ -31,6 +31,19 @@ TEST(DiskTrace, SeesWhatIsReadAndWhatAppears) {
   EXPECT_EQ(trace.read().count(real + "/before"), 1u);
 }
 
+/// Memory does not grow with a take: a folder stands for its many files.
+TEST(DiskTrace, ManyFilesOfAFolderAreTheFolder) {
+  const TempDir folder;
+  const std::string real = std::filesystem::canonical(folder.path()).string();
+  MakeFolder(folder / "many");
+  for (int i = 0; i < 300; ++i) WriteFileAtomic(folder / ("many/" + std::to_string(i)), "1");
+  WriteFileAtomic(folder / "one", "1");
+  const DiskTrace trace;
+  for (int i = 0; i < 300; ++i) ReadFile(folder / ("many/" + std::to_string(i)));
+  ReadFile(folder / "one");
+  EXPECT_EQ(trace.read(), Paths({real + "/many", real + "/one"}));
+}
+
 TEST(DiskTrace, TheInnermostSeesAndCachesLeaveNone) {
   const TempDir folder;
   const DiskTrace outer;

@@ -179,6 +179,23 @@ TEST_F(Pose2dCsv, TimesGiveFramesWhereNoColumnDoes) {
   EXPECT_THAT(Message("camera,time,joint,x,y\na,0,p,1,1\na,1,p,1,1\na,2,p,1,1\na,3.5,p,1,1\n"), HasSubstr("no multiple"));
 }
 
+/// A camera at half the rate, and one that has a single time, count the steps of the fastest.
+TEST_F(Pose2dCsv, CamerasOfOneTableShareOneStep) {
+  std::string text = "camera,time_ms,joint,x,y\n";
+  for (int frame = 0; frame < 6; ++frame) text += "fast," + std::to_string(40 * frame) + ",p," + std::to_string(frame) + ",1\n";
+  for (int frame = 0; frame < 6; frame += 2)
+    text += "half," + std::to_string(40 * frame) + ",p," + std::to_string(frame) + ",1\n";
+  std::ofstream(folder_ / "rates.csv") << text << "once,120,p,3,1\n";
+  const Pose2dSet set = ReadPose2dCsv(folder_ / "rates.csv");
+  EXPECT_NEAR(set.time_step, 40, 1e-9);
+  ASSERT_EQ(set.tracks.size(), 3u);
+  for (const Pose2dTrack& track : set.tracks) {
+    for (const auto& [frame, people] : track.frames) EXPECT_EQ(people[0].keypoints[0].x_px, frame) << track.camera;
+  }
+  EXPECT_EQ(set.tracks[1].frames.size(), 3u);
+  EXPECT_THAT(Message(text + "odd,0,p,0,1\nodd,60,p,1,1\nodd,120,p,2,1\n"), HasSubstr("camera odd: the step from 0 to 60"));
+}
+
 TEST_F(Pose2dCsv, HopelessFilesAreErrors) {
   EXPECT_THAT(Message(""), HasSubstr("empty"));
   EXPECT_THAT(Message(kHeader), HasSubstr("no point"));
