@@ -63,6 +63,19 @@ FoundFootage VideosIn(const fs::path& folder) {
   return found;
 }
 
+/// Images called 0000, 0001 and so on, or from 1, and nothing else: one camera's frames, no still of each camera.
+bool HoldsNumberedFrames(const fs::path& folder) {
+  const std::vector<fs::path> entries = Entries(folder);
+  std::set<size_t> numbers;
+  for (const fs::path& entry : entries) {
+    const std::string stem = entry.stem().string();
+    if (!IsPicture(entry) || stem.find_first_not_of("0123456789") != std::string::npos || stem.size() > 9) return false;
+    numbers.insert(std::stoul(stem));
+  }
+  return numbers.size() > 1 && numbers.size() == entries.size() && *numbers.begin() <= 1 &&
+         *numbers.rbegin() - *numbers.begin() + 1 == numbers.size();
+}
+
 /// A folder of one camera's footage: its images, or its only video.
 std::optional<fs::path> FootageOfFolder(const fs::path& folder) {
   if (HasPictures(folder)) return folder;
@@ -148,6 +161,11 @@ std::vector<internal::FootageFolder> ListFolders(const fs::path& raw, std::vecto
       continue;
     }
     try {
+      if (HoldsNumberedFrames(entry)) {
+        skipped->push_back(Relative(entry, above) + ": holds numbered images, which are one camera's frames; a take holds " +
+                           "a folder for each camera");
+        continue;
+      }
       folders.push_back(ListFolder(entry, above, skipped));
     } catch (const IoError& error) {  // such as lost+found on a card
       skipped->push_back(error.what());

@@ -1,5 +1,6 @@
 #include "stages/session/describe.h"
 
+#include "core/format.h"
 #include "core/join.h"
 #include "core/text/shell_word.h"
 #include "stages/dataset/session_table.h"
@@ -23,6 +24,10 @@ CommandResult DescribeScan(const SessionInitReport& report) {
     result.warnings.push_back({"SES-CAMERA",
                                "not named in option 'cameras', but with footage, and added: " + Join(report.unnamed, ", "),
                                "leave option 'cameras' out where the names of the files and folders are the cameras'"});
+  if (const size_t cameras = report.session.cameras.size(); report.expected > 0 && report.expected != cameras)
+    result.warnings.push_back({"SES-CAMERA",
+                               Format("the footage is of %zu cameras, option 'cameras' says %zu", cameras, report.expected),
+                               "see whether all files were copied; cameras are called as their files and folders are"});
   result.metrics["layout"] = std::string(ToString(report.scanned.layout));
   return result;
 }

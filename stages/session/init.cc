@@ -32,12 +32,15 @@ std::vector<dataset::SessionCamera> CountedCameras(const std::string& text) {
   return cameras;
 }
 
+bool IsCount(const std::string& text) {
+  const size_t digits = text.find_first_not_of("+-");
+  return !text.empty() && (digits == std::string::npos || text.find_first_not_of("0123456789", digits) == std::string::npos);
+}
+
 /// "4" is cam_01 to cam_04; else names with commas between them. What looks like a number is never a name.
 std::vector<dataset::SessionCamera> NamedCameras(const std::string& text) {
   if (text.empty()) return {};
-  const size_t digits = text.find_first_not_of("+-");
-  if (digits == std::string::npos || text.find_first_not_of("0123456789", digits) == std::string::npos)
-    return CountedCameras(text);
+  if (IsCount(text)) return CountedCameras(text);
   std::vector<dataset::SessionCamera> cameras;
   std::stringstream names(text);
   for (std::string name; std::getline(names, name, ',');) {
@@ -105,6 +108,26 @@ void RequireRoomForLink(const SessionInitOptions& options) {
                         ", in which each take has such a folder");
 }
 
+/// Cameras with footage join those that were named. Beside a number the footage's names are the cameras', unless they all are
+/// cam_01 and so on.
+void TakeCameras(SessionInitReport* report) {
+  std::vector<dataset::SessionCamera>& cameras = report->session.cameras;
+  std::vector<dataset::SessionCamera> others;
+  for (const dataset::SessionCamera& camera : report->scanned.cameras) {
+    if (report->session.FindCamera(camera.name) < 0) others.push_back(camera);
+  }
+  if (others.empty()) return;
+  if (IsCount(report->options.cameras)) {
+    report->expected = cameras.size();
+    cameras = report->scanned.cameras;
+    return;
+  }
+  for (const dataset::SessionCamera& camera : others) {
+    if (!report->options.cameras.empty()) report->unnamed.push_back(camera.name);
+    cameras.push_back(camera);
+  }
+}
+
 void TakeScan(SessionInitReport* report) {
   const SessionInitOptions& options = report->options;
   if (!options.scan.empty()) RequireFolder(options.scan, " (option 'scan')");
@@ -113,11 +136,7 @@ void TakeScan(SessionInitReport* report) {
       dataset::ScanRaw(options.scan.empty() ? (fs::path(options.folder) / "raw").string() : options.scan, options.layout);
   if (!options.scan.empty() && report->scanned.takes.empty()) RefuseScan(options.scan);
   report->session.takes = report->scanned.takes;
-  for (const dataset::SessionCamera& camera : report->scanned.cameras) {
-    if (report->session.FindCamera(camera.name) >= 0) continue;
-    if (!options.cameras.empty()) report->unnamed.push_back(camera.name);
-    report->session.cameras.push_back(camera);
-  }
+  TakeCameras(report);
 }
 
 Session SessionToInit(const SessionInitOptions& options) {

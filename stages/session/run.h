@@ -15,6 +15,7 @@ struct SessionInitReport {
   dataset::Session session;  ///< as it was written
   dataset::ScannedSession scanned;
   std::vector<std::string> unnamed;  ///< cameras with footage that options.cameras does not name
+  size_t expected = 0;               ///< cameras that options.cameras counts, where the footage's names took their places
   std::string link;                  ///< raw/ where it is a link to the footage; else empty
 
   std::string File() const { return (std::filesystem::path(options.folder) / "mvstudio.toml").string(); }

@@ -39,6 +39,18 @@ TEST(SessionLayout, FoldersOfTakesAsEver) {
   EXPECT_TRUE(scanned.notes.empty());
 }
 
+/// A folder of frames is a camera, not a take of cameras 0000 and 0001; stills called by their cameras stay what they are.
+TEST(SessionLayout, NumberedImagesAreNoCameras) {
+  const ScannedSession scanned = Scan({"cam1/0000.png", "cam1/0001.png", "cam2/1.jpg", "cam2/2.jpg", "cam2/3.jpg"});
+  EXPECT_TRUE(scanned.takes.empty());
+  ASSERT_EQ(scanned.skipped.size(), 2u);
+  EXPECT_THAT(scanned.skipped[0], HasSubstr("card/cam1: holds numbered images, which are one camera's frames"));
+  EXPECT_THAT(Rows(Scan({"pose/cam_01.png", "pose/cam_02.png"})),
+              ElementsAre("pose:cam_01=raw/pose/cam_01.png", "pose:cam_02=raw/pose/cam_02.png"));
+  EXPECT_THAT(Rows(Scan({"pose/19110011.png", "pose/19110012.png"})),
+              ElementsAre("pose:19110011=raw/pose/19110011.png", "pose:19110012=raw/pose/19110012.png"));
+}
+
 TEST(SessionLayout, FoldersOfCamerasByTheirNames) {
   const ScannedSession scanned =
       Scan({"gopro1/board.mp4", "gopro1/walk.mp4", "gopro2/board.mp4", "gopro2/walk/1.png", "gopro2/plate.png"});

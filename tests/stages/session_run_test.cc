@@ -68,6 +68,24 @@ TEST_F(SessionStage, ANumberOfCamerasNamesThem) {
   EXPECT_THAT(Describe(report).text, HasSubstr("3 cameras, 0 takes\nput footage into raw/TAKE/CAMERA.mp4"));
 }
 
+/// A number beside footage says how many there should be; it makes no cameras that nobody has.
+TEST_F(SessionStage, ANumberOfCamerasIsHeldAgainstTheFootage) {
+  options_.cameras = "4";
+  const SessionInitReport report = RunSessionInit(options_);
+  ASSERT_EQ(report.session.cameras.size(), 2u);
+  EXPECT_EQ(report.session.cameras[1].name, "right");
+  EXPECT_THAT(Describe(report).warnings[0].text, HasSubstr("the footage is of 2 cameras, option 'cameras' says 4"));
+  options_.cameras = "2", options_.overwrite = true;
+  EXPECT_EQ(Describe(RunSessionInit(options_)).warnings[0].code, "SES-OUTSIDE");
+}
+
+TEST_F(SessionStage, CountedCamerasWithoutFootageYetStay) {
+  fs::rename(folder_ / "card/walk/left", folder_ / "card/walk/cam_02");
+  fs::remove_all(folder_ / "card/walk/right");
+  options_.cameras = "3";
+  EXPECT_EQ(RunSessionInit(options_).session.cameras.size(), 3u);
+}
+
 TEST_F(SessionStage, NothingIsMadeOfWhatIsRefused) {
   options_.units = "ft";
   EXPECT_THAT(MessageOf<UsageError>([&] { RunSessionInit(options_); }), HasSubstr("option 'units' must be m, cm or mm"));
