@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "calib/detect/detect_board.h"
+#include "core/disk/kept.h"
 
 namespace mvstudio::calib {
 
@@ -19,38 +20,18 @@ struct StoredFootage {
   std::vector<Picture> pictures;
 };
 
-/// Where detection results are kept: "auto", "off", or a folder.
-struct CachePlace {
-  enum class Kind {
-    kAuto,  ///< the environment variable MVSTUDIO_CACHE (off or a folder) if it is set, else $XDG_CACHE_HOME/mvstudio or
-            ///< ~/.cache/mvstudio
-    kOff,
-    kFolder,
-  };
-  Kind kind = Kind::kAuto;
-  std::string folder;  ///< of kFolder
-};
-CachePlace CacheIn(const std::string& folder);
-/// As an option, see core/fields.h.
-std::string ToString(const CachePlace& place);
-void FromString(const std::string& text, CachePlace* place);
-
 /// Detection results on disk, one file per footage and board, named by a digest of everything that determines them.
-/// Damaged files and those of another version count as missing. Several processes may use one folder.
+/// Those of another version count as missing.
 class DetectionCache {
  public:
-  explicit DetectionCache(const CachePlace& place);
+  explicit DetectionCache(const CachePlace& place) : kept_(place, "detections") {}
 
-  bool enabled() const { return !folder_.empty(); }
-  const std::string& folder() const { return folder_; }
-
+  bool enabled() const { return kept_.enabled(); }
   std::optional<StoredFootage> Load(const std::string& key) const;
-  /// Never throws: on a full or read-only disk it only logs a warning.
   void Store(const std::string& key, const StoredFootage& footage) const;
 
  private:
-  std::string PathOf(const std::string& key) const { return folder_ + "/" + key + ".detections"; }
-  std::string folder_;
+  KeptResults kept_;
 };
 
 /// Digest of the names and contents of the files that a path or pattern stands for; empty when there are none.

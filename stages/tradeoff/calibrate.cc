@@ -75,7 +75,7 @@ std::vector<CornerSource> CornerSources(const CalibrateTradeoffOptions& options,
   const bool file = !options.corners.corners.empty();
   for (const std::string& detector : file ? std::vector<std::string>{"file"} : options.detectors) {
     CornerArguments corners = options.corners;
-    corners.footage.cache.kind = calib::CachePlace::Kind::kOff;
+    corners.footage.cache.kind = CachePlace::Kind::kOff;
     if (!file) FromString(detector, &corners.footage.detect.detector);
     const double start = NowSeconds();
     CornerInput found = ReadCornerInput(corners, run, notes);

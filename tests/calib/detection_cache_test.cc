@@ -4,8 +4,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdlib>
-
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "tests/support/temp_dir.h"
@@ -104,26 +102,6 @@ TEST(DetectionCache, TwoProcessesMayShareAFolder) {
   waitpid(child, &status, 0);
   EXPECT_TRUE(good);
   EXPECT_EQ(status, 0);
-}
-
-TEST(DetectionCache, WhereItLies) {
-  const TempDir folder;
-  CachePlace place;
-  for (const char* word : {"off", "auto", "/a/folder"}) {
-    FromString(word, &place);
-    EXPECT_EQ(ToString(place), word);
-  }
-  EXPECT_THROW(FromString("", &place), UsageError);
-  EXPECT_EQ(DetectionCache(place).folder(), "/a/folder/detections");
-  EXPECT_FALSE(DetectionCache({CachePlace::Kind::kOff, ""}).enabled());
-  const char* chosen = std::getenv("MVSTUDIO_CACHE");
-  const std::string before = chosen ? chosen : "";
-  unsetenv("MVSTUDIO_CACHE");
-  setenv("XDG_CACHE_HOME", folder.path().c_str(), 1);
-  EXPECT_EQ(DetectionCache(CachePlace()).folder(), folder / "mvstudio/detections");
-  setenv("MVSTUDIO_CACHE", "off", 1);
-  EXPECT_FALSE(DetectionCache(CachePlace()).enabled());
-  if (chosen) setenv("MVSTUDIO_CACHE", before.c_str(), 1);
 }
 
 TEST(ContentDigest, FollowsNamesAndContents) {

@@ -55,7 +55,7 @@ void ReadDetections(const std::string& path) {
   fs::create_directory(folder + "/detections");
   std::ofstream(folder + "/detections/key.detections", std::ios::binary | std::ios::trunc)
       << bytes << Sha256Hex(bytes.data(), bytes.size());
-  const auto footage = calib::DetectionCache(calib::CacheIn(folder)).Load("key");
+  const auto footage = calib::DetectionCache(CacheIn(folder)).Load("key");
   if (!footage) throw FormatError(path, "", "is damaged");
   for (const auto& picture : footage->pictures) {
     for (const calib::BoardDetection& board : picture.layouts) {

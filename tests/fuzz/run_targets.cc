@@ -60,7 +60,7 @@ namespace {
 
 std::optional<calib::StoredFootage> Cached(std::string_view bytes) {
   Scratch("detections/key.detections", bytes);
-  return calib::DetectionCache(calib::CacheIn(ScratchPath(""))).Load("key");
+  return calib::DetectionCache(CacheIn(ScratchPath(""))).Load("key");
 }
 
 }  // namespace
@@ -80,7 +80,7 @@ MVS_FUZZ_TARGET(detection_cache, bytes) {
   }
   const std::string out = MemoryPath("cache");
   const auto stored = [&](const calib::StoredFootage& what) {
-    calib::DetectionCache(calib::CacheIn(out)).Store("key", what);
+    calib::DetectionCache(CacheIn(out)).Store("key", what);
     return ReadFile(out + "/detections/key.detections");
   };
   const std::string text = stored(*footage);

@@ -107,7 +107,7 @@ TEST(CornerInputs, ABoardThatLooksTheSameAfterHalfATurnIsToldOf) {
   const auto warnings = [&](const std::string& board) {
     CornerArguments arguments;
     arguments.boards = {calib::ParseBoard(board)}, arguments.cameras = {PutFootage(folder, "a"), PutFootage(folder, "b")};
-    arguments.footage.cache.kind = calib::CachePlace::Kind::kOff;
+    arguments.footage.cache.kind = CachePlace::Kind::kOff;
     CommandResult result;
     EXPECT_THROW(ReadCornerInput(arguments, {}, &result), FormatError) << "blank pictures show no board";
     std::vector<std::string> codes;

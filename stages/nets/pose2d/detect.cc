@@ -5,17 +5,23 @@
 #include <cmath>
 #include <mutex>
 
+#include "core/disk/kept_key.h"
+#include "core/disk/manifest.h"
 #include "core/error.h"
+#include "core/log.h"
 #include "core/parallel.h"
 #include "dataset/detect/joints/pose_overlay.h"
 #include "dataset/detect/models/models.h"
 #include "dataset/footage/frames.h"
+#include "stages/nets/pose2d/kept.h"
 
 namespace mvstudio::stages {
 
 using dataset::Person2d;
 
 namespace {
+
+constexpr std::string_view kOnnx = "onnx:";
 
 /// Frame number of the footage -> time steps that show it.
 class Instants {
@@ -78,6 +84,19 @@ void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, c
   camera->damage = source->Damage();
 }
 
+/// False: the camera's failure says why.
+bool DetectOrFail(const DetectJob& job, const dataset::CameraFootage& footage, const PoseBackend& backend,
+                  const std::function<void()>& on_frame, CameraPoses* camera) {
+  try {
+    DetectCamera(job, footage, backend, on_frame, camera);
+  } catch (const IoError& error) {
+    camera->failure = error.what();
+  } catch (const FormatError& error) {
+    camera->failure = error.what();
+  }
+  return camera->failure.empty();
+}
+
 /// Frames that will be looked at, as the footage itself says; 0 where one of the cameras does not.
 int64_t NumFrames(const DetectJob& job) {
   int64_t total = 0;
@@ -93,6 +112,30 @@ int64_t NumFrames(const DetectJob& job) {
   return total;
 }
 
+/// What the camera gave in an earlier run.
+std::optional<CameraPoses> KeptCamera(const KeptResults& kept, const std::string& key) {
+  const std::optional<std::string> bytes = kept.Load(key);
+  if (!bytes) return std::nullopt;
+  try {
+    return DecodeCameraPoses(*bytes);
+  } catch (const DamagedBytes&) {
+    kept.Damaged(key);
+  }
+  return std::nullopt;
+}
+
+/// Which nets these are: the package's files are held against its hashes when they are read.
+std::string WeightsOf(const PoseBackend& backend, const detect::OnnxOptions& onnx) {
+  KeptKey key;
+  key.Add(detect::PinnedModelPackage().integrity + (backend.finder ? " with finder" : ""));
+  key.Add(backend.name);
+  if (backend.name.rfind(kOnnx, 0) == 0) {
+    key.Add(DigestOf(backend.name.substr(kOnnx.size())).sha256);
+    key.AddFields(onnx);
+  }
+  return key.Take();
+}
+
 }  // namespace
 
 PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, detect::PoseQuality quality,
@@ -106,13 +149,14 @@ PoseBackend OpenPoseBackend(const std::string& name, const std::string& models, 
     backend.net = detect::OpenMovenet(models);
   } else if (name == "blazepose") {
     backend.net = detect::OpenBlazepose(models);
-  } else if (name.rfind("onnx:", 0) == 0) {
-    backend.net = detect::OpenOnnx(name.substr(5), onnx);
+  } else if (name.rfind(kOnnx, 0) == 0) {
+    backend.net = detect::OpenOnnx(name.substr(kOnnx.size()), onnx);
   } else {
     throw UsageError("option 'backend' " + name + ": must be auto, posenet, movenet, blazepose, onnx:FILE or openpose:FOLDER");
   }
-  const bool bring_finder = name.rfind("onnx:", 0) != 0 || detect::HasModel("posenet", models);
+  const bool bring_finder = name.rfind(kOnnx, 0) != 0 || detect::HasModel("posenet", models);
   if (bring_finder) backend.finder = std::make_shared<detect::PersonFinder>(models);
+  backend.weights = WeightsOf(backend, onnx);
   return backend;
 }
 
@@ -128,22 +172,26 @@ std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& ba
   const auto count = static_cast<int>(job.footage.size());
   std::vector<CameraPoses> cameras(job.footage.size());
   ProgressStage stage(run, "keypoints by " + backend.name, NumFrames(job));
+  const KeptResults kept(job.cache, "keypoints");
   std::mutex mutex;
   ParallelFor(count, threads, [&](int64_t c) {
     detect::SetGraphThreads(std::max(1, threads / std::max(1, count)));
     const auto idx = static_cast<size_t>(c);
-    cameras[idx].track.camera = job.footage[idx].camera;
-    const auto on_frame = [&] {
+    const auto on_frames = [&](int64_t frames) {
       const std::lock_guard<std::mutex> lock(mutex);
-      stage.Advance();
+      stage.Advance(frames);
     };
-    try {
-      DetectCamera(job, job.footage[idx], backend, on_frame, &cameras[idx]);
-    } catch (const IoError& error) {
-      cameras[idx].failure = error.what();
-    } catch (const FormatError& error) {
-      cameras[idx].failure = error.what();
+    const auto key = kept.enabled() ? CameraPosesKey(job, job.footage[idx], backend) : std::nullopt;
+    if (auto before = key ? KeptCamera(kept, *key) : std::nullopt) {
+      Log(LogLevel::kInfo, "camera " + job.footage[idx].camera + ": its keypoints were kept from an earlier run");
+      cameras[idx] = std::move(*before);
+      on_frames(cameras[idx].frames * int64_t{job.every});
+    } else if (DetectOrFail(
+                   job, job.footage[idx], backend, [&] { on_frames(1); }, &cameras[idx]) &&
+               key) {
+      kept.Store(*key, EncodeCameraPoses(cameras[idx]));
     }
+    cameras[idx].track.camera = job.footage[idx].camera;
   });
   return cameras;
 }

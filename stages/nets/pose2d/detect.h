@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/disk/kept.h"
 #include "core/progress.h"
 #include "dataset/detect/joints/joint_net.h"
 #include "dataset/detect/joints/pose_tracker.h"
@@ -21,6 +22,7 @@ struct PoseBackend {
   std::shared_ptr<const detect::JointNet> net;
   std::shared_ptr<const detect::PersonFinder> finder;  ///< may be null: the person fills the image
   detect::CropPlan plan;
+  std::string weights = {};  ///< tells the net and the finder from any others; empty: unknown, and nothing is kept
 };
 
 /// Throws UsageError for an unknown name, and what the nets' functions throw.
@@ -49,10 +51,12 @@ struct DetectJob {
   int every = 1;                 ///< use every n-th frame
   int max_frames = 0;            ///< 0: all
   std::vector<int> frames = {};  ///< sorted numbers, as poses are numbered; empty: all
+  CachePlace cache = {};         ///< of what cameras gave before
 };
 
 /// Runs the cameras in parallel. Frames have the number of the time step where the footage has a timeline, else their own.
-/// A camera with unreadable footage has a failure; the others continue.
+/// A camera with unreadable footage has a failure; the others continue. What a camera gave is kept as soon as it is there, so
+/// that a run that was cut goes on by cameras.
 std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& backend, const RunContext& run);
 
 }  // namespace mvstudio::stages

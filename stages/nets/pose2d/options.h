@@ -4,6 +4,7 @@
 
 #include "core/choice/option_group.h"
 #include "core/choice/option_style.h"
+#include "core/disk/kept.h"
 #include "dataset/detect/joints/joint_net.h"
 #include "dataset/detect/joints/pose_tracker.h"
 #include "stages/input/take_input.h"
@@ -22,6 +23,7 @@ struct Pose2dOptions {
   int overlays = 2;
   std::string frames;  ///< "80-99" or "1,4,7-9"; empty: all
   int every = 1;
+  CachePlace cache;
   bool overwrite = false;
   detect::PoseOptions pose;
   detect::OnnxOptions onnx;
@@ -46,6 +48,9 @@ void VisitFields(Visitor&& visit, Pose2dOptions& o) {
   visit("overlays", o.overlays, "images of each camera to draw the keypoints on");
   visit("frames", o.frames, "80-99 or 1,4,7-9: frames of the footage; all unless given");
   visit("every", o.every, "use every n-th frame of the footage; the others have no keypoints");
+  visit("cache", o.cache,
+        "where a camera's keypoints are kept, so that a run that was cut goes on with the next: a folder, off, or auto: "
+        "$MVSTUDIO_CACHE, $XDG_CACHE_HOME/mvstudio or ~/.cache/mvstudio");
   VisitStyled(visit, OptionStyle::kSwitch, "overwrite", o.overwrite, "replace the output folder");
   VisitFields(visit, o.pose);
   VisitFields(visit, o.onnx);

@@ -169,7 +169,8 @@ Pose2dReport RunPose2d(const Pose2dOptions& options, const RunContext& run) {
   if (existing) {
     ReadAll(options, take, &report);
   } else {
-    DetectAll(options, {take.footage, options.pose, options.overlays, options.every, 0, frames}, rig, run, &report);
+    DetectAll(options, {take.footage, options.pose, options.overlays, options.every, 0, frames, options.cache}, rig, run,
+              &report);
   }
   LimitPoses(frames, &report.cameras, &report.notes);
   RequireFrames(report.cameras);
