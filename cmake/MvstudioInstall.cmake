@@ -1,6 +1,7 @@
 # cmake --install: programs, libraries, headers, and a package for find_package(mvstudio).
 include(CMakePackageConfigHelpers)
 set(MVSTUDIO_PACKAGE lib/cmake/mvstudio)
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
 
 function(mvstudio_install)
   mvstudio_modules(modules)
@@ -12,10 +13,8 @@ function(mvstudio_install)
   install(SCRIPT ${CMAKE_SOURCE_DIR}/cmake/InstallHeaders.cmake)
   install(TARGETS mvstudio_warnings EXPORT mvstudio-targets)
   install(EXPORT mvstudio-targets NAMESPACE mvstudio:: DESTINATION ${MVSTUDIO_PACKAGE})
-  install(TARGETS mvstudio)
   if(MVSTUDIO_AVATAR)
     install(EXPORT mvstudio-avatar-targets NAMESPACE mvstudio:: DESTINATION ${MVSTUDIO_PACKAGE})
-    install(TARGETS mvstudio-avatar)
   endif()
   configure_package_config_file(${CMAKE_SOURCE_DIR}/cmake/mvstudio-config.cmake.in ${CMAKE_BINARY_DIR}/mvstudio-config.cmake
     INSTALL_DESTINATION ${MVSTUDIO_PACKAGE})
