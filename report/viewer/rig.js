@@ -1,7 +1,7 @@
 // What does not move: cameras, boards, floor, axes.
 import { AxesHelper, BufferAttribute, BufferGeometry, Color, DoubleSide, GridHelper, Group, LineBasicMaterial, LineSegments, LinearFilter, Mesh, MeshBasicMaterial, Quaternion, Texture, Vector3, VertexColors } from 'three/build/three.module.js';
 
-const DEPTH = 0.13;  // of a frustum, as a share of the rig's extent; as in the drawn figures
+const DEPTH = 0.13;  // of a frustum, as a share of the rig's extent; as in the drawn figures, and smaller for more than eight cameras
 
 export const UP_AXES = { 1: [1, 0, 0], 2: [0, 1, 0], 3: [0, 0, 1] };
 export const upOf = (scene) => new Vector3(...UP_AXES[Math.abs(scene.up || 3)]).multiplyScalar(Math.sign(scene.up || 3));
@@ -43,7 +43,7 @@ export class Rig {
   constructor(scene, bounds) {
     this.scene = scene;
     this.centre = bounds.centre;
-    this.depth = DEPTH * 2 * bounds.radius;
+    this.depth = DEPTH * 2 * bounds.radius * Math.min(1, Math.sqrt(8 / Math.max(1, scene.cameras.length)));
     this.group = new Group();
     this.images = new Group();
     this.boards = new Group();

@@ -106,10 +106,11 @@ export class Studio {
     return 'A cell of the floor is ' + unit + '. Drag turns, wheel or two fingers come closer; a click on a camera or a joint tells about it. Keys: ' + time + '[ ] choose a camera, Home shows the whole rig, Esc chooses nothing.';
   }
 
-  /** Images of the cameras are those that the page shows elsewhere. */
+  /** Images of the cameras are those that the page shows elsewhere: people if there are any, who come after the boards. */
   addImages() {
     this.images = {};
-    for (const place of document.querySelectorAll('[data-camera][data-box]')) {
+    const places = Array.from(document.querySelectorAll('[data-camera][data-box]'));
+    for (const place of this.people.frames.length > 0 ? places.reverse() : places) {
       const name = place.getAttribute('data-camera'), index = this.scene.cameras.findIndex((camera) => camera.name === name), box = place.getAttribute('data-box').split(' ').map(Number);
       const shown = place.querySelector('image'), href = shown && shown.getAttribute('href');
       if (index < 0 || this.images[index] || !href || !href.startsWith('data:image/') || !box.every(Number.isFinite)) continue;
