@@ -76,6 +76,7 @@ std::vector<Section> StudioSections(SectionContext* context) {
   std::vector<Section> sections = {PreviewSection(context),     HeldOutSection(context),       FootageSection(context),
                                    CalibrationSection(context), TriangulationSection(context), DatasetSection(context),
                                    AvatarSection(context),      TruthSection(context),         ProvenanceSection(context)};
+  sections.insert(sections.begin() + 2, StudioSection(context));
   sections.insert(sections.begin() + 2, VerdictSection(context));
   return sections;
 }
@@ -85,6 +86,7 @@ std::vector<Section> ClientSections(SectionContext* context) {
       PreviewSection(context), HeldOutSection(context), {"verdict", "Verdict", StageCards(context->data, false)}};
   if (!context->data.calibrations.empty()) {
     const CsvFile* points = context->data.points.empty() ? nullptr : &context->data.points.front();
+    sections.push_back(StudioSection(context));
     sections.push_back({"rig", "Rig", RigFigures(context->data.calibrations.front().value, points, Value())});
   }
   return sections;

@@ -21,14 +21,6 @@ const JsonFile* CalibrationOf(const RunData& data, const std::string& folder) {
   return data.calibrations.empty() ? nullptr : &data.calibrations.front();
 }
 
-/// What the pose3d.json beside the points says of their skeleton.
-Value SkeletonOf(const RunData& data, const CsvFile& points) {
-  for (const JsonFile& file : data.poses) {
-    if (file.folder == points.folder) return file.value["definition"];
-  }
-  return {};
-}
-
 const Value& CameraByName(const Value& cameras, const std::string& name) {
   static const Value null;
   for (const Value& camera : cameras.items()) {
@@ -220,6 +212,13 @@ std::string FileTable(const JsonFile& file, const Value& summary) {
 }
 
 }  // namespace
+
+Value SkeletonOf(const RunData& data, const CsvFile& points) {
+  for (const JsonFile& file : data.poses) {
+    if (file.folder == points.folder) return file.value["definition"];
+  }
+  return {};
+}
 
 Section CalibrationSection(SectionContext* context) {
   const RunData& data = context->data;

@@ -38,6 +38,16 @@ std::string ReadViewPicture(SectionContext* context, const Stage& stage, const V
       [](std::string_view bytes) { return !PictureType(bytes).empty(); }, "neither PNG nor JPEG");
 }
 
+/// The figure of a view, marked so that the page's viewer finds the image of a camera in it.
+std::string ViewFigure(const Value& view, const std::string& figure, const std::string& caption) {
+  const Value& box = view["box_px"];
+  std::string place;
+  for (size_t i = 0; i < 4; ++i) place += (i > 0 ? " " : "") + FormatNumber(box.At(i).Number(), 9);
+  return FigureHtml(
+      "<div data-camera=\"" + EscapeHtml(view["camera"].Text()) + "\" data-box=\"" + place + "\">" + figure + "</div>",
+      caption);
+}
+
 std::string FrameText(const Value& view) { return "frame " + FormatNumber(view["frame"].Number(), 9); }
 
 std::string BoardView(SectionContext* context, const Stage& stage, const Value& view) {
@@ -54,7 +64,7 @@ std::string BoardView(SectionContext* context, const Stage& stage, const Value& 
   std::string caption = FormatCount(static_cast<double>(spec.points.size())) + " corners, rms " +
                         FormatWithUnit(view["rms_px"].Number(), "px", 3);
   if (!spec.rejected.empty()) caption += "; " + FormatCount(static_cast<double>(spec.rejected.size())) + " rejected (crosses)";
-  return FigureHtml(figure, caption + (picture.empty() ? "; the image itself is not at hand." : "."));
+  return ViewFigure(view, figure, caption + (picture.empty() ? "; the image itself is not at hand." : "."));
 }
 
 /// Joints [x, y of the projection, x, y of the keypoint] px of several persons, `num_joints` each.
@@ -86,10 +96,10 @@ std::string TakeOverlay(SectionContext* context, const Stage& stage, const Value
   spec.picture = picture;
   const std::string figure = PictureOverlay(spec);
   if (figure.empty()) return {};
-  return FigureHtml(figure, "median distance " + FormatWithUnit(view["median_px"].Number(), "px", 3) + ", largest " +
-                                FormatWithUnit(view["max_px"].Number(), "px", 3) + ", " +
-                                FormatCount(view["num_points"].Number()) + " keypoints" +
-                                (picture.empty() ? "; the image itself is not at hand." : "."));
+  return ViewFigure(view, figure,
+                    "median distance " + FormatWithUnit(view["median_px"].Number(), "px", 3) + ", largest " +
+                        FormatWithUnit(view["max_px"].Number(), "px", 3) + ", " + FormatCount(view["num_points"].Number()) +
+                        " keypoints" + (picture.empty() ? "; the image itself is not at hand." : "."));
 }
 
 size_t NumCameras(const Value& views) {

@@ -27,22 +27,6 @@ constexpr std::pair<const char*, const char*> kBones[] = {
     {"LAnkle", "LBigToe"},   {"RAnkle", "RHeel"},   {"LAnkle", "LHeel"},
     {"Neck", "Nose"},        {"Nose", "Head"}};
 
-ViewCamera ReadCamera(const Value& camera) {
-  ViewCamera view;
-  view.name = camera["name"].Text("?");
-  const Value& pose = camera["cam_from_world"];
-  const Value& translation = pose["translation"].IsArray() ? pose["translation"] : pose["translation_m"];
-  std::array<double, 4> rotation;
-  for (size_t i = 0; i < 4; ++i) rotation[i] = pose["rotation_xyzw"].At(i).Number();
-  SetPose(rotation, {translation.At(0).Number(), translation.At(1).Number(), translation.At(2).Number()}, &view);
-  const double half_width = camera["size_px"].At(0).Number() / 2 / camera.Path("intrinsics.fx").Number();
-  const double half_height = camera["size_px"].At(1).Number() / 2 / camera.Path("intrinsics.fy").Number();
-  // A fisheye's picture has no size at unit depth; the drawing is kept within reason.
-  if (std::isfinite(half_width) && half_width > 0) view.half_width = std::min(half_width, 1.5);
-  if (std::isfinite(half_height) && half_height > 0) view.half_height = std::min(half_height, 1.5);
-  return view;
-}
-
 using FrameJoints = std::map<std::string, Vector3>;
 
 /// (frame, person) -> joints with status Ok.
@@ -81,17 +65,9 @@ std::string PlainColour(const std::string& text) {
 /// The bones of a pose: those of its skeleton, else people's.
 std::vector<ViewBone> BonesOf(const FrameJoints& joints, const Value& skeleton) {
   std::vector<ViewBone> bones;
-  const auto add = [&](const std::string& a, const std::string& b, const std::string& colour) {
-    const auto from = joints.find(a), to = joints.find(b);
-    if (from != joints.end() && to != joints.end()) bones.push_back({from->second, to->second, colour});
-  };
-  if (!skeleton["bones"].IsArray() || skeleton["human"].Flag()) {
-    for (const auto& [a, b] : kBones) add(a, b, "");
-    return bones;
-  }
-  for (const Value& bone : skeleton["bones"].items()) {
-    const Value& ends = bone.IsArray() ? bone : bone["joints"];
-    add(ends.At(0).Text(), ends.At(1).Text(), PlainColour(bone["colour"].Text()));
+  for (const NamedBone& bone : NamedBones(skeleton)) {
+    const auto from = joints.find(bone.from), to = joints.find(bone.to);
+    if (from != joints.end() && to != joints.end()) bones.push_back({from->second, to->second, bone.colour});
   }
   return bones;
 }
@@ -126,10 +102,39 @@ Value Triple(const Vector3& v) { return Value::Array().Append(v[0]).Append(v[1])
 
 }  // namespace
 
+ViewCamera ReadViewCamera(const Value& camera) {
+  ViewCamera view;
+  view.name = camera["name"].Text("?");
+  const Value& pose = camera["cam_from_world"];
+  const Value& translation = pose["translation"].IsArray() ? pose["translation"] : pose["translation_m"];
+  std::array<double, 4> rotation;
+  for (size_t i = 0; i < 4; ++i) rotation[i] = pose["rotation_xyzw"].At(i).Number();
+  SetPose(rotation, {translation.At(0).Number(), translation.At(1).Number(), translation.At(2).Number()}, &view);
+  const double half_width = camera["size_px"].At(0).Number() / 2 / camera.Path("intrinsics.fx").Number();
+  const double half_height = camera["size_px"].At(1).Number() / 2 / camera.Path("intrinsics.fy").Number();
+  // A fisheye's picture has no size at unit depth; the drawing is kept within reason.
+  if (std::isfinite(half_width) && half_width > 0) view.half_width = std::min(half_width, 1.5);
+  if (std::isfinite(half_height) && half_height > 0) view.half_height = std::min(half_height, 1.5);
+  return view;
+}
+
+std::vector<NamedBone> NamedBones(const Value& skeleton) {
+  std::vector<NamedBone> bones;
+  if (!skeleton["bones"].IsArray() || skeleton["human"].Flag()) {
+    for (const auto& [a, b] : kBones) bones.push_back({a, b, ""});
+    return bones;
+  }
+  for (const Value& bone : skeleton["bones"].items()) {
+    const Value& ends = bone.IsArray() ? bone : bone["joints"];
+    bones.push_back({ends.At(0).Text(), ends.At(1).Text(), PlainColour(bone["colour"].Text())});
+  }
+  return bones;
+}
+
 std::string RigFigures(const Value& calibration, const CsvFile* points, const Value& skeleton) {
   std::vector<ViewCamera> cameras;
   for (const Value& camera : calibration["cameras"].items()) {
-    ViewCamera view = ReadCamera(camera);
+    ViewCamera view = ReadViewCamera(camera);
     if (std::isfinite(view.center_in_world[0] + view.center_in_world[1] + view.center_in_world[2]))
       cameras.push_back(std::move(view));
   }
@@ -150,7 +155,7 @@ std::string RigFigures(const Value& calibration, const CsvFile* points, const Va
 Value CalibrationSummary(const Value& calibration) {
   Value cameras = Value::Array();
   for (const Value& camera : calibration["cameras"].items()) {
-    const ViewCamera view = ReadCamera(camera);
+    const ViewCamera view = ReadViewCamera(camera);
     const double fx = camera.Path("intrinsics.fx").Number(), fy = camera.Path("intrinsics.fy").Number();
     const Value& covariance = camera["intrinsics_covariance"];
     const double variance = (covariance.At(0).At(0).Number() + covariance.At(1).At(1).Number()) / 2;

@@ -10,6 +10,7 @@
 #include "report/page/value.h"
 #include "report/report.h"
 #include "report/run_data.h"
+#include "report/svg/rig_view.h"
 
 /// The parts of the page. Each reads the run, returns its HTML, and adds the same numbers to `json` and unusable files to
 /// `warnings`.
@@ -32,6 +33,8 @@ bool ForClient(const ReportOptions& options);
 /// Videos of the avatar, else some of its rendered images, and for clients the player of Gaussians; without a body when there
 /// are none.
 Section PreviewSection(SectionContext* context);
+/// Cameras, boards and people in the page's viewer; without a body when there are none.
+Section StudioSection(SectionContext* context);
 Section CalibrationSection(SectionContext* context);
 Section TriangulationSection(SectionContext* context);
 /// Sessions, time offsets, keypoints, masks; without a body when none of them was run.
@@ -112,9 +115,19 @@ std::string MethodsSideBySide(SectionContext* context);
 /// What the fits of bodies found, with their surfaces; empty when none was run.
 std::string FittedBodies(SectionContext* context);
 
-/// Drawings of the rig of a calibration file with the people of `points` (may be null) between the cameras; empty without any pose.
-/// `skeleton`: the definition in their pose3d.json, or null: then joints are connected as people's.
+/// Drawings of the rig of a calibration file with the people of `points` (may be null) between the cameras; empty without any
+/// pose. `skeleton`: the definition in their pose3d.json, or null: then joints are connected as people's.
 std::string RigFigures(const Value& calibration, const CsvFile* points, const Value& skeleton);
+/// A camera of a calibration file for drawing; its pose is NaN where the file has none.
+ViewCamera ReadViewCamera(const Value& camera);
+/// Two joints that are drawn as connected; `colour` as in ViewBone.
+struct NamedBone {
+  std::string from, to, colour;
+};
+/// The bones of a skeleton's definition; of people, and without one, those by OpenPose's names.
+std::vector<NamedBone> NamedBones(const Value& skeleton);
+/// What the pose3d.json beside the points says of their skeleton.
+Value SkeletonOf(const RunData& data, const CsvFile& points);
 /// name, model, size_px, focal_px (of fx and fy, as `calibrate` gives it), focal_sigma_px (null when unknown),
 /// center_in_world_m of each camera of a calibration file.
 Value CalibrationSummary(const Value& calibration);

@@ -129,8 +129,10 @@ MAY_INCLUDE = {
                                              "avatar/data", "avatar/nets", "avatar/run/pack", "avatar/run/render", "avatar/run/lift"},
     "report/page": {"core", "core/hash"},
     "report/svg": {"core", "report/page"},
+    "report/scene": {"core"},
     "report/study": CORE | {"report/page"},
-    "report": CORE | {"report/page", "report/svg"},
+    "report/viewer": set(),
+    "report": CORE | {"report/page", "report/scene", "report/svg", "report/viewer"},
 }
 LIBRARIES = set(MAY_INCLUDE)
 STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}
@@ -222,6 +224,7 @@ FLAGS_ALLOWED = {
     "report/section_calibration.cc",
     "report/section_common.cc",
     "report/section_stages.cc",
+    "report/section_studio.cc",
     "report/section_triangulation.cc",
     "report/page/page_style.cc",
     "report/study/study_page.cc",

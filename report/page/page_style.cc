@@ -67,6 +67,27 @@ font-size:.8em;color:var(--muted)}
 @media print{.compared,.compared+input{display:none}}
 .player canvas{width:min(100%,48rem);height:30rem;display:block;background:#000;touch-action:none;cursor:grab}
 .player input{width:min(60%,24rem);vertical-align:middle}
+.studio .stage{position:relative;height:min(36rem,70vh);border:1px solid var(--rule);border-radius:.3rem;background:var(--card);overflow:hidden}
+.studio canvas{display:block}.stage canvas{width:100%;height:100%;touch-action:none;cursor:grab}
+.studio .stage canvas:focus-visible,.studio .timeline:focus-visible{outline:2px solid var(--c0);outline-offset:-2px}
+.studio .names{position:absolute;inset:0;pointer-events:none;overflow:hidden;font-size:.78em;color:var(--muted)}
+.studio .names span{position:absolute;left:.4rem;top:-.7rem;white-space:nowrap;text-shadow:0 0 3px var(--card),0 0 3px var(--card)}
+.studio .names .chosen{color:var(--c1);font-weight:650}
+.studio aside{position:absolute;right:.5rem;top:.5rem;width:17rem;max-width:calc(100% - 1rem);max-height:calc(100% - 1rem);overflow:auto;
+padding:.5rem .7rem;border:1px solid var(--rule);border-radius:.3rem;background:var(--ground);font-size:.86em;overflow-wrap:anywhere}
+.studio aside h3{margin:0 0 .3rem}.studio aside img{max-height:10rem;width:auto;margin-bottom:.3rem}
+.studio dl{display:grid;grid-template-columns:auto minmax(0,1fr);gap:.05rem .7rem;margin:0 0 .4rem}.studio dt{color:var(--muted)}
+.studio dd{margin:0;text-align:right;font-variant-numeric:tabular-nums}.studio .note{margin:.2rem 0;border-left:3px solid var(--warn);padding-left:.5rem}
+.studio .bar{display:flex;flex-wrap:wrap;gap:.3rem .8rem;align-items:center;margin:.5rem 0}.studio .bar[hidden]{display:none}
+.studio .bar>input{flex:1 1 12rem;min-width:0}.studio output{min-width:6.5rem;font-variant-numeric:tabular-nums}.studio label[hidden]{display:none}
+.studio label input{vertical-align:middle}.studio label input[type=range]{width:6rem}
+.studio select,.studio button{font:inherit;max-width:14rem}
+.studio .timeline{position:relative;height:1.9rem;border:1px solid var(--rule);cursor:pointer}
+.studio .timeline canvas{width:100%;height:100%;image-rendering:pixelated}
+.studio .timeline i{position:absolute;top:-3px;bottom:-3px;width:2px;margin-left:-1px;background:var(--ink);pointer-events:none}
+@media (max-width:40rem){.studio .stage{height:min(26rem,60vh)}.studio .names{font-size:.7em}
+.studio aside{left:.5rem;right:.5rem;top:auto;bottom:.5rem;width:auto;max-height:45%}.studio aside img{display:none}}
+@media print{#studio{display:none}}
 svg{max-width:100%;height:auto;display:block}
 svg text{fill:var(--ink);font:12px system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans-serif}
 svg text.t{font-weight:600;font-size:13px}svg text.m{fill:var(--muted)}svg text.x{font-size:10.5px}
