@@ -64,6 +64,7 @@ constexpr Command kCommands[] = {
     {"avatar surface", RegisterAvatarSurface},
     {"metrics", MVSTUDIO_NEEDS_TORCH_IF_BUILT(RegisterMetrics)},
     {"report", RegisterReport},
+    {"view", RegisterView},
     {"doctor", RegisterDoctor},
     {"version", RegisterVersion},
 };

@@ -78,6 +78,7 @@ constexpr Example kExamples[] = {
     {"avatar surface", "body/body.npz --truth studio"},
     {"metrics", "truth render"},
     {"report", "day1"},
+    {"view", "day1"},
     {"doctor", "day1"},
     {"version", ""},
 };
