@@ -65,6 +65,7 @@ constexpr Command kCommands[] = {
     {"metrics", MVSTUDIO_NEEDS_TORCH_IF_BUILT(RegisterMetrics)},
     {"report", RegisterReport},
     {"view", RegisterView},
+    {"render", RegisterRender},
     {"doctor", RegisterDoctor},
     {"version", RegisterVersion},
 };

@@ -79,6 +79,7 @@ constexpr Example kExamples[] = {
     {"metrics", "truth render"},
     {"report", "day1"},
     {"view", "day1"},
+    {"render overlay", "day1 --out overlay"},
     {"doctor", "day1"},
     {"version", ""},
 };

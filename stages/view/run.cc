@@ -72,7 +72,7 @@ class ViewSite {
     if (path == "view.css") return {200, "text/css; charset=utf-8", ViewPageStyle()};
     if (path == "view.js") return {200, "text/javascript; charset=utf-8", ViewPageScript()};
     if (path == "scene.json") return {200, "application/json", ViewSceneJson(report_.scene, !page_.empty())};
-    if (path == "alive" || path == "bye") return {200};
+    if (path == "alive" || path == "bye") return {200, "text/plain; charset=utf-8", ""};
     if (const auto step = NumbersOf(path, "step/", ".json", false); step && IsStep(step->second))
       return {200, "application/json", ViewStepJson(report_.scene, static_cast<int>(step->second))};
     if (const auto image = NumbersOf(path, "image/", ".jpg", true)) return ImageAnswer(*image, 0);
