@@ -18,10 +18,13 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr int kThumbPx = 160;
-constexpr std::chrono::seconds kAfterBye(3);  // a page that is loaded anew says farewell, too
+constexpr std::chrono::seconds kAfterBye(5);  // one that is loaded anew says farewell, too; another one asks each two
 
 // The report's own policy stands in its page, with the digests of its scripts.
-constexpr char kReportPolicy[] = "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+constexpr char kReportPolicy[] = "base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
+constexpr char kShellPolicy[] =
+    "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 constexpr char kBadAddress[] = "not here\n";
 PageAnswer NotHere() { return {404, "text/plain; charset=utf-8", kBadAddress}; }
@@ -44,14 +47,6 @@ std::optional<std::pair<int64_t, int64_t>> NumbersOf(const std::string& path, co
   return numbers;
 }
 
-/// The report with a way to the frames.
-std::string WithLink(std::string html) {
-  const size_t body = html.find("<body>");
-  if (body != std::string::npos)
-    html.insert(body + 6, "<p><a href=\"frames\">All frames, with the images in full size</a></p>");
-  return html;
-}
-
 class ViewSite {
  public:
   ViewSite(const ViewOptions& options, ViewReport* report, std::string page)
@@ -67,8 +62,8 @@ class ViewSite {
     if (request.method != "GET") return {405, "text/plain; charset=utf-8", "GET only\n"};
     const std::string& path = request.path;
     const std::string html = "text/html; charset=utf-8";
-    if (path.empty() && !page_.empty()) return {200, html, page_, kReportPolicy};
-    if (path.empty() || path == "frames") return {200, html, ViewPageHtml()};
+    if (path.empty()) return {200, html, ViewPageHtml(), kShellPolicy};
+    if (path == "report" && !page_.empty()) return {200, html, page_, kReportPolicy};
     if (path == "view.css") return {200, "text/css; charset=utf-8", ViewPageStyle()};
     if (path == "view.js") return {200, "text/javascript; charset=utf-8", ViewPageScript()};
     if (path == "scene.json") return {200, "application/json", ViewSceneJson(report_.scene, !page_.empty())};
@@ -134,7 +129,7 @@ ViewReport RunView(const ViewOptions& options, const MakeReportPage& report, con
   result.has_report = !page.empty();
   if (page.empty() && result.scene.steps.empty() && result.scene.cameras.empty())
     throw IoError(options.scene.path, "holds neither footage, joints, a calibration nor results: nothing to show");
-  ViewSite site(options, &result, page.empty() ? "" : WithLink(page));
+  ViewSite site(options, &result, page);
   const auto interrupted = [&] { return run.progress && run.progress->Cancelled(); };
   show([&](const PageRequest& request) { return site(request); }, [&] { return site.is_over() || interrupted(); });
   return result;

@@ -15,8 +15,10 @@ const char* ViewPageHtml() {
 <header>
 <h1 id="title">Frames</h1>
 <p id="where" role="status">Loading</p>
-<p id="links"></p>
+<p id="tabs" hidden><button id="tab-report" type="button">Report</button> <button id="tab-frames" type="button">Frames</button></p>
 </header>
+<iframe id="report" title="Report" sandbox="allow-scripts allow-downloads" hidden></iframe>
+<div id="frames">
 <form id="controls">
 <button id="before" type="button" aria-label="Step back">&#9664;</button>
 <button id="play" type="button" aria-pressed="false">Play</button>
@@ -35,6 +37,7 @@ const char* ViewPageHtml() {
 <details><summary>Keys</summary><p>Arrow keys: one step back or on; with Shift ten. Home, End: the first and the last. Space: play.
 Click an image, or Enter on it: that camera alone; Escape: all of them. The address holds what you see: send it to point at a
 frame.</p></details>
+</div>
 <script src="view.js"></script>
 </body>
 </html>
@@ -48,6 +51,9 @@ body { margin: 0; padding: 0.8rem 1rem 2rem; }
 header { display: flex; flex-wrap: wrap; gap: 0.2rem 1rem; align-items: baseline; }
 h1 { font-size: 1.25rem; margin: 0; overflow-wrap: anywhere; }
 header p { margin: 0; }
+iframe { width: 100%; height: 88vh; border: 1px solid #8886; margin-top: 0.5rem; background: Canvas; }
+[hidden] { display: none !important; }
+button[aria-pressed="true"] { outline: 2px solid #2a7de1; }
 #controls { display: flex; flex-wrap: wrap; gap: 0.4rem 0.9rem; align-items: center; margin: 0.6rem 0; }
 #controls input[type="number"] { width: 6rem; }
 button, select, input { font: inherit; }

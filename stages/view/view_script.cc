@@ -186,7 +186,20 @@ constexpr char kViewScript[] = R"js('use strict';
     });
   }
 
+  function tab(name) {
+    const report = name === 'report';
+    if (report && !el('report').src) el('report').src = 'report';
+    el('report').hidden = !report;
+    el('frames').hidden = report;
+    el('where').hidden = report;
+    el('tab-report').setAttribute('aria-pressed', String(report));
+    el('tab-frames').setAttribute('aria-pressed', String(!report));
+    if (report && playing) play();
+  }
   function read() {
+    const wants = location.hash === '#report' || (location.hash === '' && scene.has_report) || !scene.steps.length;
+    tab(wants && scene.has_report ? 'report' : 'frames');
+    if (wants && scene.has_report || !scene.steps.length) return;
     const words = new URLSearchParams(location.hash.slice(1)), step = Number(words.get('frame')), named = words.get('camera') || '';
     el('filter').value = ['worst', 'missing'].indexOf(words.get('show')) < 0 ? 'all' : words.get('show');
     camera = scene.cameras.some(function (c) { return c.name === named; }) ? named : '';
@@ -212,6 +225,7 @@ constexpr char kViewScript[] = R"js('use strict';
   }
 
   document.addEventListener('keydown', function (e) {
+    if (el('frames').hidden || !order.length) return;
     if (/^(INPUT|SELECT)$/.test(e.target.tagName) && e.target.type !== 'checkbox') return;
     if (e.key === ' ' && e.target.tagName === 'BUTTON') return;
     const far = e.shiftKey ? 10 : 1;
@@ -248,7 +262,7 @@ constexpr char kViewScript[] = R"js('use strict';
   ['show3d', 'show2d', 'arrows'].forEach(function (id) { el(id).onchange = function () { go(at, true); }; });
   window.addEventListener('hashchange', read);
   window.addEventListener('resize', function () { if (order.length) { drawTime(); drawStrip(); } });
-  window.setInterval(function () { fetch('alive').catch(function () { el('where').textContent = 'mvstudio view has ended'; }); }, 20000);
+  window.setInterval(function () { fetch('alive').catch(function () { el('where').textContent = 'mvstudio view has ended'; }); }, 2000);
   window.addEventListener('pagehide', function () { fetch('bye', {keepalive: true}); });
 
   fetch('scene.json').then(function (r) { return r.json(); }).then(function (data) {
@@ -257,10 +271,13 @@ constexpr char kViewScript[] = R"js('use strict';
     const errors = scene.steps.map(function (s) { return s[1]; }).filter(function (e) { return e !== null; }).sort(function (a, b) { return a - b; });
     scene.worst = errors.length ? Math.max(0.01, errors[Math.min(errors.length - 1, Math.floor(errors.length * 0.98))]) : 1;
     el('title').textContent = document.title = scene.title;
-    if (scene.has_report) { const a = make('a', 'Report'); a.href = './'; el('links').appendChild(a); }
+    el('tabs').hidden = !scene.has_report;
+    el('tab-report').onclick = function () { location.hash = '#report'; };
+    el('tab-frames').onclick = function () { location.hash = scene.steps.length ? '#frame=' + scene.steps[0][0] : '#frames'; };
+    el('tab-frames').disabled = !scene.steps.length;
     scene.cameras.forEach(function (info) { const o = make('option', info.name); o.value = info.name; el('camera').appendChild(o); });
     if (!scene.detected_joints.length) { ['show2d', 'arrows'].forEach(function (id) { el(id).parentElement.hidden = true; }); }
-    if (!scene.steps.length) { el('where').textContent = 'No footage and no joints: nothing over time.'; el('controls').hidden = true; time.hidden = true; return; }
+    if (!scene.steps.length) { el('where').textContent = 'No footage and no joints: nothing over time.'; el('controls').hidden = time.hidden = strip.hidden = true; }
     read();
   });
 })();
