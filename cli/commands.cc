@@ -64,6 +64,8 @@ constexpr Command kCommands[] = {
     {"avatar surface", RegisterAvatarSurface},
     {"metrics", MVSTUDIO_NEEDS_TORCH_IF_BUILT(RegisterMetrics)},
     {"report", RegisterReport},
+    {"view", RegisterView},
+    {"render", RegisterRender},
     {"doctor", RegisterDoctor},
     {"version", RegisterVersion},
 };

@@ -78,6 +78,8 @@ constexpr Example kExamples[] = {
     {"avatar surface", "body/body.npz --truth studio"},
     {"metrics", "truth render"},
     {"report", "day1"},
+    {"view", "day1"},
+    {"render overlay", "day1 --out overlay"},
     {"doctor", "day1"},
     {"version", ""},
 };

@@ -43,6 +43,8 @@ void RegisterAvatarRender(CLI::App& avatar, Registry& registry);
 void RegisterAvatarSurface(CLI::App& avatar, Registry& registry);
 void RegisterMetrics(CLI::App& app, Registry& registry);
 void RegisterReport(CLI::App& app, Registry& registry);
+void RegisterRender(CLI::App& app, Registry& registry);
+void RegisterView(CLI::App& app, Registry& registry);
 void RegisterSession(CLI::App& app, Registry& registry);
 void RegisterRun(CLI::App& app, Registry& registry);
 void RegisterPlan(CLI::App& app, Registry& registry);

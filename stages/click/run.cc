@@ -70,7 +70,7 @@ class ClickPage {
  public:
   ClickPage(const ClickOptions& options, ClickScene* scene) : options_(options), scene_(scene) {}
 
-  ClickAnswer operator()(const ClickRequest& request) {
+  PageAnswer operator()(const PageRequest& request) {
     if (request.method == "POST") return Post(request);
     const std::string& path = request.path;
     if (path.empty()) return {200, "text/html; charset=utf-8", ClickPageHtml()};
@@ -85,7 +85,7 @@ class ClickPage {
   bool is_finished() const { return is_finished_; }
 
  private:
-  ClickAnswer Post(const ClickRequest& request) {
+  PageAnswer Post(const PageRequest& request) {
     if (request.path == "finish") {
       is_finished_ = true;
       return {};
@@ -122,7 +122,7 @@ std::string WhatIsSaved(const ClickReport& report) {
 
 }  // namespace
 
-ClickReport RunClick(ClickOptions given, const ClickServer& serve, const RunContext& run) {
+ClickReport RunClick(ClickOptions given, const ShowPage& serve, const RunContext& run) {
   ClickReport report;
   report.options = std::move(given);
   ClickOptions& options = report.options;
@@ -135,7 +135,7 @@ ClickReport RunClick(ClickOptions given, const ClickServer& serve, const RunCont
   report.scene = ReadClickScene(options, &report.notes);
   ClickPage page(options, &report.scene);
   const auto interrupted = [&] { return run.progress && run.progress->Cancelled(); };
-  serve([&](const ClickRequest& request) { return page(request); }, [&] { return page.is_finished() || interrupted(); });
+  serve([&](const PageRequest& request) { return page(request); }, [&] { return page.is_finished() || interrupted(); });
   report.is_written = fs::exists(options.out);
   if (interrupted()) throw CancelledError("interrupted; " + WhatIsSaved(report));
   return report;

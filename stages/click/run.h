@@ -1,28 +1,14 @@
 #pragma once
 
-#include <functional>
 #include <string>
 
 #include "core/progress.h"
 #include "stages/click/click_scene.h"
 #include "stages/click/options.h"
 #include "stages/input_notes.h"
+#include "stages/serve/page_server.h"
 
 namespace mvstudio::stages {
-
-/// What a browser asks for: GET of "", "scene.json", "image/0.jpg" and the like, or POST of clicks.
-struct ClickRequest {
-  std::string method, path, body;
-};
-struct ClickAnswer {
-  int status = 200;
-  std::string type = "text/plain; charset=utf-8";
-  std::string body;
-};
-
-/// Shows the page to somebody: each request has its answer, until `ended` is true.
-using ClickServer =
-    std::function<void(const std::function<ClickAnswer(const ClickRequest&)>& answer, const std::function<bool()>& ended)>;
 
 struct ClickReport {
   ClickOptions options;  ///< as the session settled them
@@ -33,6 +19,6 @@ struct ClickReport {
 
 /// Points are clicked on the page that `serve` shows; the table is saved after each click. Throws UsageError, IoError and
 /// FormatError, and CancelledError, which says what is saved.
-ClickReport RunClick(ClickOptions options, const ClickServer& serve, const RunContext& run = {});
+ClickReport RunClick(ClickOptions options, const ShowPage& serve, const RunContext& run = {});
 
 }  // namespace mvstudio::stages

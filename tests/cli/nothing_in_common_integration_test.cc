@@ -105,6 +105,8 @@ const Row kRows[] = {
     {"metrics", 3, "a b --distance-only", "needs at least 4 images"},
     {"metrics", 3, "a a --masks b", "has no mask called"},
     {"report", 3, "none", "nothing to report here"},
+    {"view", 3, "none", "nothing to show"},
+    {"render overlay", 2, "none --out new", "nothing is drawn"},
     {"run", 3, "none", "holds no mvstudio.toml"},
     {"plan", 3, "none --out new", "holds no mvstudio.toml"},
     {"task", 2, "none 1", "holds no plan.jsonl"},

@@ -1,4 +1,4 @@
-#include "cli/calib/page_server.h"
+#include "stages/serve/page_server.h"
 
 #include <algorithm>
 #include <boost/asio/io_context.hpp>
@@ -15,7 +15,7 @@
 #include "core/error.h"
 #include "core/format.h"
 
-namespace mvstudio::cli {
+namespace mvstudio::stages {
 namespace {
 
 namespace asio = boost::asio;
@@ -78,7 +78,7 @@ struct Site {
     const PageAnswer found = Find(request);
     Response response(static_cast<http::status>(found.status), request.version());
     response.set(http::field::content_type, found.type);
-    response.set("Content-Security-Policy", kPolicy);
+    response.set("Content-Security-Policy", found.policy.empty() ? kPolicy : found.policy);
     response.set("X-Content-Type-Options", "nosniff");
     response.set("Referrer-Policy", "no-referrer");
     response.set("Cross-Origin-Resource-Policy", "same-origin");
@@ -107,8 +107,23 @@ class Connection : public std::enable_shared_from_this<Connection> {
 
  private:
   void Answer(beast::error_code error) {
-    if (error) return;  // closed, late, too long or no HTTP
-    response_ = site_.Respond(parser_->get());
+    if (error == http::error::body_limit) return Send(Bare(http::status::payload_too_large));
+    if (error == http::error::header_limit) return Send(Bare(http::status::request_header_fields_too_large));
+    const bool no_http = error.category() == beast::error_code(http::error::bad_method).category();
+    if (no_http && error != http::error::end_of_stream && error != http::error::partial_message)
+      return Send(Bare(http::status::bad_request));
+    if (error) return;  // closed or late
+    Send(site_.Respond(parser_->get()));
+  }
+  static Response Bare(http::status status) {
+    Response response(status, 11);
+    response.keep_alive(false);
+    response.prepare_payload();
+    return response;
+  }
+  void Send(Response response) {
+    response_ = std::move(response);
+    stream_.expires_after(kPatience);  // whatever the answer took
     http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code failed, size_t) {
       if (!failed && self->response_.keep_alive()) return self->Read();
       beast::error_code ignored;
@@ -193,4 +208,4 @@ void PageServer::Run(const std::function<bool()>& stop) {
   impl_->acceptor.close(ignored);
 }
 
-}  // namespace mvstudio::cli
+}  // namespace mvstudio::stages

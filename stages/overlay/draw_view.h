@@ -1,0 +1,18 @@
+#pragma once
+
+#include "core/image.h"
+#include "stages/overlay/options.h"
+#include "stages/view/scene.h"
+
+namespace mvstudio::stages {
+
+/// The image of a view, reduced to a longer side of at most `tile_px` (0: not), with what is known of it drawn over it in lines
+/// of the same width at any size. `frame`: of the footage, or empty: black, as large as the lens says. `mask` may be empty, or
+/// of another size: then it is left out.
+Image DrawnView(const Scene& scene, size_t camera_idx, const SceneView& view, const Image& frame, const Image& mask,
+                int tile_px, const OverlayMarks& marks);
+
+/// All images in rows of about as many columns, both sides even; (H, W, 3).
+Image GridOf(const std::vector<Image>& images);
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <string>
+
+#include "core/choice/option_group.h"
+#include "core/choice/option_style.h"
+
+/// What is looked at in a browser: what a caller gives.
+namespace mvstudio::stages {
+
+/// What is shown, and how much of the disk it may lead to.
+struct SceneOptions {
+  std::string path;            ///< a run, a session, a dataset, a calibration, or points in 3D
+  std::string take;            ///< of a session; empty: its only one with people
+  bool allow_outside = false;  ///< footage and images may lie outside of it
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, SceneOptions& o) {
+  visit("take", o.take, "take of the session; its only one with people unless given");
+  VisitStyled(visit, OptionStyle::kSwitch, "allow-outside", o.allow_outside,
+              "allow what is shown to name, or link to, files outside its folder");
+}
+
+struct ViewOptions {
+  SceneOptions scene;
+  int port = 0;           ///< 0: any that is free
+  bool open = false;      ///< start the machine's browser
+  double idle_min = 3;    ///< minutes without any request, after a page was there, that end it; 0: never
+  double cache_mb = 256;  ///< MB of images that are kept as they were sent
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, ViewOptions& o) {
+  VisitFields(visit, o.scene);
+  VisitStyled(visit, OptionStyle::kSwitch, "open", o.open, "open the page in this machine's browser, where it has a display");
+  visit("port", o.port, "port on 127.0.0.1; 0: any that is free");
+  visit("idle-min", o.idle_min, "minutes after which a page that asks for nothing counts as closed, and this ends; 0: never");
+  visit("cache-mb", o.cache_mb, "MB of images that are kept in memory");
+}
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,138 @@
+#include "stages/view/run.h"
+
+#include <charconv>
+#include <chrono>
+#include <filesystem>
+#include <limits>
+#include <optional>
+
+#include "core/disk/output.h"
+#include "core/error.h"
+#include "geometry/rig/rig_io.h"
+#include "stages/view/frame_store.h"
+#include "stages/view/view_page.h"
+
+namespace mvstudio::stages {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int kThumbPx = 160;
+constexpr std::chrono::seconds kAfterBye(5);  // one that is loaded anew says farewell, too; another one asks each two
+
+// The report's own policy stands in its page, with the digests of its scripts.
+constexpr char kReportPolicy[] = "base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
+constexpr char kShellPolicy[] =
+    "default-src 'none'; img-src 'self'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "frame-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+constexpr char kBadAddress[] = "not here\n";
+PageAnswer NotHere() { return {404, "text/plain; charset=utf-8", kBadAddress}; }
+
+/// "12/340.jpg" after `folder`: two whole numbers, or one where `is_pair` is false; nothing for anything else.
+std::optional<std::pair<int64_t, int64_t>> NumbersOf(const std::string& path, const std::string& folder, const std::string& end,
+                                                     bool is_pair) {
+  if (path.size() < folder.size() + end.size() || path.compare(0, folder.size(), folder) != 0) return std::nullopt;
+  if (path.compare(path.size() - end.size(), end.size(), end) != 0) return std::nullopt;
+  const char *at = path.data() + folder.size(), *const last = path.data() + path.size() - end.size();
+  std::pair<int64_t, int64_t> numbers{0, 0};
+  const auto take = [&](int64_t* number) {
+    const auto [rest, error] = std::from_chars(at, last, *number);
+    const bool found = error == std::errc() && *number >= 0;
+    at = rest;
+    return found;
+  };
+  if (is_pair && (!take(&numbers.first) || at == last || *at++ != '/')) return std::nullopt;
+  if (!take(&numbers.second) || at != last) return std::nullopt;
+  return numbers;
+}
+
+class ViewSite {
+ public:
+  ViewSite(const ViewOptions& options, ViewReport* report, std::string page)
+      : options_(options),
+        report_(*report),
+        page_(std::move(page)),
+        store_(report->scene.root, static_cast<size_t>(options.cache_mb * 1e6)) {}
+
+  PageAnswer operator()(const PageRequest& request) {
+    last_request_ = Clock::now();
+    is_bye_ = request.path == "bye";
+    was_asked_ = true;
+    if (request.method != "GET") return {405, "text/plain; charset=utf-8", "GET only\n"};
+    const std::string& path = request.path;
+    const std::string html = "text/html; charset=utf-8";
+    if (path.empty()) return {200, html, ViewPageHtml(), kShellPolicy};
+    if (path == "report" && !page_.empty()) return {200, html, page_, kReportPolicy};
+    if (path == "view.css") return {200, "text/css; charset=utf-8", ViewPageStyle()};
+    if (path == "view.js") return {200, "text/javascript; charset=utf-8", ViewPageScript()};
+    if (path == "scene.json") return {200, "application/json", ViewSceneJson(report_.scene, !page_.empty())};
+    if (path == "alive" || path == "bye") return {200, "text/plain; charset=utf-8", ""};
+    if (const auto step = NumbersOf(path, "step/", ".json", false); step && IsStep(step->second))
+      return {200, "application/json", ViewStepJson(report_.scene, static_cast<int>(step->second))};
+    if (const auto image = NumbersOf(path, "image/", ".jpg", true)) return ImageAnswer(*image, 0);
+    if (const auto image = NumbersOf(path, "thumb/", ".jpg", true)) return ImageAnswer(*image, kThumbPx);
+    return NotHere();
+  }
+
+  bool is_over() const {
+    const auto silent = Clock::now() - last_request_;
+    if (is_bye_) return silent > kAfterBye;
+    return was_asked_ && options_.idle_min > 0 && silent > std::chrono::duration<double, std::ratio<60>>(options_.idle_min);
+  }
+
+ private:
+  static bool IsStep(int64_t step) { return step <= std::numeric_limits<int>::max(); }
+
+  PageAnswer ImageAnswer(const std::pair<int64_t, int64_t>& camera_and_step, int longer_side_px) {
+    const auto [camera, step] = camera_and_step;
+    const Scene& scene = report_.scene;
+    if (static_cast<size_t>(camera) >= scene.cameras.size() || !IsStep(step)) return NotHere();
+    const auto idx = static_cast<size_t>(camera);
+    const std::string& jpeg =
+        store_.Jpeg(scene.cameras[idx].footage, FrameAt(scene, idx, static_cast<int>(step)), longer_side_px);
+    if (jpeg.empty()) return NotHere();
+    ++report_.num_images;
+    return {200, "image/jpeg", jpeg};
+  }
+
+  const ViewOptions& options_;
+  ViewReport& report_;
+  std::string page_;
+  FrameStore store_;
+  Clock::time_point last_request_ = Clock::now();
+  bool is_bye_ = false, was_asked_ = false;
+};
+
+/// The report of what is shown; of a calibration of any program that of the rig, from a folder that goes away.
+std::string ReportPageOf(const Scene& scene, const MakeReportPage& make) {
+  try {
+    if (!scene.report_folder.empty()) return make(scene.report_folder);
+    if (scene.kind != "calibration") return {};
+    const ScratchFolder scratch(std::filesystem::temp_directory_path().string());
+    geometry::WriteRig(scene.rig, scratch.path() + "/calibration.json");
+    return make(scratch.path());
+  } catch (const IoError&) {  // nothing to report
+    return {};
+  }
+}
+
+}  // namespace
+
+ViewReport RunView(const ViewOptions& options, const MakeReportPage& report, const ShowPage& show, const RunContext& run) {
+  if (!(options.idle_min >= 0)) throw UsageError("option 'idle-min' must not be negative");
+  if (!(options.cache_mb >= 0 && options.cache_mb <= 1e6)) throw UsageError("option 'cache-mb' must be in 0..1000000");
+  ViewReport result;
+  result.options = options;
+  result.scene = ReadScene(options.scene, &result.notes);
+  const std::string page = ReportPageOf(result.scene, report);
+  result.has_report = !page.empty();
+  if (page.empty() && result.scene.steps.empty() && result.scene.cameras.empty())
+    throw IoError(options.scene.path, "holds neither footage, joints, a calibration nor results: nothing to show");
+  ViewSite site(options, &result, page);
+  const auto interrupted = [&] { return run.progress && run.progress->Cancelled(); };
+  show([&](const PageRequest& request) { return site(request); }, [&] { return site.is_over() || interrupted(); });
+  return result;
+}
+
+}  // namespace mvstudio::stages
