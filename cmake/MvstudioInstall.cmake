@@ -4,7 +4,7 @@ set(MVSTUDIO_PACKAGE lib/cmake/mvstudio)
 
 function(mvstudio_install)
   mvstudio_modules(modules)
-  list(REMOVE_ITEM modules cli)
+  list(REMOVE_ITEM modules cli python)
   if(MVSTUDIO_AVATAR)
     list(FILTER modules EXCLUDE REGEX "/")  # their folders hold them
   endif()
