@@ -5,7 +5,7 @@ set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME dev)
 
 function(mvstudio_install)
   mvstudio_modules(modules)
-  list(REMOVE_ITEM modules cli)
+  list(REMOVE_ITEM modules cli python)
   if(MVSTUDIO_AVATAR)
     list(FILTER modules EXCLUDE REGEX "/")  # their folders hold them
   endif()

@@ -186,6 +186,7 @@ MAY_INCLUDE |= {"cli/help": {"core"}}
 MAY_INCLUDE |= {"cli/program": LIBRARIES | STAGES | {"cli/help"}}
 MAY_INCLUDE |= {folder: LIBRARIES | STAGES | {"cli/program"} for folder in COMMANDS}
 MAY_INCLUDE |= {"cli": LIBRARIES | STAGES | COMMANDS | {"cli/program", "cli/help"}}
+MAY_INCLUDE |= {"python": LIBRARIES | STAGES}
 MOST_FILES = 40  # source files of a folder, headers and .cc files counted
 FREE = {"bench", "tests"}  # may include everything
 EVERYTHING = {"cli", *FREE}  # programs: may print and exit

@@ -1,0 +1,17 @@
+"""Multi-view capture, from footage to scored avatars: calibrated cameras, points, people, data sets.
+
+>>> import mvstudio
+>>> rig = mvstudio.Rig("calibration.json")                       # doctest: +SKIP
+>>> x, covariance, status = mvstudio.triangulate(px, rig)        # doctest: +SKIP
+
+Arrays are NumPy's: what is given may be anything that becomes an array of floats, what is returned is owned by NumPy. Metres,
+radians and pixels unless a name says otherwise; frames and signs are those of docs/conventions.md.
+"""
+from mvstudio import _core, stages
+from mvstudio._error import Error
+from mvstudio._report import Fields, Notice, Output, Report
+from mvstudio._rig import Rig
+from mvstudio._triangulate import Points, Status, triangulate
+
+__version__: str = _core.__version__
+__all__ = ["Error", "Fields", "Notice", "Output", "Points", "Report", "Rig", "Status", "stages", "triangulate"]
