@@ -45,6 +45,7 @@ constexpr Command kCommands[] = {
     {"mask", MVSTUDIO_NEEDS_TORCH(RegisterMask)},
     {"sync", RegisterSync},
     {"triangulate", RegisterTriangulate},
+    {"error-budget", RegisterErrorBudget},
     {"markers", RegisterMarkers},
     {"tradeoff calibrate", RegisterTradeoffCalibrate},
     {"tradeoff triangulate", RegisterTradeoffTriangulate},

@@ -45,6 +45,7 @@ constexpr Example kExamples[] = {
     {"mask", "--session day1 --take walk"},
     {"sync", "--session day1 --take walk"},
     {"triangulate", "--session day1 --take walk --to trc,c3d"},
+    {"error-budget", "--session studio"},
     {"markers", "pose3d --to trc,c3d --frame-rate 60 --out markers"},
     {"markers convert", "pose3d --out walk.c3d --frame-rate 60"},
     {"markers angles", "pose3d --frame-rate 60 --out angles"},

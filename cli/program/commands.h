@@ -17,6 +17,7 @@ void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry);
 void RegisterSync(CLI::App& app, Registry& registry);
 void RegisterTriangulate(CLI::App& app, Registry& registry);
+void RegisterErrorBudget(CLI::App& app, Registry& registry);
 void RegisterMarkers(CLI::App& app, Registry& registry);
 void RegisterModels(CLI::App& app, Registry& registry);
 void RegisterPose2d(CLI::App& app, Registry& registry);

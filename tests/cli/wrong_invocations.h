@@ -230,6 +230,10 @@ inline const Invocation kInvocations[] = {
     {2, "calib refine", "--calib is required"},
     {2, "calib refine --calib rig.json", ""},
     {3, "calib refine --calib none.json --session studio --out new", "none.json"},
+    {2, "error-budget", ""},
+    {2, "error-budget --session studio --take none", "none"},
+    {3, "error-budget --calib none.json --pose2d cam_01=folder --skeleton body25", "none.json"},
+    {2, "error-budget --calib rig.json --pose2d folder --skeleton body25", "NAME=PATH"},
     // Poses and joints
     {2, "sync", ""},
     {2, "sync --session studio --take none", "none"},
