@@ -23,7 +23,7 @@ std::string Extension(const fs::path& path) {
   return extension;
 }
 
-bool IsPicture(const fs::path& path) {
+bool IsImageFile(const fs::path& path) {
   const std::string extension = Extension(path);
   return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
 }
@@ -42,7 +42,7 @@ std::vector<fs::path> Entries(const fs::path& folder) {
 
 bool HasPictures(const fs::path& folder) {
   const auto entries = Entries(folder);
-  return std::any_of(entries.begin(), entries.end(), IsPicture);
+  return std::any_of(entries.begin(), entries.end(), IsImageFile);
 }
 
 std::string Relative(const fs::path& path, const fs::path& folder) { return path.lexically_relative(folder).string(); }
@@ -69,7 +69,7 @@ bool HoldsNumberedFrames(const fs::path& folder) {
   std::set<size_t> numbers;
   for (const fs::path& entry : entries) {
     const std::string stem = entry.stem().string();
-    if (!IsPicture(entry) || stem.find_first_not_of("0123456789") != std::string::npos || stem.size() > 9) return false;
+    if (!IsImageFile(entry) || stem.find_first_not_of("0123456789") != std::string::npos || stem.size() > 9) return false;
     numbers.insert(std::stoul(stem));
   }
   return numbers.size() > 1 && numbers.size() == entries.size() && *numbers.begin() <= 1 &&
@@ -90,7 +90,7 @@ FoundFootage FootageIn(const fs::path& folder) {
   for (const fs::path& entry : Entries(folder)) {
     if (fs::is_directory(entry)) {
       if (const auto footage = FootageOfFolder(entry)) found[entry.filename().string()].push_back(*footage);
-    } else if (IsPicture(entry)) {
+    } else if (IsImageFile(entry)) {
       found[entry.stem().string()].push_back(entry);
     }
   }
@@ -102,7 +102,7 @@ constexpr char kTimestamps[] = "timestamps.csv";
 
 void ListOthers(const fs::path& folder, const fs::path& above, std::vector<std::string>* skipped) {
   for (const fs::path& entry : Entries(folder)) {
-    if (fs::is_directory(entry) ? FootageOfFolder(entry).has_value() : IsVideo(entry) || IsPicture(entry)) continue;
+    if (fs::is_directory(entry) ? FootageOfFolder(entry).has_value() : IsVideo(entry) || IsImageFile(entry)) continue;
     if (entry.filename() == kTimestamps) continue;
     const bool several = fs::is_directory(entry) && !VideosIn(entry).empty();
     skipped->push_back(Relative(entry, above) + (several ? ": holds several recordings" : ": neither a video nor images"));
@@ -184,7 +184,7 @@ using Plates = std::map<std::string, std::string>;
 Plates PlatesIn(const fs::path& raw) {
   Plates plates;
   for (const fs::path& entry : Entries(raw / "plate")) {
-    if (IsPicture(entry)) plates[entry.stem().string()] = Relative(entry, raw.parent_path());
+    if (IsImageFile(entry)) plates[entry.stem().string()] = Relative(entry, raw.parent_path());
   }
   return plates;
 }
