@@ -138,7 +138,6 @@ constexpr char kViewScript[] = R"js('use strict';
       const b = make('button'), step = stepAt(i), bar = make('i'), img = make('img');
       if (c >= 0) {
         img.alt = '';
-        img.loading = 'lazy';
         img.src = 'thumb/' + c + '/' + step[0] + '.jpg';
         img.onerror = function () { img.remove(); };
         b.appendChild(img);
