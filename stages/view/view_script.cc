@@ -133,13 +133,15 @@ constexpr char kViewScript[] = R"js('use strict';
     const first = Math.max(0, Math.min(at - Math.floor(room / 2), n - room));
     let c = scene.cameras.findIndex(function (info) { return info.name === camera && info.has_footage; });
     if (c < 0) c = scene.cameras.findIndex(function (info) { return info.has_footage; });
+    const kept = {};  // images that are there already stay, so that nothing flickers
+    strip.querySelectorAll('img').forEach(function (img) { kept[img.getAttribute('src')] = img; });
     strip.replaceChildren();
     for (let i = first; i < Math.min(n, first + room); ++i) {
-      const b = make('button'), step = stepAt(i), bar = make('i'), img = make('img');
+      const b = make('button'), step = stepAt(i), bar = make('i'), src = 'thumb/' + c + '/' + step[0] + '.jpg';
+      const img = kept[src] || make('img');
       if (c >= 0) {
         img.alt = '';
-        img.loading = 'lazy';
-        img.src = 'thumb/' + c + '/' + step[0] + '.jpg';
+        if (!kept[src]) img.src = src;
         img.onerror = function () { img.remove(); };
         b.appendChild(img);
       }
