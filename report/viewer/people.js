@@ -21,7 +21,7 @@ export class PeopleView {
     this.scale = 1;
     this.ellipsoids = true;
     this.radius = this.boneRadius(bounds.radius);
-    const dot = new SphereBufferGeometry(1, 10, 8), bone = new CylinderBufferGeometry(1, 1, 1, 7, 1, true), ball = new SphereBufferGeometry(1, 16, 12);
+    const dot = new SphereBufferGeometry(1, 8, 6), bone = new CylinderBufferGeometry(1, 1, 1, 6, 1, true), ball = new SphereBufferGeometry(1, 12, 8);
     this.each = people.ids.map(() => {
       const solid = new MeshLambertMaterial(), clear = new MeshLambertMaterial({ transparent: true, opacity: 0.32, depthWrite: false });
       const parts = { solid, clear, dots: instances(dot, solid, people.joints.length), bones: instances(bone, solid, people.bones.length), balls: instances(ball, clear, people.joints.length) };

@@ -28,6 +28,7 @@ export class Studio {
     this.theme();
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => this.theme());
     addEventListener('hashchange', () => this.readAddress());
+    root.addEventListener('paint', () => this.paint());
     new ResizeObserver(() => this.resize()).observe(this.stage);
     this.resize();
     this.home();
@@ -285,13 +286,14 @@ export class Studio {
   draw() {
     if (this.asked) return;
     this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      this.renderer.render(this.world, this.view);
-      this.placeNames();
-      this.root.dataset.draws = Number(this.root.dataset.draws || 0) + 1;
-      this.root.dispatchEvent(new CustomEvent('drawn'));
-    });
+    requestAnimationFrame(() => { this.asked = false; this.paint(); });
+  }
+
+  /** At once; the event `paint` asks for it, for tests and for images of the page. */
+  paint() {
+    this.renderer.render(this.world, this.view);
+    this.placeNames();
+    this.root.dataset.draws = Number(this.root.dataset.draws || 0) + 1;
   }
 
   placeNames() {
