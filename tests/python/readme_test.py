@@ -5,6 +5,8 @@ import io
 import os
 import pathlib
 import re
+import subprocess
+import sys
 
 import conftest
 import mvstudio
@@ -32,3 +34,10 @@ def test_readme(rig, tmp_path, monkeypatch):
 
 def test_help():
     assert doctest.testmod(mvstudio._calibrate, extraglobs={"mvstudio": mvstudio}).failed == 0
+
+
+def test_import_does_without_libtorch():
+    package = os.path.dirname(os.path.dirname(mvstudio.__file__))
+    script = f"import sys; sys.path.insert(0, {package!r}); import mvstudio; print(open('/proc/self/maps').read())"
+    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    assert "mvstudio/_core" in loaded and not re.search(r"libtorch|matplotlib|pandas", loaded)
