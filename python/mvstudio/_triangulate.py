@@ -11,7 +11,7 @@ from mvstudio import _core
 from mvstudio._error import Error
 from mvstudio._rig import Rig
 
-Status = enum.IntEnum("Status", {word: i for i, word in enumerate(_core.STATUS_WORDS)}, module=__name__)
+Status = enum.IntEnum("Status", {word: i for i, word in enumerate(_core.STATUS_WORDS)}, module=__name__)  # type: ignore[misc]
 Status.__doc__ = "Why a computation did or did not give a value; a value is valid only with ``Status.Ok`` (0)."
 
 

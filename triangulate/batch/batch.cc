@@ -63,10 +63,10 @@ void SolveOneByOne(const PreparedRig& rig, const PointBatch& batch, const BatchO
   }
 }
 
-/// Calls `solve(first, count)` for all blocks, some thousands between two reports of progress.
+/// Calls `solve(first, count)` for all blocks, some of them between two reports of progress.
 template <class Solve>
 void ForEachBlock(int64_t num_points, const RunContext& run, const Solve& solve) {
-  constexpr int64_t kBlocksAtOnce = 4096;
+  constexpr int64_t kBlocksAtOnce = 32;  // between looks at whether somebody cancelled: below a second for the slowest points
   const int64_t num_blocks = (num_points + kBlock - 1) / kBlock;
   ProgressStage stage(run, "triangulate", num_points);
   for (int64_t done = 0; done < num_blocks; done += kBlocksAtOnce) {

@@ -1,0 +1,9 @@
+from typing import Any, Callable
+
+from mvstudio._report import Report
+
+def commands() -> dict[str, str]: ...
+def options(name: str) -> list[dict[str, Any]]: ...
+
+# One for each stage, made from the stages' lists of options: `options(name)` and help() have their arguments.
+def __getattr__(name: str) -> Callable[..., Report]: ...
