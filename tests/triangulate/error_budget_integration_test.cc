@@ -147,9 +147,6 @@ TEST(ErrorBudget, EightSpoiledStagesAreNamedAndMendingBringsWhatWasSaid) {
                                              : budget.Measure(budget.next_by).stages[static_cast<size_t>(budget.next)].alone;
     const double did = budget.Measure(budget.next_by).now - mended.Measure(budget.next_by).now;
     EXPECT_NEAR(would, did, 0.15 * did);
-    std::printf("| %s | %s | %.3f | %.3f | %.3f | %.3f |\n", spoiled.what, std::string(ToString(budget.next)).c_str(),
-                budget.Measure(budget.next_by).now,
-                budget.Measure(budget.next_by).stages[static_cast<size_t>(budget.next)].share, would, did);
     if (spoiled.camera >= 0) {
       EXPECT_EQ(std::max_element(gains.begin(), gains.end()) - gains.begin(), spoiled.camera);
     }
