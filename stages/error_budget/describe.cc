@@ -136,13 +136,19 @@ double WithoutPart(const StatedBudget& budget, double share_px2) {
   return std::sqrt(std::max(0.0, budget.mean_px2 - share_px2));
 }
 
+/// What a stage's truth would bring at most: a constant shift is no noise, whatever sigma was estimated from it.
+double PartOf(const StatedBudget& budget, const StatedShare& share) {
+  return std::min(share.share_px2, budget.mean_px2 - budget.shifts_px2);
+}
+
 std::string StatedNext(const StatedBudget& budget) {
-  const auto largest = std::max_element(budget.stages.begin(), budget.stages.end(),
-                                        [](const StatedShare& a, const StatedShare& b) { return a.share_px2 < b.share_px2; });
-  const double now = std::sqrt(budget.mean_px2);
-  if (largest->share_px2 >= budget.rest_px2) {
+  const auto largest =
+      std::max_element(budget.stages.begin(), budget.stages.end(),
+                       [&](const StatedShare& a, const StatedShare& b) { return PartOf(budget, a) < PartOf(budget, b); });
+  const double now = std::sqrt(budget.mean_px2), part = PartOf(budget, *largest);
+  if (part >= std::max(budget.gross_px2, budget.shifts_px2)) {
     return Format("improve next: %s; without its stated error %.3g -> %.3g px\n", std::string(ToString(largest->stage)).c_str(),
-                  now, WithoutPart(budget, largest->share_px2));
+                  now, WithoutPart(budget, part));
   }
   if (budget.gross_px2 > budget.shifts_px2) {
     return Format("improve next: wrong detections, beyond 4 sigma; without them %.3g -> %.3g px\n", now,

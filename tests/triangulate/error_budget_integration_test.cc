@@ -14,11 +14,11 @@
 namespace mvstudio::triangulate {
 namespace {
 
-constexpr int kFrames = 40, kJoints = 14;
-constexpr double kNoisePx = 0.05;
+constexpr int kBudgetFrames = 40, kBudgetJoints = 14;
+constexpr double kBudgetNoisePx = 0.05;
 
 /// Pairs of joints on both sides of a body that turns and moves, metres.
-Eigen::Vector3d TrueJoint(int joint, double frame) {
+Eigen::Vector3d TrueJointAt(int joint, double frame) {
   const double t = frame / 30, side = joint % 2 ? 0.18 : -0.18, turn = 0.8 * t;
   const Eigen::Vector3d own(side + 0.05 * std::sin(3 * t + joint),
                             0.2 * std::sin(1.3 * joint) + 0.2 * std::sin(2.6 * t + joint),
@@ -26,58 +26,59 @@ Eigen::Vector3d TrueJoint(int joint, double frame) {
   return Eigen::AngleAxisd(turn, Eigen::Vector3d::UnitZ()) * own + Eigen::Vector3d(0.2 * std::sin(2.1 * t), 0, 0);
 }
 
-struct Studio {
+struct BudgetStudio {
   BudgetTake take;
   BudgetTruth truth;
 };
 
-Studio MakeStudio(int num_cameras, double noise_px, const std::vector<double>& late_frames = std::vector<double>(6)) {
-  Studio studio;
+BudgetStudio MakeBudgetStudio(int num_cameras, double noise_px,
+                              const std::vector<double>& late_frames = std::vector<double>(6)) {
+  BudgetStudio studio;
   MirrorGroups mirror(1);
-  for (int j = 0; j < kJoints; j += 2) mirror[0].push_back({j, j + 1});
+  for (int j = 0; j < kBudgetJoints; j += 2) mirror[0].push_back({j, j + 1});
   studio.truth.rig = studio.take.rig = MakeRing(num_cameras);
   studio.truth.offset_frames.assign(static_cast<size_t>(num_cameras), 0);
   studio.take.clocks.resize(static_cast<size_t>(num_cameras));
   studio.take.sigma_frames.assign(static_cast<size_t>(num_cameras), std::nan(""));
-  studio.take.body = TakeBody(kJoints, mirror);
+  studio.take.body = TakeBody(kBudgetJoints, mirror);
   Rng rng(5);
-  for (int f = -2; f < kFrames + 2; ++f) {
+  for (int f = -2; f < kBudgetFrames + 2; ++f) {
     TruePeople people(1);
-    for (int j = 0; j < kJoints; ++j) people[0].push_back(TrueJoint(j, f));
+    for (int j = 0; j < kBudgetJoints; ++j) people[0].push_back(TrueJointAt(j, f));
     studio.truth.people[f] = people;
     DetectedFrame frame{f, {}};
     for (int c = 0; c < num_cameras; ++c) {
       DetectedPerson person;
-      for (int j = 0; j < kJoints; ++j) {
+      for (int j = 0; j < kBudgetJoints; ++j) {
         const geometry::RigCamera& camera = studio.truth.rig.cameras[static_cast<size_t>(c)];
-        const Eigen::Vector3d x = TrueJoint(j, f - late_frames[static_cast<size_t>(c)]);
+        const Eigen::Vector3d x = TrueJointAt(j, f - late_frames[static_cast<size_t>(c)]);
         person.push_back({geometry::Project(camera.camera, camera.cam_from_world * x).px +
                               noise_px * Eigen::Vector2d(rng.Normal(), rng.Normal()),
                           0.9});
       }
       frame.people.push_back({person});
     }
-    if (f >= 0 && f < kFrames) studio.take.frames.push_back(frame);
+    if (f >= 0 && f < kBudgetFrames) studio.take.frames.push_back(frame);
   }
   for (int c = 0; c < num_cameras; ++c)
     studio.truth.offset_frames[static_cast<size_t>(c)] = late_frames[static_cast<size_t>(c)];
   return studio;
 }
 
-void Turn(BudgetTake* take, size_t camera, double deg) {
+void TurnCamera(BudgetTake* take, size_t camera, double deg) {
   geometry::Rigid3& pose = take->rig.cameras[camera].cam_from_world;
   pose = geometry::Rigid3{geometry::RotationExp({0, DegToRad(deg), 0})} * pose;  // about its own centre
 }
 
-struct Spoiled {
+struct SpoiledStage {
   const char* what;
-  std::function<void(Studio*)> spoil;
+  std::function<void(BudgetStudio*)> spoil;
   BudgetStage stage;
   int camera;  ///< -1: several
 };
 
-std::vector<Spoiled> EightSpoiledStages() {
-  const auto each = [](Studio* s, const auto& change) {
+std::vector<SpoiledStage> EightSpoiledStages() {
+  const auto each = [](BudgetStudio* s, const auto& change) {
     Rng rng(9);
     for (size_t f = 0; f < s->take.frames.size(); ++f) {
       for (size_t c = 0; c < 6; ++c) change(f, c, &s->take.frames[f].people[c], &rng);
@@ -87,23 +88,23 @@ std::vector<Spoiled> EightSpoiledStages() {
     for (Keypoint& key : *person) key.px += by();
   };
   return {
-      {"a camera turned by 0.2 degrees", [](Studio* s) { Turn(&s->take, 2, 0.2); }, BudgetStage::kCalibration, 2},
-      {"a focal length 1 % off", [](Studio* s) { s->take.rig.cameras[4].camera.params.head<2>() *= 1.01; },
+      {"a camera turned by 0.2 degrees", [](BudgetStudio* s) { TurnCamera(&s->take, 2, 0.2); }, BudgetStage::kCalibration, 2},
+      {"a focal length 1 % off", [](BudgetStudio* s) { s->take.rig.cameras[4].camera.params.head<2>() *= 1.01; },
        BudgetStage::kCalibration, 4},
       {"a lens term missing in all cameras",
-       [](Studio* s) {
+       [](BudgetStudio* s) {
          for (auto& c : s->take.rig.cameras) c.camera.params[4] = 0;
        },
        BudgetStage::kCalibration, -1},
       {"1.5 px of bias in a camera",
-       [=](Studio* s) {
+       [=](BudgetStudio* s) {
          each(s, [&](size_t, size_t c, auto* people, Rng*) {
            if (c == 3) move(&people->front(), [] { return Eigen::Vector2d(1.5, 0); });
          });
        },
        BudgetStage::kJoints2d, 3},
       {"3 px of noise in a camera",
-       [=](Studio* s) {
+       [=](BudgetStudio* s) {
          each(s, [&](size_t, size_t c, auto* people, Rng* rng) {
            if (c == 5)
              move(&people->front(), [&]() -> Eigen::Vector2d { return 3 * Eigen::Vector2d(rng->Normal(), rng->Normal()); });
@@ -111,21 +112,22 @@ std::vector<Spoiled> EightSpoiledStages() {
        },
        BudgetStage::kJoints2d, -1},
       {"a camera 0.4 frames late",
-       [](Studio* s) {
-         *s = MakeStudio(6, kNoisePx, {0, 0.4, 0, 0, 0, 0});
+       [](BudgetStudio* s) {
+         *s = MakeBudgetStudio(6, kBudgetNoisePx, {0, 0.4, 0, 0, 0, 0});
        },
        BudgetStage::kSync, 1},
       {"left and right exchanged in most cameras",
-       [=](Studio* s) {
+       [=](BudgetStudio* s) {
          each(s, [&](size_t f, size_t c, auto* people, Rng*) {
-           for (size_t j = 0; f % 5 == 0 && c < 4 && j < kJoints; j += 2) std::swap(people->front()[j], people->front()[j + 1]);
+           for (size_t j = 0; f % 5 == 0 && c < 4 && j < kBudgetJoints; j += 2)
+             std::swap(people->front()[j], people->front()[j + 1]);
          });
        },
        BudgetStage::kPeople, -1},
       {"people dropped from 70 % of the images",
-       [=](Studio* s) {
+       [=](BudgetStudio* s) {
          each(s, [&](size_t f, size_t, auto* people, Rng* rng) {
-           if (f > 0 && f + 1 < kFrames && rng->Uniform() < 0.7) people->clear();
+           if (f > 0 && f + 1 < kBudgetFrames && rng->Uniform() < 0.7) people->clear();
          });
        },
        BudgetStage::kPeople, -1},
@@ -133,11 +135,11 @@ std::vector<Spoiled> EightSpoiledStages() {
 }
 
 TEST(ErrorBudget, EightSpoiledStagesAreNamedAndMendingBringsWhatWasSaid) {
-  const Studio sound = MakeStudio(6, kNoisePx);
+  const BudgetStudio sound = MakeBudgetStudio(6, kBudgetNoisePx);
   const ErrorBudget mended = MeasureBudget(sound.take, sound.truth);
-  for (const Spoiled& spoiled : EightSpoiledStages()) {
+  for (const SpoiledStage& spoiled : EightSpoiledStages()) {
     SCOPED_TRACE(spoiled.what);
-    Studio studio = MakeStudio(6, kNoisePx);
+    BudgetStudio studio = MakeBudgetStudio(6, kBudgetNoisePx);
     spoiled.spoil(&studio);
     const ErrorBudget budget = MeasureBudget(studio.take, studio.truth);
     EXPECT_EQ(ToString(budget.next), ToString(spoiled.stage));
@@ -147,9 +149,6 @@ TEST(ErrorBudget, EightSpoiledStagesAreNamedAndMendingBringsWhatWasSaid) {
                                              : budget.Measure(budget.next_by).stages[static_cast<size_t>(budget.next)].alone;
     const double did = budget.Measure(budget.next_by).now - mended.Measure(budget.next_by).now;
     EXPECT_NEAR(would, did, 0.15 * did);
-    std::printf("| %s | %s | %.3f | %.3f | %.3f | %.3f |\n", spoiled.what, std::string(ToString(budget.next)).c_str(),
-                budget.Measure(budget.next_by).now,
-                budget.Measure(budget.next_by).stages[static_cast<size_t>(budget.next)].share, would, did);
     if (spoiled.camera >= 0) {
       EXPECT_EQ(std::max_element(gains.begin(), gains.end()) - gains.begin(), spoiled.camera);
     }
@@ -163,8 +162,8 @@ TEST(ErrorBudget, EightSpoiledStagesAreNamedAndMendingBringsWhatWasSaid) {
 }
 
 TEST(ErrorBudget, SaysWhichPartOfACalibrationIsWrong) {
-  Studio turned = MakeStudio(6, kNoisePx), longer = MakeStudio(6, kNoisePx);
-  Turn(&turned.take, 2, 0.2);
+  BudgetStudio turned = MakeBudgetStudio(6, kBudgetNoisePx), longer = MakeBudgetStudio(6, kBudgetNoisePx);
+  TurnCamera(&turned.take, 2, 0.2);
   longer.take.rig.cameras[4].camera.params.head<2>() *= 1.01;
   const ErrorBudget pose = MeasureBudget(turned.take, turned.truth), lens = MeasureBudget(longer.take, longer.truth);
   EXPECT_GT(pose.pose_alone, 3 * pose.lens_alone);
@@ -174,7 +173,7 @@ TEST(ErrorBudget, SaysWhichPartOfACalibrationIsWrong) {
 }
 
 TEST(ErrorBudget, NeitherAWorldNorACommonClockIsAnError) {
-  Studio studio = MakeStudio(4, 0);
+  BudgetStudio studio = MakeBudgetStudio(4, 0);
   const geometry::Rigid3 moved = geometry::Perturb((geometry::Vector6d() << 0.3, 0.1, 1, 2, -1, 0.5).finished(), {});
   for (auto& camera : studio.take.rig.cameras) camera.cam_from_world = camera.cam_from_world * moved;
   for (Clock& clock : studio.take.clocks) clock.offset_frames = 7;
@@ -185,7 +184,7 @@ TEST(ErrorBudget, NeitherAWorldNorACommonClockIsAnError) {
 }
 
 TEST(ErrorBudget, TwoPeopleKeepTheirNames) {
-  Studio one = MakeStudio(5, 0.3);
+  BudgetStudio one = MakeBudgetStudio(5, 0.3);
   for (auto& [step, people] : one.truth.people) {
     people.push_back(people[0]);
     for (auto& x : people[1]) *x += Eigen::Vector3d(0.9, 0.3, 0);
@@ -203,14 +202,14 @@ TEST(ErrorBudget, TwoPeopleKeepTheirNames) {
     }
   }
   const ErrorBudget budget = MeasureBudget(one.take, one.truth);
-  EXPECT_EQ(budget.joints_mm.num, 2 * kJoints * kFrames);
+  EXPECT_EQ(budget.joints_mm.num, 2 * kBudgetJoints * kBudgetFrames);
   EXPECT_EQ(ToString(budget.next), "2D joints");
   EXPECT_LT(budget.joints_mm.now, 1);
-  EXPECT_EQ(budget.cameras[0].num_people, 2 * kFrames);
+  EXPECT_EQ(budget.cameras[0].num_people, 2 * kBudgetFrames);
 }
 
 TEST(Whitened, SigmasHalfAsLargeAsTheNoiseAreTooSureByTwo) {
-  Studio studio = MakeStudio(6, 1);
+  BudgetStudio studio = MakeBudgetStudio(6, 1);
   studio.take.options.calibration_covariance = false;
   for (const double sigma_px : {1.0, 0.5}) {
     studio.take.options.sigma_px = sigma_px;
@@ -218,8 +217,8 @@ TEST(Whitened, SigmasHalfAsLargeAsTheNoiseAreTooSureByTwo) {
     const WhitenedJoints joints = WhitenJoints(studio.take, studio.truth);
     EXPECT_TRUE(joints.with_rig.empty());
     const Reliability detected = MeasureReliability(joints.detected, 1), solved = MeasureReliability(joints.without_rig, 3);
-    EXPECT_EQ(detected.num, 2 * 6 * kJoints * kFrames);
-    EXPECT_EQ(solved.num, kJoints * kFrames);
+    EXPECT_EQ(detected.num, 2 * 6 * kBudgetJoints * kBudgetFrames);
+    EXPECT_EQ(solved.num, kBudgetJoints * kBudgetFrames);
     EXPECT_NEAR(detected.sigma_factor, 1 / sigma_px, 0.1 / sigma_px);
     EXPECT_NEAR(solved.sigma_factor, 1 / sigma_px, 0.12 / sigma_px);
     if (sigma_px == 1) {
@@ -231,7 +230,7 @@ TEST(Whitened, SigmasHalfAsLargeAsTheNoiseAreTooSureByTwo) {
 }
 
 TEST(Whitened, OffsetsCountFromTheReference) {
-  Studio studio = MakeStudio(3, 0);
+  BudgetStudio studio = MakeBudgetStudio(3, 0);
   studio.take.clocks = {{5, 1}, {5.3, 1}, {4.9, 1}};
   EXPECT_TRUE(WhitenedOffsets(studio.take, studio.truth).empty());
   studio.take.sigma_frames = {0, 0.1, std::nan("")};
@@ -253,7 +252,7 @@ geometry::Rig WithCovariance(geometry::Rig rig, double rotation_rad) {
 }
 
 TEST(StatedBudget, NoiseThatIsStatedIsTheWholeError) {
-  const Studio studio = MakeStudio(6, 1);
+  const BudgetStudio studio = MakeBudgetStudio(6, 1);
   const StatedBudget budget = MeasureStatedBudget(studio.take, 8);
   ASSERT_EQ(budget.stages.size(), 3u);
   EXPECT_FALSE(budget.stages[0].stated);
@@ -265,8 +264,8 @@ TEST(StatedBudget, NoiseThatIsStatedIsTheWholeError) {
 }
 
 TEST(StatedBudget, AShiftThatNoSigmaStatesIsTheRestAndHasACamera) {
-  Studio studio = MakeStudio(6, kNoisePx);
-  Turn(&studio.take, 2, 0.2);
+  BudgetStudio studio = MakeBudgetStudio(6, kBudgetNoisePx);
+  TurnCamera(&studio.take, 2, 0.2);
   const StatedBudget budget = MeasureStatedBudget(studio.take, 4);
   EXPECT_GT(budget.rest_px2, 0.6 * budget.mean_px2);
   size_t most = 0;
@@ -278,9 +277,9 @@ TEST(StatedBudget, AShiftThatNoSigmaStatesIsTheRestAndHasACamera) {
 }
 
 TEST(StatedBudget, ACalibrationIsAsLargeAPartAsItsCovarianceSays) {
-  Studio studio = MakeStudio(6, kNoisePx);
+  BudgetStudio studio = MakeBudgetStudio(6, kBudgetNoisePx);
   Rng rng(21);
-  studio.take.options.sigma_px = kNoisePx;         // the estimate holds what of the rig looks like noise
+  studio.take.options.sigma_px = kBudgetNoisePx;   // the estimate holds what of the rig looks like noise
   studio.take.options.max_residual_sigmas = 1000;  // no view is left out for the rig
   studio.take.rig = DrawRig(WithCovariance(studio.truth.rig, 1e-3), &rng);
   const StatedBudget budget = MeasureStatedBudget(studio.take, 8);
