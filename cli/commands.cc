@@ -50,6 +50,7 @@ constexpr Command kCommands[] = {
     {"tradeoff calibrate", RegisterTradeoffCalibrate},
     {"tradeoff triangulate", RegisterTradeoffTriangulate},
     {"tradeoff pack", RegisterTradeoffPack},
+    {"tradeoff predictions", RegisterTradeoffPredictions},
     {"tradeoff avatar", MVSTUDIO_NEEDS_TORCH(RegisterTradeoffAvatar)},
     {"dataset", RegisterDataset},
     {"avatar template", RegisterAvatarTemplate},

@@ -53,6 +53,7 @@ constexpr Example kExamples[] = {
     {"tradeoff calibrate", "--board charuco:8x5:24mm:18mm --camera cam1=cam1.mp4 --camera cam2=cam2.mp4 --out speed"},
     {"tradeoff triangulate", "--calib calib/calibration.json --pose2d cam1=pose2d/cam1 --pose2d cam2=pose2d/cam2"},
     {"tradeoff pack", "dataset --out speed"},
+    {"tradeoff predictions", "session --out predictions"},
     {"tradeoff avatar", "dataset --quick --out tradeoff"},
     {"dataset build", "--session day1 --take walk"},
     {"dataset import panoptic", "171204_pose1 --out day1"},

@@ -14,6 +14,7 @@ void RegisterCalib(CLI::App& app, Registry& registry);
 void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry);
+void RegisterTradeoffPredictions(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffAvatar(CLI::App& tradeoff, Registry& registry);
 void RegisterSync(CLI::App& app, Registry& registry);
 void RegisterTriangulate(CLI::App& app, Registry& registry);

@@ -126,6 +126,7 @@ CommandResult DescribeWork(const TriangulateReport& report) {
     result.metrics["project"] = ProjectUseJson(*report.project);
     result.text = ProjectText(*report.project);
   }
+  if (report.budget) result.Add(Describe(*report.budget));
   if (report.offsets) result.metrics["calibration_offsets"] = OffsetUseJson(*report.offsets);
   if (report.filter) result.Add(DescribeFilter(*report.filter));
   if (report.refined_without_bones) {

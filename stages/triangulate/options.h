@@ -8,6 +8,7 @@
 #include "core/choice/auto_on_off.h"
 #include "core/choice/option_group.h"
 #include "core/choice/option_style.h"
+#include "stages/budget/ask.h"
 #include "stages/input/pose_input.h"
 #include "stages/input/project_input.h"
 #include "stages/input/session_input.h"
@@ -30,6 +31,7 @@ struct TriangulateOptions {
   bool refine = false;
   triangulate::SkeletonRefineOptions refinement;
   int chunk_frames = 0;
+  BudgetOptions budget;
   MarkerOptions markers;
   std::string trc, truth, marker_unit;  ///< references, and the unit of their marker files; may be empty
   bool align_truth = false;
@@ -68,6 +70,7 @@ void VisitFields(Visitor&& visit, TriangulateOptions& o) {
   visit("chunk-frames", o.chunk_frames,
         "for takes longer than memory: frames of option 'pose2d' processed at a time (a table is held whole); noise and method "
         "come from frames spread over the take; 0: all at once");
+  VisitFields(visit, o.budget);
   StartGroup(visit, "Marker files");
   VisitFields(visit, o.markers);
   StartGroup(visit, "Comparison");

@@ -7,6 +7,7 @@
 
 #include "geometry/rig/rig.h"
 #include "geometry/skeleton/skeleton.h"
+#include "stages/budget/report.h"
 #include "stages/calib/calibration_use.h"
 #include "stages/input_notes.h"
 #include "stages/people/human_shape.h"
@@ -38,6 +39,7 @@ struct TriangulateReport {
   TriangulateOptions options;  ///< as session and project settled them
   InputNotes notes;
   std::optional<ProjectUse> project;
+  std::optional<BudgetReport> budget;  ///< where a budget or a target was asked for
 
   geometry::Rig rig;  ///< as it was read
   geometry::Skeleton skeleton;

@@ -7,6 +7,7 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "stages/triangulate/budget.h"
 #include "stages/triangulate/report_images.h"
 #include "stages/triangulate/solve.h"
 #include "stages/triangulate/timing.h"
@@ -35,6 +36,8 @@ std::optional<FoundTake> SettleInput(TriangulateReport* report) {
 void CheckChunks(const TriangulateOptions& options, const std::optional<ProjectUse>& project) {
   if (options.chunk_frames < 0) throw UsageError("option 'chunk-frames' must not be negative");
   if (options.chunk_frames == 0) return;
+  if (options.budget.Asked())
+    throw UsageError("option 'budget' and option 'target' need the whole take: leave option 'chunk-frames' out");
   if (options.refine || !options.sync.empty())
     throw UsageError("option 'refine' and option 'sync' need the whole take: leave option 'chunk-frames' out");
   if (!options.session.session.empty()) {
@@ -53,6 +56,7 @@ void CheckOptions(const TriangulateOptions& options, const std::optional<Project
     throw UsageError("option 'calib' is required, or a session that has a calibration (option 'session')");
   if (options.out.empty()) throw UsageError("option 'out' is required, or a session to write to (option 'session')");
   CheckChunks(options, project);
+  (void)options.budget.BudgetSeconds(), (void)options.budget.Target();  // what they cannot be must not cost the run
   CheckFootage(options);
   CheckReferences(options);  // a wrong path must not cost the run
   if (in_session && !options.pose.changes.rate.empty())
@@ -99,13 +103,15 @@ void TriangulateChunks(const RunContext& run, TriangulateReport* report) {
   JudgeTake(parts.input(), statistics, sample, run, report);
 }
 
-void TriangulateAtOnce(const std::optional<FoundTake>& found, const RunContext& run, TriangulateReport* report) {
+void TriangulateAtOnce(const std::optional<FoundTake>& found, double started_s, const RunContext& run,
+                       TriangulateReport* report) {
   const TriangulateOptions& options = report->options;
   PoseInput input = ReadPoseInput(options.pose, &report->notes);
   CheckFootageCameras(options, input.rig);
   KeepInput(input, report);
   const TakeTiming timing = ApplyTiming(found, options, run, &input, &report->notes);
   report->offsets = timing.offsets;
+  if (options.budget.Asked()) ChooseWithinBudget(input, started_s, run, report);
   PointStatistics statistics = StatisticsFor(input);
   SolveWhole(input, run, &statistics, report);
   JudgeTake(
@@ -141,6 +147,7 @@ double TriangulateReport::MeanDiagonalPx() const {
 TriangulateReport RunTriangulate(TriangulateOptions options, const RunContext& run) {
   TriangulateReport report;
   report.options = std::move(options);
+  const double started_s = report.options.budget.NowSeconds();
   const std::optional<FoundTake> found = SettleInput(&report);
   CheckOptions(report.options, report.project, found.has_value());
   if (!found) {
@@ -157,7 +164,7 @@ TriangulateReport RunTriangulate(TriangulateOptions options, const RunContext& r
   if (report.options.chunk_frames > 0) {
     TriangulateChunks(run, &report);
   } else {
-    TriangulateAtOnce(found, run, &report);
+    TriangulateAtOnce(found, started_s, run, &report);
   }
   report.kept_older = had_points && report.loss.kind == Loss::Kind::kAll;
   if (markers && report.points.num_points > 0) {
@@ -165,6 +172,7 @@ TriangulateReport RunTriangulate(TriangulateOptions options, const RunContext& r
   } else if (!markers && had_points && !report.kept_older) {
     report.old_markers = DropOldMarkers(report.MarkerFolder());
   }
+  if (report.budget) KeepOutcome(started_s, &report);
   return report;
 }
 

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/tradeoff/predictions.h"
 #include "stages/triangulate/describe.h"
 #include "stages/triangulate/run.h"
 #include "tests/support/message_of.h"
@@ -130,6 +131,56 @@ TEST(TriangulateStage, OptionsThatWereChosenAreNotTheProjectsToSet) {
   EXPECT_EQ(use.settings[0], std::pair(std::string("min-views"), std::string("3")));
   ASSERT_EQ(notes.warnings.size(), 1u) << "gaps are filled by time, and no frame rate is known";
   EXPECT_EQ(notes.warnings[0].code, "POSE-PROJECT");
+}
+
+/// What a budget chose gives the files of the same flags given by hand, and is kept beside its prediction.
+TEST(TriangulateStage, ABudgetChoosesWhatCanBeRepeatedByHand) {
+  const TempDir folder;
+  TriangulateOptions options = TakeToSolve(folder, 80);
+  double clock_s = 0;
+  options.budget.budget = "1h", options.budget.now_s = [&] { return clock_s += 1; };
+  options.given = {"holdout-points"};
+  const TriangulateReport report = RunTriangulate(options);
+  ASSERT_TRUE(report.budget);
+  ASSERT_EQ(report.budget->trials.size(), 3u) << "the setting with other points left out is no longer free";
+  EXPECT_TRUE(std::isfinite(report.budget->actual_error));
+  const SettingTrial& chosen = report.budget->Chosen();
+  EXPECT_NEAR(chosen.error, report.budget->actual_error, 0.5 * chosen.error);
+  const nlohmann::ordered_json said = Describe(report).metrics["budget"];
+  EXPECT_GT(said["predicted_seconds"], 0);
+  EXPECT_GE(said["reasons"].size(), 2u);
+
+  TriangulateOptions by_hand = TakeToSolve(folder, 80);
+  by_hand.out = folder / "by_hand";
+  const auto& flags = chosen.flags;
+  by_hand.refine = !flags.empty();
+  if (flags.size() == 3) by_hand.refinement.choice_frames = 60, by_hand.refinement.choice_cameras = 3;
+  RunTriangulate(by_hand);
+  for (const char* name : {"/points.csv", "/covariance.csv", "/pose3d.json"})
+    EXPECT_EQ(ReadFile(options.out + name), ReadFile(by_hand.out + name)) << name;
+
+  PredictionsOptions kept;
+  kept.files = {folder / "out"}, kept.out = folder / "page";
+  const PredictionsReport predictions = RunPredictions(kept);
+  ASSERT_EQ(predictions.predictions.size(), 1u);
+  EXPECT_EQ(predictions.predictions[0].stage, "triangulate");
+  EXPECT_EQ(predictions.predictions[0].frames, 80);
+  EXPECT_DOUBLE_EQ(predictions.predictions[0].predicted_s, chosen.predicted_s);
+  EXPECT_THAT(ReadFile(predictions.page), HasSubstr("<svg"));
+}
+
+TEST(TriangulateStage, ATargetOutOfReachIsSaid) {
+  const TempDir folder;
+  TriangulateOptions options = TakeToSolve(folder);
+  options.budget.target = "0.001px";
+  const CommandResult said = Describe(RunTriangulate(options));
+  ASSERT_FALSE(said.warnings.empty());
+  EXPECT_EQ(said.warnings[0].code, "BUD-TARGET");
+  EXPECT_EQ(said.exit, kExitOk);
+  options.budget.budget = "1ms";
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunTriangulate(options); }), HasSubstr("is predicted to take"));
+  options.budget.budget = "soon";
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunTriangulate(options); }), HasSubstr("option 'budget' 'soon'"));
 }
 
 }  // namespace

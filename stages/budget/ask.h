@@ -1,0 +1,51 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "core/choice/option_group.h"
+
+/// What may be spent, and what error is enough.
+namespace mvstudio::stages {
+
+/// Seconds of "90s", "5min", "1h30min" or "250ms": whole or decimal numbers, each with its unit, the larger units first. Throws
+/// UsageError.
+double ParseSeconds(const std::string& text, const std::string& option);
+/// "1h 30min", "4.2s".
+std::string SecondsText(double seconds);
+
+enum class ErrorUnit { kPx, kMm };
+std::string_view ToString(ErrorUnit unit);
+
+struct ErrorTarget {
+  double value = 0;
+  ErrorUnit unit = ErrorUnit::kPx;
+};
+/// "0.2px", "1mm", "0.5cm", "0.001m". Throws UsageError.
+ErrorTarget ParseTarget(const std::string& text, const std::string& option);
+
+struct BudgetOptions {
+  std::string budget, target;               ///< empty: not asked for
+  std::function<double()> now_s = nullptr;  ///< a steady clock; null: the system's
+
+  bool Asked() const { return !budget.empty() || !target.empty(); }
+  double BudgetSeconds() const;  ///< infinite unless asked for
+  std::optional<ErrorTarget> Target() const;
+  double NowSeconds() const;
+};
+
+template <class Visitor>
+void VisitFields(Visitor&& visit, BudgetOptions& o) {
+  StartGroup(visit, "Budget");
+  visit("budget", o.budget,
+        "time that the command may take, e.g. 90s, 5min, 1h30min: a trial on part of the data chooses among the settings that "
+        "were not given");
+  visit(
+      "target", o.target,
+      "error that is enough, e.g. 0.5px (held-out) or 2mm (stated sigma, as far as held-out cameras confirm it): the cheapest "
+      "setting that a trial predicts to reach it");
+}
+
+}  // namespace mvstudio::stages

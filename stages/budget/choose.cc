@@ -1,0 +1,73 @@
+#include "stages/budget/choose.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace mvstudio::stages {
+namespace {
+
+double JudgedError(const SettingTrial& trial) {
+  return std::isnan(trial.error) ? std::numeric_limits<double>::infinity() : trial.error;
+}
+
+bool NotWorse(const SettingTrial& trial, const SettingTrial& best) {
+  if (std::isinf(JudgedError(best))) return true;
+  return JudgedError(trial) - best.error <= std::hypot(trial.error_sigma, best.error_sigma);
+}
+
+/// Its place in `trials`, of those that `suits` takes; -1: none.
+template <class Suits, class Less>
+int FirstBy(const std::vector<SettingTrial>& trials, const Suits& suits, const Less& less) {
+  int found = -1;
+  for (int i = 0; i < static_cast<int>(trials.size()); ++i) {
+    const SettingTrial& trial = trials[static_cast<size_t>(i)];
+    if (suits(trial) && (found < 0 || less(trial, trials[static_cast<size_t>(found)]))) found = i;
+  }
+  return found;
+}
+
+}  // namespace
+
+TimeModel FitTime(const std::vector<SizedTiming>& timings) {
+  if (timings.empty()) return {std::nan(""), std::nan("")};
+  double size = 0, seconds = 0, size_squared = 0, product = 0;
+  const double count = static_cast<double>(timings.size());
+  for (const SizedTiming& timing : timings) size += timing.size / count, seconds += timing.seconds / count;
+  for (const SizedTiming& timing : timings) {
+    size_squared += (timing.size - size) * (timing.size - size);
+    product += (timing.size - size) * (timing.seconds - seconds);
+  }
+  TimeModel model{0, 0};
+  if (size_squared > 0) model.per_unit_s = std::max(product / size_squared, 0.0);
+  model.fixed_s = seconds - model.per_unit_s * size;
+  if (size_squared > 0 && model.fixed_s >= 0) return model;
+  double squares = 0, products = 0;  // through the origin
+  for (const SizedTiming& timing : timings) squares += timing.size * timing.size, products += timing.size * timing.seconds;
+  if (squares > 0) model = {0, products / squares};
+  return model;
+}
+
+std::string SettingTrial::Name() const {
+  std::string text;
+  for (const auto& [option, value] : flags) text += (text.empty() ? "option '" : " option '") + option + "' " + value;
+  return text.empty() ? "the settings as they are" : text;
+}
+
+SettingChoice ChooseSetting(const std::vector<SettingTrial>& trials, double budget_s, double target) {
+  const auto cheaper = [](const SettingTrial& a, const SettingTrial& b) { return a.predicted_s < b.predicted_s; };
+  const auto better = [](const SettingTrial& a, const SettingTrial& b) { return JudgedError(a) < JudgedError(b); };
+  const auto fits = [&](const SettingTrial& trial) { return trial.predicted_s <= budget_s; };
+  const auto tried = [](const SettingTrial& trial) { return std::isfinite(trial.predicted_s); };
+  using Outcome = SettingChoice::Outcome;
+  const int best = FirstBy(trials, fits, better);
+  if (best < 0) return {Outcome::kNothingFits, std::max(FirstBy(trials, tried, cheaper), 0)};
+  if (std::isfinite(target)) {
+    const int enough = FirstBy(
+        trials, [&](const SettingTrial& t) { return fits(t) && JudgedError(t) <= target; }, cheaper);
+    if (enough >= 0) return {Outcome::kReached, enough};
+  }
+  const auto as_good = [&](const SettingTrial& t) { return fits(t) && NotWorse(t, trials[static_cast<size_t>(best)]); };
+  return {std::isfinite(target) ? Outcome::kBestWithinBudget : Outcome::kReached, FirstBy(trials, as_good, cheaper)};
+}
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,136 @@
+#include "stages/budget/report.h"
+
+#include <cstdlib>
+#include <filesystem>
+#include <thread>
+
+#include "core/disk/files.h"
+#include "core/disk/trace.h"
+#include "core/error.h"
+#include "core/format.h"
+#include "core/log.h"
+
+namespace mvstudio::stages {
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string BudgetErrorText(const BudgetReport& report, double error) {
+  if (!std::isfinite(error)) return "an error that cannot be judged";
+  return Format("%.3g %s", error, std::string(ToString(report.unit)).c_str());
+}
+
+std::string TrialText(const BudgetReport& report, const SettingTrial& trial) {
+  if (trial.timings.empty()) return trial.Name() + ": not tried, " + trial.why_not;
+  return trial.Name() + ": " + SecondsText(trial.predicted_s) + ", " + BudgetErrorText(report, trial.error);
+}
+
+std::string ReasonOf(const BudgetReport& report) {
+  const SettingTrial& chosen = report.Chosen();
+  const std::string what = chosen.Name() + ": ";
+  if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
+    return what + "the best of what was tried within the budget; none reaches " + report.asked.target;
+  if (!report.asked.target.empty()) return what + "the cheapest of what was tried that reaches " + report.asked.target;
+  return what + "no other setting within the budget is better on held-out data by more than a standard error at less time";
+}
+
+ordered_json SettingJson(const SettingTrial& trial) {
+  ordered_json json = ordered_json::object();
+  for (const auto& [option, value] : trial.flags) json[option] = value;
+  return json;
+}
+
+ordered_json TrialJson(const SettingTrial& trial) {
+  ordered_json json = {{"settings", SettingJson(trial)}};
+  if (trial.timings.empty()) {
+    json["not_tried"] = trial.why_not;
+    return json;
+  }
+  for (const SizedTiming& timing : trial.timings)
+    json["sizes"].push_back(timing.size), json["seconds"].push_back(timing.seconds);
+  json["predicted_seconds"] = FiniteOrNull(trial.predicted_s);
+  json["error"] = FiniteOrNull(trial.error), json["error_sigma"] = FiniteOrNull(trial.error_sigma);
+  return json;
+}
+
+/// What both the result and the file of predictions hold.
+ordered_json PredictionJson(const BudgetReport& report) {
+  ordered_json json;
+  json["asked"] = {{"budget", report.asked.budget}, {"target", report.asked.target}};
+  json["trial_seconds"] = report.trial_s;
+  json["predicted_seconds"] = FiniteOrNull(report.Chosen().predicted_s);
+  json["predicted_error"] = FiniteOrNull(report.Chosen().error);
+  json["actual_seconds"] = FiniteOrNull(report.actual_s);
+  json["actual_error"] = FiniteOrNull(report.actual_error);
+  json["error_unit"] = std::string(ToString(report.unit));
+  json["chosen"] = SettingJson(report.Chosen());
+  return json;
+}
+
+std::string ProcessorName() {
+  const std::string text = ReadFile("/proc/cpuinfo");
+  const size_t key = text.find("model name"), colon = text.find(": ", key);
+  if (key == std::string::npos || colon == std::string::npos) return "";
+  return text.substr(colon + 2, text.find('\n', colon) - colon - 2);
+}
+
+ordered_json MachineJson() {
+  ordered_json json = {{"processor", ProcessorName()}, {"cores", std::thread::hardware_concurrency()}};
+  double load = 0;
+  if (getloadavg(&load, 1) == 1) json["load"] = load;
+  return json;
+}
+
+}  // namespace
+
+void Choose(double elapsed_s, BudgetReport* report) {
+  for (SettingTrial& trial : report->trials) {
+    if (!trial.timings.empty()) trial.predicted_s = elapsed_s + FitTime(trial.timings).At(report->size);
+  }
+  const std::optional<ErrorTarget> target = report->asked.Target();
+  report->choice = ChooseSetting(report->trials, report->asked.BudgetSeconds(), target ? target->value : std::nan(""));
+  const SettingTrial& chosen = report->Chosen();
+  if (report->choice.outcome == SettingChoice::Outcome::kNothingFits) {
+    throw UsageError("option 'budget' " + report->asked.budget + ": the cheapest setting, " + chosen.Name() +
+                     ", is predicted to take " + SecondsText(chosen.predicted_s) +
+                     "; give more time, or fewer frames (option 'frames')");
+  }
+  Log(LogLevel::kInfo, "budget: " + ReasonOf(*report) + "; predicted " + SecondsText(chosen.predicted_s) + ", " +
+                           BudgetErrorText(*report, chosen.error));
+  if (report->choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
+    Log(LogLevel::kWarning,
+        "option 'target' " + report->asked.target + " is out of reach: the best is " + BudgetErrorText(*report, chosen.error));
+}
+
+CommandResult Describe(const BudgetReport& report) {
+  CommandResult result;
+  ordered_json& json = result.metrics["budget"] = PredictionJson(report);
+  json["reasons"].push_back(ReasonOf(report));
+  for (const SettingTrial& trial : report.trials) json["reasons"].push_back(TrialText(report, trial));
+  for (const SettingTrial& trial : report.trials) json["trials"].push_back(TrialJson(trial));
+  const SettingTrial& chosen = report.Chosen();
+  result.text = "chosen by a trial of " + SecondsText(report.trial_s) + ": " + ReasonOf(report) + "\npredicted " +
+                SecondsText(chosen.predicted_s) + ", " + BudgetErrorText(report, chosen.error) + "; came out " +
+                SecondsText(report.actual_s) + ", " + BudgetErrorText(report, report.actual_error) + "\n";
+  if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget) {
+    result.warnings.push_back({"BUD-TARGET",
+                               "option 'target' " + report.asked.target + " was out of reach: the best setting was predicted " +
+                                   BudgetErrorText(report, chosen.error) + " and came out at " +
+                                   BudgetErrorText(report, report.actual_error),
+                               report.asked.budget.empty() ? "better calibration or detections are needed, not more time"
+                                                           : "give more time, or better calibration and detections"});
+  }
+  return result;
+}
+
+void KeepPrediction(const BudgetReport& report, const std::string& folder) {
+  const UntracedScope untraced;  // what is kept of earlier runs is no output of this one
+  ordered_json json = {{"stage", report.stage}};
+  json.update(PredictionJson(report));
+  for (const auto& [what, count] : report.sizes) json["sizes"][what] = count;
+  json["threads"] = report.threads;
+  json["machine"] = MachineJson();
+  AppendLine((std::filesystem::path(folder) / kPredictionsFile).string(), json.dump());
+}
+
+}  // namespace mvstudio::stages

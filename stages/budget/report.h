@@ -1,0 +1,41 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "stages/budget/ask.h"
+#include "stages/budget/choose.h"
+#include "stages/result.h"
+
+/// What was predicted, and what came of it.
+namespace mvstudio::stages {
+
+struct BudgetReport {
+  std::string stage;  ///< "triangulate"
+  BudgetOptions asked;
+  ErrorUnit unit = ErrorUnit::kPx;
+  std::vector<std::pair<std::string, double>> sizes;  ///< of the whole input: "frames", "cameras"
+  double size = 0;                                    ///< the one with which time is taken to grow
+  int threads = 0;
+  std::vector<SettingTrial> trials;
+  SettingChoice choice;
+  double trial_s = 0;
+  double actual_s = std::nan(""), actual_error = std::nan("");
+
+  const SettingTrial& Chosen() const { return trials[static_cast<size_t>(choice.index)]; }
+};
+
+/// Chooses among the trials, which have been timed; `elapsed_s`: since the command began. Throws UsageError where not even the
+/// cheapest is within the budget.
+void Choose(double elapsed_s, BudgetReport* report);
+
+/// metrics.budget, text, and a warning where the target is out of reach.
+CommandResult Describe(const BudgetReport& report);
+
+/// The name of the file of predictions, one JSON object a line, in the output folder.
+inline constexpr char kPredictionsFile[] = "predictions.jsonl";
+/// Appends the prediction and its outcome.
+void KeepPrediction(const BudgetReport& report, const std::string& folder);
+
+}  // namespace mvstudio::stages

@@ -1,0 +1,158 @@
+#include "stages/triangulate/budget.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <tuple>
+
+#include "core/disk/output.h"
+#include "core/disk/trace.h"
+#include "core/parallel.h"
+#include "core/random.h"
+#include "stages/triangulate/solve.h"
+
+namespace mvstudio::stages {
+namespace {
+
+/// The options that a trial may choose, from the cheapest setting to the dearest.
+struct BudgetSetting {
+  std::vector<std::pair<std::string, std::string>> flags;
+  std::function<void(TriangulateOptions*)> apply;
+};
+
+std::vector<BudgetSetting> AllSettings() {
+  const auto refine_on_few = [](TriangulateOptions* o) {
+    o->refine = true, o->refinement.choice_frames = 60, o->refinement.choice_cameras = 3;
+  };
+  return {{{{"holdout-points", "500"}}, [](TriangulateOptions* o) { o->points.holdout_points = 500; }},
+          {{}, [](TriangulateOptions*) {}},
+          {{{"refine", "on"}, {"refine-choice-frames", "60"}, {"refine-choice-cameras", "3"}}, refine_on_few},
+          {{{"refine", "on"}}, [](TriangulateOptions* o) { o->refine = true; }}};
+}
+
+/// Without those that change what was given. What was given is no part of a setting's name.
+std::vector<BudgetSetting> FreeSettings(const TriangulateOptions& options) {
+  const bool refines = options.refine;
+  std::vector<BudgetSetting> free;
+  for (BudgetSetting& setting : AllSettings()) {
+    const bool refine = !setting.flags.empty() && setting.flags[0].first == "refine";
+    if (refines && !refine) continue;  // refined with or without
+    auto& flags = setting.flags;
+    if (refines) flags.erase(flags.begin());
+    const auto given = [&](const auto& flag) { return options.given.count(flag.first) > 0; };
+    if (std::none_of(flags.begin(), flags.end(), given)) free.push_back(std::move(setting));
+  }
+  return free;
+}
+
+/// Held-out error of the points as they are written: by what refinement changed on its own held-out cameras.
+triangulate::LeftOutFigures WrittenFigures(const TriangulateReport& report) {
+  triangulate::LeftOutFigures figures = report.take.holdout.all;
+  if (!report.refinement) return figures;
+  const triangulate::LeftOutFigures &before = report.refinement->before, &after = report.refinement->after;
+  const double factor = after.median_px / before.median_px;
+  if (!std::isfinite(factor)) return figures;
+  figures.median_px *= factor, figures.median_error_px *= factor, figures.median_sigmas = after.median_sigmas;
+  return figures;
+}
+
+/// Error, and its standard error. A length is the median stated sigma, enlarged where held-out cameras show it to be too small.
+std::pair<double, double> JudgedTake(const TriangulateReport& report, ErrorUnit unit) {
+  const triangulate::LeftOutFigures figures = WrittenFigures(report);
+  if (figures.num_samples == 0 || !std::isfinite(figures.median_px)) return {std::nan(""), 0};
+  if (unit == ErrorUnit::kPx) return {figures.median_px, figures.median_error_px};
+  const double expected_sigmas = std::sqrt(2 * std::log(2.0));
+  const double error_mm = report.points.median_sigma_mm * std::max(1.0, figures.median_sigmas / expected_sigmas);
+  return {error_mm, error_mm * figures.median_error_px / figures.median_px};
+}
+
+/// All that is done with the take after it was read, on a part of it, into a folder that does not stay.
+TriangulateReport TryTake(const PoseInput& input, const TriangulateReport& report, const BudgetSetting& setting,
+                          const RunContext& run) {
+  TriangulateReport trial;
+  trial.options = report.options, trial.rig = report.rig, trial.skeleton = report.skeleton, trial.cameras = report.cameras;
+  trial.options.trc.clear(), trial.options.truth.clear();
+  setting.apply(&trial.options);
+  const AtomicFolder scratch(report.options.out + "/budget-trial", false);
+  trial.options.out = scratch.work_path();
+  PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
+  SolveWhole(input, run, &statistics, &trial);
+  JudgeTake(
+      input, statistics, [&] { return input.frames; }, run, &trial);
+  return trial;
+}
+
+/// The parts of the take on which settings are tried.
+std::vector<PoseInput> TrialParts(const PoseInput& input, uint64_t seed) {
+  constexpr size_t kMostFrames = 520, kFewestFrames = 40, kChoiceFrames = 130;
+  const size_t count = input.frames.size();
+  const size_t large = std::min(std::max(count / 4, std::min(count, kFewestFrames)), kMostFrames);
+  const size_t small = std::max(large / 4, std::min(kChoiceFrames, large / 2));
+  std::vector<PoseInput> parts;
+  for (const size_t size : {small, large}) {
+    PoseInput& part = parts.emplace_back();
+    part.rig = input.rig, part.skeleton = input.skeleton, part.limbs = input.limbs, part.cameras = input.cameras;
+    part.frames = StretchesOf(input.frames, size, seed);
+  }
+  return parts;
+}
+
+}  // namespace
+
+std::vector<triangulate::DetectedFrame> StretchesOf(const std::vector<triangulate::DetectedFrame>& frames, size_t count,
+                                                    uint64_t seed) {
+  constexpr size_t kStretches = 4;
+  if (count >= frames.size()) return frames;
+  Rng rng(seed);
+  std::vector<triangulate::DetectedFrame> part;
+  for (size_t k = 0; k < kStretches; ++k) {
+    const size_t begin = k * frames.size() / kStretches, end = (k + 1) * frames.size() / kStretches;
+    const size_t length = std::min((k + 1) * count / kStretches - k * count / kStretches, end - begin);
+    const size_t first = begin + static_cast<size_t>(rng.Index(static_cast<int64_t>(end - begin - length + 1)));
+    for (size_t i = first; i < first + length; ++i) part.push_back(frames[i]);
+  }
+  return part;
+}
+
+void ChooseWithinBudget(const PoseInput& input, double started_s, const RunContext& run, TriangulateReport* report) {
+  constexpr double kTrialShare = 0.2;  // of the budget
+  BudgetReport& budget = report->budget.emplace();
+  budget.stage = "triangulate", budget.asked = report->options.budget;
+  if (const auto target = budget.asked.Target()) budget.unit = target->unit;
+  budget.size = static_cast<double>(input.frames.size());
+  budget.sizes = {{"frames", budget.size}, {"cameras", static_cast<double>(input.cameras.size())}};
+  budget.threads = ResolveThreads(run.num_threads);
+  const std::vector<BudgetSetting> settings = FreeSettings(report->options);
+  const std::vector<PoseInput> parts = TrialParts(input, run.seed);
+  const double begin_s = budget.asked.NowSeconds(), most_s = kTrialShare * budget.asked.BudgetSeconds();
+  const UntracedScope untraced;
+  const RunContext silent{nullptr, run.num_threads, run.seed};
+  ProgressStage stage(run, "trial for the budget", static_cast<int64_t>(settings.size() * parts.size()));
+  for (const BudgetSetting& setting : settings) {
+    SettingTrial& trial = budget.trials.emplace_back();
+    trial.flags = setting.flags;
+    if (budget.trials.size() > 1 && budget.asked.NowSeconds() - begin_s > most_s) {
+      trial.why_not = "a fifth of the budget had gone into the trial";
+      continue;
+    }
+    for (const PoseInput& part : parts) {
+      const double before_s = budget.asked.NowSeconds();
+      const TriangulateReport tried = TryTake(part, *report, setting, silent);
+      trial.timings.push_back({static_cast<double>(part.frames.size()), budget.asked.NowSeconds() - before_s});
+      std::tie(trial.error, trial.error_sigma) = JudgedTake(tried, budget.unit);
+      stage.Advance();
+    }
+  }
+  budget.trial_s = budget.asked.NowSeconds() - begin_s;
+  Choose(budget.asked.NowSeconds() - started_s, &budget);
+  settings[static_cast<size_t>(budget.choice.index)].apply(&report->options);
+}
+
+void KeepOutcome(double started_s, TriangulateReport* report) {
+  BudgetReport& budget = *report->budget;
+  budget.actual_error = JudgedTake(*report, budget.unit).first;
+  budget.actual_s = budget.asked.NowSeconds() - started_s;
+  KeepPrediction(budget, report->options.out);
+}
+
+}  // namespace mvstudio::stages
