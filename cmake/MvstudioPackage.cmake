@@ -71,6 +71,15 @@ macro(mvstudio_package)
     list(APPEND CPACK_COMPONENTS_ALL avatar)
   endif()
 
+  if(TARGET mvstudio_python)
+    mvstudio_package_set(python python3-mvstudio "python3, python3-numpy, libopencv-imgcodecs${opencv}" "mvstudio from Python"
+      "Rigs, triangulation and scores on NumPy's arrays, and the stages of mvstudio as functions.")
+    set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+    install(DIRECTORY ${CMAKE_BINARY_DIR}/python/mvstudio DESTINATION lib/python3/dist-packages COMPONENT python
+      PATTERN __pycache__ EXCLUDE)
+    list(APPEND CPACK_COMPONENTS_ALL python)
+  endif()
+
   set(CPACK_GENERATOR DEB)
   set(CPACK_DEB_COMPONENT_INSTALL ON)
   set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)

@@ -80,10 +80,10 @@ std::vector<KeptPrediction> ReadPredictions(const std::string& path) {
     const std::string row = text.substr(begin, end - begin);
     begin = end + 1;
     if (row.empty()) continue;
-    const std::string place = path + ", line " + std::to_string(line + 1);
     const ordered_json json = ordered_json::parse(row, nullptr, false);
     if (!json.is_object() || TextAt(json, "stage").empty())
-      throw FormatError(place + ": no prediction, an object with a stage is expected; remove the line");
+      throw FormatError(path, "line " + std::to_string(line + 1),
+                        "no prediction, an object with a stage is expected; remove the line");
     kept.push_back(PredictionOf(json));
     kept.back().path = path;
   }

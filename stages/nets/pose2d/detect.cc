@@ -130,7 +130,7 @@ std::string WeightsOf(const PoseBackend& backend, const detect::OnnxOptions& onn
   key.Add(detect::PinnedModelPackage().integrity + (backend.finder ? " with finder" : ""));
   key.Add(backend.name);
   if (backend.name.rfind(kOnnx, 0) == 0) {
-    key.Add(DigestOf(backend.name.substr(kOnnx.size())).sha256);
+    key.Add(mvstudio::DigestOf(backend.name.substr(kOnnx.size())).sha256);
     key.AddFields(onnx);
   }
   return key.Take();
