@@ -15,7 +15,7 @@ struct OverlayMarks {
 };
 
 struct OverlayOptions {
-  SceneOptions scene;
+  ViewSceneOptions scene;
   std::string out;     ///< folder
   std::string frames;  ///< time steps, "90-119"; empty: all
   bool each = false;   ///< a video of each camera instead of one of all

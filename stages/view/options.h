@@ -9,21 +9,21 @@
 namespace mvstudio::stages {
 
 /// What is shown, and how much of the disk it may lead to.
-struct SceneOptions {
+struct ViewSceneOptions {
   std::string path;            ///< a run, a session, a dataset, a calibration, or points in 3D
   std::string take;            ///< of a session; empty: its only one with people
   bool allow_outside = false;  ///< footage and images may lie outside of it
 };
 
 template <class Visitor>
-void VisitFields(Visitor&& visit, SceneOptions& o) {
+void VisitFields(Visitor&& visit, ViewSceneOptions& o) {
   visit("take", o.take, "take of the session; its only one with people unless given");
   VisitStyled(visit, OptionStyle::kSwitch, "allow-outside", o.allow_outside,
               "allow what is shown to name, or link to, files outside its folder");
 }
 
 struct ViewOptions {
-  SceneOptions scene;
+  ViewSceneOptions scene;
   int port = 0;           ///< 0: any that is free
   bool open = false;      ///< start the machine's browser
   double idle_min = 3;    ///< minutes without any request, after a page was there, that end it; 0: never

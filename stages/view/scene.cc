@@ -82,7 +82,7 @@ void AddDetections(const std::string& calib, const std::string& folder, Scene* s
   });
 }
 
-void ReadSessionScene(const SceneOptions& options, Scene* scene, InputNotes* notes) {
+void ReadSessionScene(const ViewSceneOptions& options, Scene* scene, InputNotes* notes) {
   const auto found = FindTake({options.path, options.take, options.allow_outside}, notes);
   const dataset::Session& session = found->session;
   const std::string& take = found->take.name;
@@ -135,7 +135,7 @@ std::string DatasetIn(const std::string& folder) {
   return found.empty() ? "" : found.front();
 }
 
-void ReadFolderScene(const SceneOptions& options, Scene* scene, InputNotes* notes) {
+void ReadFolderScene(const ViewSceneOptions& options, Scene* scene, InputNotes* notes) {
   const std::string& folder = options.path;
   const std::string images = DatasetIn(folder);
   scene->kind = images == folder ? "dataset" : "run", scene->report_folder = folder;
@@ -154,7 +154,7 @@ bool IsPointsFile(const std::string& path) {
   return end == ".trc" || end == ".c3d" || fs::path(path).filename() == "points.csv";
 }
 
-void ReadFileScene(const SceneOptions& options, Scene* scene, InputNotes* notes) {
+void ReadFileScene(const ViewSceneOptions& options, Scene* scene, InputNotes* notes) {
   notes->inputs.push_back(options.path);
   if (IsPointsFile(options.path)) {
     scene->kind = "points";
@@ -186,9 +186,9 @@ void FindSteps(Scene* scene) {
 
 }  // namespace
 
-Scene ReadScene(const SceneOptions& options, InputNotes* notes) {
+Scene ReadScene(const ViewSceneOptions& options, InputNotes* notes) {
   if (!IsThere(options.path)) throw IoError(options.path, "is not there");
-  SceneOptions o = options;
+  ViewSceneOptions o = options;
   while (o.path.size() > 1 && o.path.back() == '/') o.path.pop_back();
   Scene scene;
   scene.title = fs::path(PathOnDisk(o.path)).filename().string();

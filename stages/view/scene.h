@@ -44,7 +44,7 @@ struct Scene {
 
 /// Reads all but the images. Of points alone, three cameras are made that look from the front, the side and above. Throws
 /// UsageError, IoError, FormatError.
-Scene ReadScene(const SceneOptions& options, InputNotes* notes);
+Scene ReadScene(const ViewSceneOptions& options, InputNotes* notes);
 
 /// Pixels of a person's joints; NaN where there is none.
 using JointsPx = std::vector<Eigen::Vector2d>;
