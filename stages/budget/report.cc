@@ -1,5 +1,6 @@
 #include "stages/budget/report.h"
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <thread>
@@ -31,7 +32,10 @@ std::string ReasonOf(const BudgetReport& report) {
   if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
     return what + "the best of what was tried within the budget; none reaches " + report.asked.target;
   if (!report.asked.target.empty()) return what + "the cheapest of what was tried that reaches " + report.asked.target;
-  return what + "no other setting within the budget is better on held-out data by more than a standard error at less time";
+  const bool all = std::none_of(report.trials.begin(), report.trials.end(),
+                                [](const SettingTrial& trial) { return trial.timings.empty(); });
+  return what + (all ? "nothing" : "nothing that was tried") +
+         " within the budget is better on held-out data by more than a standard error";
 }
 
 ordered_json SettingJson(const SettingTrial& trial) {
@@ -112,7 +116,8 @@ CommandResult Describe(const BudgetReport& report) {
   result.text = "chosen by a trial of " + SecondsText(report.trial_s) + ": " + ReasonOf(report) + "\npredicted " +
                 SecondsText(chosen.predicted_s) + ", " + BudgetErrorText(report, chosen.error) + "; came out " +
                 SecondsText(report.actual_s) + ", " + BudgetErrorText(report, report.actual_error) + "\n";
-  if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget) {
+  const bool reached = !report.asked.target.empty() && report.actual_error <= ParseTarget(report.asked.target, "target").value;
+  if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget && !reached) {
     result.warnings.push_back({"BUD-TARGET",
                                "option 'target' " + report.asked.target + " was out of reach: the best setting was predicted " +
                                    BudgetErrorText(report, chosen.error) + " and came out at " +
