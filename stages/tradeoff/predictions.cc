@@ -153,6 +153,7 @@ PredictionsReport RunPredictions(const PredictionsOptions& options) {
   const std::unique_ptr<OutputFolder> place = TradeoffPlace(options.out, "predictions", report.notes.inputs);
   for (const std::string& file : report.notes.inputs) {
     const std::vector<KeptPrediction> kept = ReadPredictions(file);
+    if (kept.empty()) throw FormatError(file, "", "holds no prediction; a run with option 'budget' writes one");
     report.predictions.insert(report.predictions.end(), kept.begin(), kept.end());
   }
   std::map<std::string, int> names;
