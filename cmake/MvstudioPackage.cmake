@@ -58,7 +58,7 @@ macro(mvstudio_package)
   set(CPACK_DEBIAN_EXAMPLES_PACKAGE_ARCHITECTURE all)
   set(CPACK_DEBIAN_EXAMPLES_PACKAGE_SHLIBDEPS OFF)
   install(CODE "
-    execute_process(COMMAND \"${CMAKE_BINARY_DIR}/bin/mvstudio\" synth --cameras 4 --size 320x240 --board-frames 20 --take-frames 50 --quiet
+    execute_process(COMMAND \"${CMAKE_BINARY_DIR}/bin/mvstudio\" synth --cameras 4 --size 480x360 --board-frames 20 --take-frames 50 --quiet
       --overwrite --out \"${MVSTUDIO_DOC}/studio\" OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
     file(INSTALL \"${MVSTUDIO_DOC}/studio\" DESTINATION \"\${CMAKE_INSTALL_PREFIX}/share/doc/mvstudio/examples\" PATTERN .mvstudio* EXCLUDE
       PATTERN *.result.json EXCLUDE PATTERN provenance.jsonl EXCLUDE)" COMPONENT examples)
@@ -75,8 +75,9 @@ macro(mvstudio_package)
     mvstudio_package_set(python python3-mvstudio "python3, python3-numpy, libopencv-imgcodecs${opencv}" "mvstudio from Python"
       "Rigs, triangulation and scores on NumPy's arrays, and the stages of mvstudio as functions.")
     set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+    install(TARGETS mvstudio_python DESTINATION lib/python3/dist-packages/mvstudio COMPONENT python)
     install(DIRECTORY ${CMAKE_BINARY_DIR}/python/mvstudio DESTINATION lib/python3/dist-packages COMPONENT python
-      PATTERN __pycache__ EXCLUDE)
+      PATTERN __pycache__ EXCLUDE PATTERN *.so EXCLUDE)
     list(APPEND CPACK_COMPONENTS_ALL python)
   endif()
 
@@ -84,7 +85,7 @@ macro(mvstudio_package)
   set(CPACK_DEB_COMPONENT_INSTALL ON)
   set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
   set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
-  set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
+  set(CPACK_DEBIAN_COMPRESSION_TYPE gzip)  # xz takes minutes for the archives of libmvstudio-dev
   set(CPACK_STRIP_FILES ON)
   set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
   set(CPACK_PACKAGE_CONTACT "the mvstudio developers <mvstudio@localhost>")
