@@ -61,7 +61,7 @@ macro(mvstudio_package)
     execute_process(COMMAND \"${CMAKE_BINARY_DIR}/bin/mvstudio\" synth --cameras 4 --size 480x360 --board-frames 20 --take-frames 50 --quiet
       --overwrite --out \"${MVSTUDIO_DOC}/studio\" OUTPUT_QUIET COMMAND_ERROR_IS_FATAL ANY)
     file(INSTALL \"${MVSTUDIO_DOC}/studio\" DESTINATION \"\${CMAKE_INSTALL_PREFIX}/share/doc/mvstudio/examples\" PATTERN .mvstudio* EXCLUDE
-      PATTERN *.result.json EXCLUDE PATTERN provenance.jsonl EXCLUDE)" COMPONENT examples)
+      PATTERN *.result.json EXCLUDE PATTERN provenance.jsonl EXCLUDE)" COMPONENT examples EXCLUDE_FROM_ALL)
 
   set(CPACK_COMPONENTS_ALL program dev examples)
   if(MVSTUDIO_AVATAR)
