@@ -32,8 +32,8 @@ std::string ReasonOf(const BudgetReport& report) {
   if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
     return what + "the best of what was tried within the budget; none reaches " + report.asked.target;
   if (!report.asked.target.empty()) return what + "the cheapest of what was tried that reaches " + report.asked.target;
-  const bool all = std::none_of(report.trials.begin(), report.trials.end(),
-                                [](const SettingTrial& trial) { return trial.timings.empty(); });
+  const bool all =
+      std::none_of(report.trials.begin(), report.trials.end(), [](const SettingTrial& trial) { return trial.timings.empty(); });
   return what + (all ? "nothing" : "nothing that was tried") +
          " within the budget is better on held-out data by more than a standard error";
 }
