@@ -17,7 +17,7 @@ namespace {
 using mvstudio::testing::TempDir;
 
 /// Finds its joints in the middle of every image, and ends the run at images as bright as `fatal`.
-class StubNet : public detect::JointNet {
+class MiddleNet : public detect::JointNet {
  public:
   const geometry::Skeleton& skeleton() const override { return geometry::SkeletonByName("coco17"); }
   int input_px() const override { return 16; }
@@ -47,13 +47,13 @@ class KeptPoses : public ::testing::Test {
       job_.footage.push_back({camera, folder_ / "raw/" + camera, ""});
     }
     job_.overlays = 1, job_.cache = CacheIn(folder_ / "cache");
-    backend_.name = "stub", backend_.net = net_, backend_.plan = detect::PlanOf(detect::PoseQuality::kFast);
+    backend_.name = "middle", backend_.net = net_, backend_.plan = detect::PlanOf(detect::PoseQuality::kFast);
     backend_.weights = "one";
     run_.num_threads = 1;
   }
 
   TempDir folder_;
-  std::shared_ptr<StubNet> net_ = std::make_shared<StubNet>();
+  std::shared_ptr<MiddleNet> net_ = std::make_shared<MiddleNet>();
   DetectJob job_;
   PoseBackend backend_;
   RunContext run_;

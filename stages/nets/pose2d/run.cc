@@ -44,6 +44,7 @@ std::string ChoosePoseBackend(const Pose2dOptions& options, const DetectJob& job
   if (rig.cameras.size() < 2 || job.footage.size() < 2 || names.size() < 2) return names[0];
   DetectJob trial = job;
   trial.overlays = 0;
+  trial.cache.kind = CachePlace::Kind::kOff;  // a few frames are not worth reading all footage for its digest
   trial.max_frames = options.trial_frames;
   trial.every = std::max(options.every, FramesOf(job.footage[0]) / std::max(1, options.trial_frames));
   std::string best = names[0];
