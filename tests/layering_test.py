@@ -170,6 +170,7 @@ MAY_INCLUDE |= {
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/calib", "stages/people"},
     "stages/tradeoff": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/people", "stages/study"},
     "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/plan": WITHOUT_TORCH | {"stages", "stages/input", "stages/pipeline"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/view": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve"},
     "stages/overlay": WITHOUT_TORCH | {"stages", "stages/input", "stages/view"},
@@ -226,7 +227,8 @@ FLAGS_ALLOWED = {
     "calib/points/colmap_program.cc",  # COLMAP's command line
     "dataset/detect/models/npm.cc",  # npm's
     "dataset/session/write.cc",  # comments in a session's mvstudio.toml
-    "stages/pipeline/engines.cc",  # those of sbatch and snakemake
+    "stages/plan/engines.cc",  # those of sbatch and snakemake
+    "stages/stage_call.cc",  # command lines that stages call
     "report/section_avatar.cc",  # this and those below: what the page shows, style sheets too
     "report/section_calibration.cc",
     "report/section_common.cc",

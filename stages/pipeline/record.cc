@@ -49,7 +49,8 @@ StageJson RecordJson(const std::string& name, const StageRecord& record) {
   return json;
 }
 
-StageRecord RecordFrom(const StageJson& json) {
+/// `session`: the folder of a file whose earlier versions named paths as the caller did.
+StageRecord RecordFrom(const StageJson& json, const std::string& session) {
   StageRecord record;
   record.version = json.at("version").get<std::string>();
   record.words = json.at("words").get<std::vector<std::string>>();
@@ -61,6 +62,9 @@ StageRecord RecordFrom(const StageJson& json) {
     record.errors.push_back({error.at("code"), error.at("text"), error.at("hint"), true});
   for (const StageJson& input : json.at("inputs")) record.inputs.push_back(PrintFrom(input));
   record.output = PrintFrom(json.at("output"));
+  for (std::string& word : record.words) word = InSession(word, session);
+  for (Fingerprint& input : record.inputs) input.path = InSession(input.path, session);
+  record.output.path = InSession(record.output.path, session);
   return record;
 }
 
@@ -132,10 +136,11 @@ bool IsSettled(const PipelineStage& stage, const StageRecord& record) {
 StageRecords ReadStageRecords(const std::string& path) {
   StageRecords records;
   if (!fs::exists(path)) return records;
+  const std::string session = fs::path(path).parent_path().string();
   try {
     const StageJson json = StageJson::parse(ReadFile(path));
     if (json.at("schema") != kRunSchema) throw FormatError(path, "schema", std::string("must be \"") + kRunSchema + "\"");
-    for (const StageJson& stage : json.at("stages")) records[stage.at("stage").get<std::string>()] = RecordFrom(stage);
+    for (const StageJson& stage : json.at("stages")) records[stage.at("stage").get<std::string>()] = RecordFrom(stage, session);
   } catch (const StageJson::exception& e) {
     throw FormatError(path, "", std::string("is no record of `mvstudio run`: ") + e.what() + "; remove it to begin anew");
   }
@@ -148,13 +153,42 @@ void WriteStageRecords(const std::string& path, const StageRecords& records) {
   WriteFileAtomic(path, json.dump(1, ' ', false, StageJson::error_handler_t::replace) + "\n");
 }
 
+std::string InSession(const std::string& path, const std::string& session) {
+  if (session.empty()) return path;
+  if (path == session) return ".";
+  const std::string folder = session.back() == '/' ? session : session + "/";
+  if (path.rfind(folder, 0) != 0) return path;
+  return path.substr(std::min(path.find_first_not_of('/', folder.size()), path.size()));
+}
+
+namespace {
+
+/// The command line as records keep it, options by their names.
+std::vector<std::string> WordsOf(const PipelineStage& stage) {
+  std::vector<std::string> words;
+  const auto add = [&](const std::string& word) { words.push_back(InSession(word, stage.session)); };
+  for (const std::string& word : stage.command) add(word);
+  for (const LineOption& option : stage.options) {
+    if (option.values.empty()) words.push_back(option.name);
+    for (const std::string& value : option.values) words.push_back(option.name), add(value);
+  }
+  return words;
+}
+
+}  // namespace
+
 StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier) {
   StageRecord record;
   record.version = version;
-  record.words = stage.Words();
+  record.words = WordsOf(stage);
+  const auto print = [&](const std::string& path, const Fingerprint* before) {
+    Fingerprint now = FingerprintOf(path, before);
+    now.path = InSession(path, stage.session);
+    return now;
+  };
   for (const std::string& input : stage.inputs)
-    record.inputs.push_back(FingerprintOf(input, earlier ? FindPrint(earlier->inputs, input) : nullptr));
-  record.output = FingerprintOf(stage.output, earlier ? &earlier->output : nullptr);
+    record.inputs.push_back(print(input, earlier ? FindPrint(earlier->inputs, InSession(input, stage.session)) : nullptr));
+  record.output = print(stage.output, earlier ? &earlier->output : nullptr);
   return record;
 }
 
@@ -175,6 +209,19 @@ bool IsNewerThanInputs(const PipelineStage& stage) {
   if (output == fs::file_time_type::min()) return false;
   return std::all_of(stage.inputs.begin(), stage.inputs.end(),
                      [&](const std::string& input) { return LatestChange(input) <= output; });
+}
+
+Judgement JudgeStage(const PipelineStage& stage, const std::string& version, const StageRecord* earlier) {
+  Judgement judged;
+  judged.now = RecordOf(stage, version, earlier);
+  judged.stale = WhyStale(stage, judged.now, earlier);
+  judged.now.found = !earlier && IsNewerThanInputs(stage);
+  if (judged.now.found) judged.stale = "found, newer than what it is made of";
+  return judged;
+}
+
+double SecondsOf(const StageRecord* earlier) {
+  return earlier && !earlier->found && earlier->exit != kBegun ? earlier->seconds : NAN;
 }
 
 }  // namespace mvstudio::stages

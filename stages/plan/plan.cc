@@ -1,4 +1,4 @@
-#include "stages/pipeline/plan.h"
+#include "stages/plan/plan.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -52,15 +52,16 @@ PlanJson TaskJson(const PlanTask& task) {
                    {"seconds", OrNull(task.seconds)},
                    {"memory_mb", OrNull(task.stage.need.memory_mb)},
                    {"disk_mb", OrNull(task.stage.need.disk_mb)}};
-  for (const dataset::SessionSetting& option : task.stage.options)
-    json["options"].push_back({{"name", option.key}, {"values", option.values}});
+  for (const LineOption& option : task.stage.options)
+    json["options"].push_back({{"name", option.name}, {"values", option.values}});
   json["inputs"] = PlanJson::array();
   for (const Fingerprint& input : task.inputs) json["inputs"].push_back(PrintJson(input));
   return json;
 }
 
-PlanTask TaskFrom(const PlanJson& json) {
+PlanTask TaskFrom(const PlanJson& json, const std::string& session) {
   PlanTask task;
+  task.stage.session = session;
   task.id = json.at("id").get<int>();
   FromString(json.at("stage").get<std::string>(), &task.stage.kind);
   task.stage.take = json.at("take").get<std::string>();
@@ -80,8 +81,8 @@ PlanTask TaskFrom(const PlanJson& json) {
 TaskState StateOf(const Plan& plan, const PlanTask& task, const std::set<int>& done) {
   const std::optional<StageRecord> marker = ReadTaskRecord(MarkerPath(plan, task), task);
   if (marker && IsSettled(task.stage, *marker)) {
-    const StageRecord now = RecordOf(task.stage, marker->version, &*marker);
-    const bool holds = WhyStale(task.stage, now, &*marker).empty() && IsSameOutput(now.output, *marker);
+    const Judgement judged = JudgeStage(task.stage, marker->version, &*marker);
+    const bool holds = judged.stale.empty() && IsSameOutput(judged.now.output, *marker);
     return holds ? TaskState::kDone : TaskState::kNotValid;
   }
   const std::optional<StageRecord> tried = ReadTaskRecord(TriedPath(plan, task), task);
@@ -95,10 +96,7 @@ TaskState StateOf(const Plan& plan, const PlanTask& task, const std::set<int>& d
 
 std::string_view ToString(TaskState state) { return WordOf(kTaskStateWords, state); }
 
-Plan PlanOf(const PipelineOptions& options, const std::vector<PipelineStage>& stages, const StageRecords& earlier) {
-  std::vector<const PipelineStage*> chosen;
-  for (const PipelineStage& stage : stages)
-    if (IsAskedFor(stage, options) && stage.left_out.empty()) chosen.push_back(&stage);
+Plan PlanOf(const PipelineOptions& options, std::vector<const PipelineStage*> chosen, const StageRecords& earlier) {
   std::stable_sort(chosen.begin(), chosen.end(),
                    [](const PipelineStage* a, const PipelineStage* b) { return a->kind < b->kind; });
   Plan plan;
@@ -112,7 +110,7 @@ Plan PlanOf(const PipelineOptions& options, const std::vector<PipelineStage>& st
     for (const std::string& input : stage->inputs)
       if (!MadeByAny(chosen, input)) task.inputs.push_back(FingerprintOf(input));
     const auto last = earlier.find(stage->name());
-    if (last != earlier.end() && !last->second.found && last->second.exit != kBegun) task.seconds = last->second.seconds;
+    task.seconds = SecondsOf(last == earlier.end() ? nullptr : &last->second);
     plan.tasks.push_back(std::move(task));
   }
   return plan;
@@ -142,7 +140,7 @@ Plan ReadPlan(const std::string& folder) {
     while (std::getline(lines, line)) {
       const PlanJson json = PlanJson::parse(line);
       if (++number > 1) {
-        plan.tasks.push_back(TaskFrom(json));
+        plan.tasks.push_back(TaskFrom(json, plan.session));
         if (plan.tasks.back().id != number - 1)
           throw FormatError(path, "id", "line " + std::to_string(number) + " is out of order");
         continue;

@@ -25,8 +25,9 @@ struct Plan {
   std::vector<PlanTask> tasks;
 };
 
-/// Tasks of the stages that are asked for and needed. `earlier`: of SESSION/run.json, for the seconds.
-Plan PlanOf(const PipelineOptions& options, const std::vector<PipelineStage>& stages, const StageRecords& earlier);
+/// A task for each of `chosen`, whose names were given paths from `options.session`. `earlier`: of SESSION/run.json, for the
+/// seconds.
+Plan PlanOf(const PipelineOptions& options, std::vector<const PipelineStage*> chosen, const StageRecords& earlier);
 
 /// PLAN/plan.jsonl: one line for the plan, one for each task.
 std::string PlanText(const Plan& plan);

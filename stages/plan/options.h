@@ -1,11 +1,12 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "stages/pipeline/plan.h"
+#include "stages/pipeline/options.h"
 
-/// Files by which schedulers do the tasks of a plan.
+/// A session's stages as tasks for a scheduler: what a caller gives.
 namespace mvstudio::stages {
 
 enum class Engine { kNinja, kSlurm, kSnakemake };
@@ -30,11 +31,24 @@ void VisitFields(Visitor&& visit, EngineOptions& o) {
   visit("sbatch", o.sbatch, "slurm: more options for each sbatch");
 }
 
-/// build.ninja, submit.sh or Snakefile.
-std::string EngineFile(Engine engine);
+struct PlanOptions {
+  PipelineOptions pipeline;
+  std::string out;  ///< folder
+  std::vector<Engine> write = {Engine::kNinja};
+  EngineOptions engine;
+};
 
-/// The text of that file for the tasks `ids` of the plan, in rising order. Throws UsageError for a path that holds a line
-/// break.
-std::string EngineText(Engine engine, const Plan& plan, const std::vector<int>& ids, const EngineOptions& options);
+struct TaskOptions {
+  std::string plan;  ///< folder
+  int task = 0;
+  bool again = false;  ///< also what is done, and what others made
+};
+
+struct JobsOptions {
+  std::string plan;  ///< folder
+  Engine engine = Engine::kNinja;
+  int jobs = 0;  ///< ninja: tasks at a time; 0: its own choice
+  EngineOptions limits;
+};
 
 }  // namespace mvstudio::stages

@@ -1,4 +1,4 @@
-#include "stages/pipeline/engines.h"
+#include "stages/plan/engines.h"
 
 #include <algorithm>
 #include <cmath>
