@@ -11,6 +11,7 @@ std::vector<std::string> CommandLine::Words() const {
     if (option.values.empty()) words.push_back(flag);
     for (const std::string& value : option.values) words.insert(words.end(), {flag, value});
   }
+  words.insert(words.end(), typed.begin(), typed.end());
   return words;
 }
 

@@ -150,6 +150,11 @@ MAY_INCLUDE |= {
     "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/align": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/avatar_compare": WITHOUT_TORCH | {"stages", "stages/study"},
+    "stages/body_mesh": WITHOUT_TORCH | {"stages"},
+    "stages/body_template": WITHOUT_TORCH | {"stages"},
+    "stages/doctor": WITHOUT_TORCH | {"stages", "stages/dataset"},
+    "stages/pack_speed": WITHOUT_TORCH | {"stages"},
+    "stages/synth": WITHOUT_TORCH | {"stages", "synth"},
     "stages/board": WITHOUT_TORCH | {"stages"},
     "stages/calib_files": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "dataset/exports"},
     "stages/compare": WITHOUT_TORCH | {"stages", "stages/input"},
@@ -181,7 +186,10 @@ MAY_INCLUDE |= {
     "stages/nets/mask": NET_ROOM,
     "stages/nets/pose2d": NET_ROOM | {"stages/people"},
     "stages/nets/render": NET_ROOM,
-    "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
+    "stages/nets/texture": NET_ROOM,
+    "stages/nets/info": NET_ROOM,
+    "stages/nets/models": {"core", "dataset/detect/models", "stages"},
+    "stages/nets/trials": NET_ROOM | {"stages/study"},
     "stages/nets/train": NET_ROOM,
 }
 COMMANDS = {"cli/calib", "cli/dataset", "cli/people", "cli/avatar", "cli/tradeoff"}
@@ -229,6 +237,7 @@ FLAGS_ALLOWED = {
     "dataset/session/write.cc",  # comments in a session's mvstudio.toml
     "stages/plan/engines.cc",  # those of sbatch and snakemake
     "stages/stage_call.cc",  # command lines that stages call
+    "stages/nets/train/rank_processes.cc",  # this program's, for the other ranks
     "report/section_avatar.cc",  # this and those below: what the page shows, style sheets too
     "report/section_calibration.cc",
     "report/section_common.cc",

@@ -7,7 +7,7 @@
 #include "report/page/format.h"
 #include "report/page/html.h"
 #include "report/svg/svg.h"
-#include "stages/study/avatar_trials.h"
+#include "stages/nets/trials/trials.h"
 
 namespace mvstudio::stages {
 namespace {

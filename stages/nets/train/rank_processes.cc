@@ -1,14 +1,13 @@
-#include "cli/avatar/ranks.h"
+#include "stages/nets/train/rank_processes.h"
 
 #include <algorithm>
 
-#include "cli/program/options.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/parallel.h"
 
-namespace mvstudio::cli {
+namespace mvstudio::stages {
 namespace {
 
 /// `words` without each of `flags` and its value.
@@ -27,33 +26,38 @@ std::vector<std::string> Without(const std::vector<std::string>& words, const st
 
 }  // namespace
 
-void AddRankOptions(CLI::App* sub, RankArguments& a) {
-  AddOption(sub, "--ranks", a.ranks,
-            "processes on this machine that take --batch images each and share their gradients; as one process with a "
-            "batch as many times as large")
-      ->capture_default_str();
-  AddOption(sub, "--rank", a.rank, "which process this is, from 0, when you start them yourself (several machines)")
-      ->capture_default_str();
-  AddOption(sub, "--world-size", a.world_size, "how many processes you start")->capture_default_str();
-  AddOption(sub, "--rendezvous", a.rendezvous, "a new file that all of them can see");
+RankOptions RanksOf(const RankArguments& arguments, const std::vector<std::string>& typed, const RunContext& run,
+                    const std::string& folder) {
+  const auto start = [=](int before) {
+    RankArguments asked = arguments;
+    if (asked.ranks == 0) asked.ranks = asked.world_size > 1 || asked.rank > 0 ? 1 : before;
+    const auto ranks = std::make_shared<RankProcesses>(asked, typed, run, folder);
+    return RankTeam{ranks->place().rank, ranks->place().size, ranks->threads(), [ranks] { return ranks->Join(); },
+                    [ranks] { ranks->Finish(); }};
+  };
+  return {arguments.rank, start};
 }
 
-RankProcesses::RankProcesses(const RankArguments& a, const CommandContext& context, const std::string& folder)
-    : progress_(context.run.progress), threads_(context.run.num_threads) {
-  if (a.ranks < 1 || a.ranks > 256 || a.world_size < 1) throw UsageError("--ranks and --world-size must be at least 1");
+RankProcesses::RankProcesses(const RankArguments& a, const std::vector<std::string>& typed, const RunContext& run,
+                             const std::string& folder)
+    : progress_(run.progress), threads_(run.num_threads) {
+  if (a.ranks < 1 || a.ranks > 256 || a.world_size < 1)
+    throw UsageError("option 'ranks' and option 'world-size' must be at least 1");
   if (a.ranks > 1 && (a.world_size > 1 || a.rank > 0 || !a.rendezvous.empty()))
-    throw UsageError("--ranks starts the processes itself: leave --rank, --world-size and --rendezvous out");
+    throw UsageError(
+        "option 'ranks' starts the processes itself: leave option 'rank', option 'world-size' and option 'rendezvous' out");
   place_ = {a.rank, a.world_size, a.rendezvous, false, {}};
   if (a.ranks == 1) {
-    if (a.world_size == 1 && a.rank != 0) throw UsageError("--rank " + std::to_string(a.rank) + " needs --world-size");
+    if (a.world_size == 1 && a.rank != 0)
+      throw UsageError("option 'rank' " + std::to_string(a.rank) + " needs option 'world-size'");
     place_.one_machine = a.rendezvous.rfind("local:", 0) == 0;
     if (place_.one_machine) place_.rendezvous = a.rendezvous.substr(6);
     return;
   }
   meeting_ = std::make_unique<ScratchFolder>(folder);
   place_ = {0, a.ranks, meeting_->path() + "/ranks", true, {}};
-  threads_ = std::max(1, ResolveThreads(context.run.num_threads) / a.ranks);
-  StartOthers(Without(context.argv, {"--ranks", "--threads", "--progress"}), a.ranks);
+  threads_ = std::max(1, ResolveThreads(run.num_threads) / a.ranks);
+  StartOthers(Without(typed, {"--ranks", "--threads", "--progress"}), a.ranks);
 }
 
 void RankProcesses::StartOthers(const std::vector<std::string>& words, int ranks) {
@@ -81,7 +85,7 @@ std::shared_ptr<const avatar::Ranks> RankProcesses::Join() const {
   avatar::RankPlace place = place_;
   place.while_waiting = [this] {
     if (progress_ && progress_->Cancelled()) throw CancelledError("interrupted before the other ranks were there");
-    if (others_.AnyEnded()) throw IoError("--ranks", "another rank ended before training began; see its message above");
+    if (others_.AnyEnded()) throw IoError("option 'ranks'", "another rank ended before training began; see its message above");
   };
   return avatar::JoinRanks(place);
 }
@@ -90,7 +94,7 @@ void RankProcesses::Finish() {
   const std::vector<int> exits = others_.Wait();
   const auto failed = std::count_if(exits.begin(), exits.end(), [](int exit) { return exit > 0; });
   if (failed > 0)
-    throw IoError("--ranks", std::to_string(failed) + " of the other ranks did not end well; see their messages above");
+    throw IoError("option 'ranks'", std::to_string(failed) + " of the other ranks did not end well; see their messages above");
 }
 
-}  // namespace mvstudio::cli
+}  // namespace mvstudio::stages

@@ -6,7 +6,7 @@
 #include "report/page/format.h"
 #include "report/page/html.h"
 #include "report/svg/svg.h"
-#include "stages/dataset/pack_speed.h"
+#include "stages/pack_speed/measure.h"
 
 namespace mvstudio::stages {
 namespace {

@@ -1,4 +1,4 @@
-#include "stages/study/avatar_trials.h"
+#include "stages/nets/trials/trials.h"
 
 #include <algorithm>
 #include <cmath>

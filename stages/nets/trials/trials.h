@@ -59,9 +59,12 @@ void VisitFields(Visitor&& visit, const AvatarTrial& r) {
 
 struct AvatarTradeoffOptions {
   std::string dataset, out, features = "auto";
-  std::string train_flags, gaussian_flags;  ///< further flags of trainings: of networks, of Gaussians
-  std::vector<std::string> holdout_cameras;
-  std::string holdout_frames;
+  std::string train_flags, gaussian_flags;   ///< further flags of trainings: of networks, of Gaussians
+  std::string camera_words;                  ///< names of cameras that are held out, with commas; empty: every fifth
+  std::vector<std::string> holdout_cameras;  ///< as the dataset calls them; set by the run
+  std::string holdout_frames;                ///< empty: the last quarter
+  bool quick = false;                        ///< a grid of a few minutes
+  AvatarGrid grid;
   int score_size_px = 0;     ///< all trials are scored at this size
   double limit_minutes = 0;  ///< no further trial starts after this time; 0: no limit
 };
