@@ -10,9 +10,15 @@
 /// Stages that do others as a user would: by their command lines.
 namespace mvstudio::stages {
 
+struct LineOption {
+  std::string name;  ///< of its field
+  std::vector<std::string> values;
+};
+
 struct CommandLine {
-  std::vector<std::string> command;              ///< its words and what it is given without an option
-  std::vector<dataset::SessionSetting> options;  ///< one without values is a switch
+  std::vector<std::string> command;      ///< its words and what it is given without an option
+  std::vector<LineOption> options = {};  ///< one without values is a switch
+  std::vector<std::string> typed = {};   ///< what a user adds to them, as it was typed
 
   /// As it is typed, without the program's name.
   std::vector<std::string> Words() const;

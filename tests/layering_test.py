@@ -152,6 +152,7 @@ MAY_INCLUDE |= {
     "stages/avatar_compare": WITHOUT_TORCH | {"stages", "stages/study"},
     "stages/body_mesh": WITHOUT_TORCH | {"stages"},
     "stages/body_template": WITHOUT_TORCH | {"stages"},
+    "stages/demo": WITHOUT_TORCH | {"stages", "stages/input", "stages/pipeline"},
     "stages/doctor": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/pack_speed": WITHOUT_TORCH | {"stages"},
     "stages/synth": WITHOUT_TORCH | {"stages", "synth"},
