@@ -52,15 +52,15 @@ std::string MachineText(const MachineState& machine, const ProgramFacts& program
          Gigabytes(machine.disk_free_bytes) + " of disk free, " + (machine.has_gpu ? "an NVIDIA GPU" : "no GPU") + "\n";
 }
 
-void AddSession(const dataset::SessionReport& session, CommandResult* result) {
-  result->metrics["footage"] = FootageJson(session);
-  result->metrics["findings"] = DoctorJson::array();
+CommandResult DescribeSession(const dataset::SessionReport& session) {
+  CommandResult result = DescribeFootageFindings(session);
+  result.metrics["footage"] = FootageJson(session);
+  result.metrics["findings"] = DoctorJson::array();
   for (const Notice& found : session.findings)
-    result->metrics["findings"].push_back(
+    result.metrics["findings"].push_back(
         {{"severity", found.fails ? "error" : "warning"}, {"code", found.code}, {"text", found.text}});
-  result->Add(DescribeFootageFindings(session));
-  result->text += FootageText(session) + Counted(static_cast<int64_t>(result->errors.size()), "error") + ", " +
-                  Counted(static_cast<int64_t>(result->warnings.size()), "warning") + "\n";
+  result.text += FootageText(session);
+  return result;
 }
 
 }  // namespace
@@ -72,7 +72,10 @@ CommandResult Describe(const DoctorReport& report, const ProgramFacts& program) 
   Append(report.notes.warnings, &result.warnings);
   result.inputs = report.notes.inputs;
   result.text = MachineText(report.machine, program);
-  if (report.session) AddSession(*report.session, &result);
+  if (!report.session) return result;
+  result.Add(DescribeSession(*report.session));
+  result.text += Counted(static_cast<int64_t>(result.errors.size()), "error") + ", " +
+                 Counted(static_cast<int64_t>(result.warnings.size()), "warning") + "\n";
   return result;
 }
 
