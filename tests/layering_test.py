@@ -147,7 +147,7 @@ MAY_INCLUDE |= {
     "stages/click": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve"},
     "stages/dataset": WITHOUT_TORCH | {"stages"},
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
-    "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/calib", "stages/people"},
     "stages/align": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/avatar_compare": WITHOUT_TORCH | {"stages", "stages/study"},
     "stages/board": WITHOUT_TORCH | {"stages"},
