@@ -138,7 +138,7 @@ MAY_INCLUDE = {
 LIBRARIES = set(MAY_INCLUDE)
 STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}
 WITHOUT_TORCH = {f for f in STAGE_LIBRARIES if not needs_torch(f)}
-NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/input", "stages/nets"}
+NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/budget", "stages/input", "stages/nets"}
 MAY_INCLUDE |= {
     "stages": {"core", "core/text"},
     "stages/input": WITHOUT_TORCH | {"stages", "dataset/exports/read"},
