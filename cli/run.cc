@@ -9,7 +9,9 @@
 #include "core/disk/lock.h"
 #include "core/format.h"
 #include "core/join.h"
+#include "stages/budget/ask.h"
 #include "stages/pipeline/need.h"
+#include "stages/pipeline/split_budget.h"
 #include "stages/report_fields.h"
 
 namespace mvstudio::cli {
@@ -24,19 +26,61 @@ class Pipeline {
       : o_(options), context_(context), records_path_(options.session + "/run.json") {}
 
   CommandResult Run() {
+    if (!o_.budget.empty()) end_s_ = stages::BudgetOptions().NowSeconds() + stages::ParseSeconds(o_.budget, "budget");
     const dataset::Session session = dataset::ReadSession(o_.session, o_.allow_outside);
     std::optional<OutputLock> lock;
+    if (!o_.dry_run && !o_.budget.empty()) PlanBudget();
     if (!o_.dry_run) lock.emplace(records_path_);
     records_ = stages::ReadStageRecords(records_path_);
     for (const std::string& warning : session.warnings) result_.warnings.push_back({"SES-FILE", warning, ""});
     stages_ = stages::PipelineOf(session, o_);
     if (o_.dry_run) stages::PredictNeeds(session, o_, &stages_);
     for (const PipelineStage& stage : stages_) Visit(stage);
+    if (o_.dry_run && !o_.budget.empty()) SayBudgets();
     Summarise();
     return std::move(result_);
   }
 
  private:
+  /// What is to be done, as far as it is known before anything is done.
+  void PlanBudget() {
+    stages::PipelineOptions dry = o_;
+    dry.dry_run = true;
+    Pipeline plan(dry, context_);
+    (void)plan.Run();
+    planned_ = std::move(plan.planned_);
+  }
+
+  void Plan(const PipelineStage& stage, double seconds) {
+    planned_.push_back({stage.kind, stage.name(), seconds, stages::HasOwnBudget(stage)});
+    for (const dataset::SessionSetting& option : stage.options) {
+      if (option.key == "budget" && !option.values.empty())
+        planned_.back().seconds = stages::ParseSeconds(option.values[0], "budget");
+    }
+  }
+
+  /// The stage with its part of the time that is left. Its record knows nothing of it: the stage stays up to date.
+  PipelineStage WithBudget(PipelineStage stage) {
+    const auto at = std::find_if(planned_.begin(), planned_.end(), [&](const auto& time) { return time.name == stage.name(); });
+    if (at == planned_.end()) return stage;
+    planned_.erase(planned_.begin(), at);
+    const double seconds = stages::StageBudget(planned_, end_s_ - stages::BudgetOptions().NowSeconds(), o_.budget);
+    if (std::isfinite(seconds)) stage.options.push_back({"budget", {Format("%.3fs", seconds)}});
+    return stage;
+  }
+
+  void SayBudgets() {
+    const double left_s = stages::ParseSeconds(o_.budget, "budget");
+    for (StageRow& row : rows_) {
+      const auto at = std::find_if(planned_.begin(), planned_.end(), [&](const auto& time) { return time.name == row.stage; });
+      if (row.state != RowState::kToDo || at == planned_.end()) continue;
+      std::vector<stages::StageTime> first = planned_;
+      std::rotate(first.begin(), first.begin() + (at - planned_.begin()), first.end());
+      const double seconds = stages::StageBudget(first, left_s, o_.budget);
+      if (std::isfinite(seconds)) row.reason += "; its part of the budget: " + stages::SecondsText(seconds);
+    }
+  }
+
   void Visit(const PipelineStage& stage) {
     StageRow& row = rows_.emplace_back();
     row.stage = stage.name();
@@ -86,6 +130,7 @@ class Pipeline {
       if (earlier->exit == kExitPartial) row->reason = "some cameras or frames are left out", result_.partial = true;
     } else if (o_.dry_run) {
       row->state = RowState::kToDo, row->need = stage.need;
+      Plan(stage, row->seconds);
       to_do_.push_back(&stage);
     } else {
       Do(stage, std::move(now), row);
@@ -119,7 +164,9 @@ class Pipeline {
 
   void Do(const PipelineStage& stage, StageRecord record, StageRow* row) {
     const StageKeeper keep = [&](const StageRecord* kept) { Keep(stage, kept); };
-    const CommandResult done = DoStage(stage, std::move(record), Earlier(stage), {o_.accept, o_.again}, keep, context_, row);
+    const PipelineStage funded = WithBudget(stage);
+    row->command = "mvstudio " + Join(funded.Words("--"), " ");
+    const CommandResult done = DoStage(funded, std::move(record), Earlier(stage), {o_.accept, o_.again}, keep, context_, row);
     result_.partial = result_.partial || row->state == RowState::kPartial;
     for (const Notice& warning : done.warnings) Pass(*row, warning, &result_.warnings);
     for (const Notice& error : done.errors)
@@ -171,6 +218,8 @@ class Pipeline {
   std::vector<StageRow> rows_;
   CommandResult result_;
   std::set<std::string> said_;
+  std::vector<stages::StageTime> planned_;  ///< with a budget or in a dry run: what is to be done
+  double end_s_ = NAN;                      ///< of the clock, when the budget is spent
   bool stopped_ = false;
 };
 

@@ -169,7 +169,7 @@ MAY_INCLUDE |= {
     "stages/budget": CORE | {"stages"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/calib", "stages/people"},
     "stages/tradeoff": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/people", "stages/study"},
-    "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/view": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve"},
     "stages/overlay": WITHOUT_TORCH | {"stages", "stages/input", "stages/view"},

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "stages/budget/report.h"
+#include "stages/pipeline/split_budget.h"
 #include "stages/tradeoff/predictions.h"
 #include "tests/support/message_of.h"
 
@@ -144,6 +145,29 @@ TEST(Budget, WhatNoSettingKeepsIsRefusedWithItsTime) {
   trial.size = 100, trial.parts = {{"", kInfinity, {{10, 1}, {20, 1.5}}}};
   EXPECT_THAT(MessageOf<UsageError>([&] { Choose(2, &report); }), HasSubstr("predicted to take 7.5s"))
       << "2 + 0.5 + 0.05 * 100";
+}
+
+/// 100 s, of which a timeline and a mask take 5 and 15: the rest as 10, 60 and 10 s were shared before.
+TEST(SplitBudget, StagesShareWhatOthersLeave) {
+  const double unknown = std::nan("");
+  std::vector<StageTime> to_do = {{StageKind::kCalibrate, "calibrate", 10, false},
+                                  {StageKind::kTimeline, "timeline walk", unknown, false},
+                                  {StageKind::kPose2d, "pose2d walk", 60, false},
+                                  {StageKind::kTriangulate, "triangulate walk", 10, false},
+                                  {StageKind::kMask, "mask walk", 15, false}};
+  EXPECT_DOUBLE_EQ(StageBudget(to_do, 100, "100s"), 10);
+  to_do[0].seconds = unknown;
+  EXPECT_DOUBLE_EQ(StageBudget(to_do, 100, "100s"), 80.0 / 8) << "one to six to one";
+  to_do[2].has_own_budget = true;
+  EXPECT_DOUBLE_EQ(StageBudget(to_do, 100, "100s"), 20.0 / 2) << "60 s of its own";
+  to_do.erase(to_do.begin());
+  EXPECT_TRUE(std::isnan(StageBudget(to_do, 90, "100s"))) << "a timeline takes no budget";
+  to_do = {to_do[2], to_do[3]};
+  EXPECT_DOUBLE_EQ(StageBudget(to_do, 30, "100s"), 15) << "the last one gets all that is left";
+  EXPECT_THAT(MessageOf<UsageError>([&] { StageBudget(to_do, 10, "100s"); }),
+              HasSubstr("nothing is left for triangulate walk"));
+  to_do[1].seconds = unknown;
+  EXPECT_THAT(MessageOf<UsageError>([&] { StageBudget(to_do, 30, "100s"); }), HasSubstr("how long mask walk takes"));
 }
 
 TEST(Predictions, TheWorstRatioIsFarthestFromOne) {
