@@ -138,7 +138,7 @@ MAY_INCLUDE = {
 LIBRARIES = set(MAY_INCLUDE)
 STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}
 WITHOUT_TORCH = {f for f in STAGE_LIBRARIES if not needs_torch(f)}
-NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/input", "stages/nets"}
+NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/budget", "stages/input", "stages/nets"}
 MAY_INCLUDE |= {
     "stages": {"core", "core/text"},
     "stages/input": WITHOUT_TORCH | {"stages", "dataset/exports/read"},
@@ -147,7 +147,7 @@ MAY_INCLUDE |= {
     "stages/click": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve"},
     "stages/dataset": WITHOUT_TORCH | {"stages"},
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
-    "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/calib", "stages/people"},
     "stages/align": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/avatar_compare": WITHOUT_TORCH | {"stages", "stages/study"},
     "stages/body_mesh": WITHOUT_TORCH | {"stages"},
@@ -175,7 +175,7 @@ MAY_INCLUDE |= {
     "stages/budget": CORE | {"stages"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/calib", "stages/people"},
     "stages/tradeoff": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/people", "stages/study"},
-    "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input"},
     "stages/plan": WITHOUT_TORCH | {"stages", "stages/input", "stages/pipeline"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/view": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve"},

@@ -6,7 +6,10 @@
 #include <set>
 
 #include "core/disk/lock.h"
+#include "core/format.h"
+#include "stages/budget/ask.h"
 #include "stages/pipeline/need.h"
+#include "stages/pipeline/split_budget.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -17,7 +20,9 @@ class PipelineRun {
       : o_(options), tools_(tools), records_path_(RecordsPath(options.session)) {}
 
   PipelineReport Run() {
+    if (!o_.budget.empty()) end_s_ = BudgetOptions().NowSeconds() + ParseSeconds(o_.budget, "budget");
     const dataset::Session session = dataset::ReadSession(o_.session, o_.allow_outside);
+    if (!o_.dry_run && !o_.budget.empty()) PlanBudget();
     std::optional<OutputLock> lock;
     if (!o_.dry_run) lock.emplace(records_path_);
     report_.dry_run = o_.dry_run;
@@ -26,11 +31,50 @@ class PipelineRun {
     report_.stages = PipelineOf(session, o_);
     if (o_.dry_run) PredictNeeds(session, o_, &report_.stages);
     for (const PipelineStage& stage : report_.stages) Visit(stage);
+    if (o_.dry_run && !o_.budget.empty()) SayBudgets();
     if (o_.dry_run) report_.partial = false;
     return std::move(report_);
   }
 
  private:
+  /// What is to be done, as far as it is known before anything is done.
+  void PlanBudget() {
+    PipelineOptions ahead = o_;
+    ahead.dry_run = true;
+    PipelineRun plan(ahead, tools_);
+    (void)plan.Run();
+    planned_ = std::move(plan.planned_);
+  }
+
+  void Plan(const PipelineStage& stage, double seconds) {
+    planned_.push_back({stage.kind, stage.name(), seconds, HasOwnBudget(stage)});
+    for (const LineOption& option : stage.options) {
+      if (option.name == "budget" && !option.values.empty()) planned_.back().seconds = ParseSeconds(option.values[0], "budget");
+    }
+  }
+
+  /// The stage with its part of the time that is left. Its record knows nothing of it: the stage stays up to date.
+  PipelineStage WithBudget(PipelineStage stage) {
+    const auto at = std::find_if(planned_.begin(), planned_.end(), [&](const auto& time) { return time.name == stage.name(); });
+    if (at == planned_.end()) return stage;
+    planned_.erase(planned_.begin(), at);
+    const double seconds = StageBudget(planned_, end_s_ - BudgetOptions().NowSeconds(), o_.budget);
+    if (std::isfinite(seconds)) stage.options.push_back({"budget", {Format("%.3fs", seconds)}});
+    return stage;
+  }
+
+  void SayBudgets() {
+    const double left_s = ParseSeconds(o_.budget, "budget");
+    for (StageRow& row : report_.rows) {
+      const auto at = std::find_if(planned_.begin(), planned_.end(), [&](const auto& time) { return time.name == row.stage; });
+      if (row.state != RowState::kToDo || at == planned_.end()) continue;
+      std::vector<StageTime> first = planned_;
+      std::rotate(first.begin(), first.begin() + (at - planned_.begin()), first.end());
+      const double seconds = StageBudget(first, left_s, o_.budget);
+      if (std::isfinite(seconds)) row.reason += "; its part of the budget: " + SecondsText(seconds);
+    }
+  }
+
   void Visit(const PipelineStage& stage) {
     StageRow& row = report_.rows.emplace_back();
     row.stage = stage.name();
@@ -78,6 +122,7 @@ class PipelineRun {
       if (earlier->exit == kExitPartial) row->reason = "some cameras or frames are left out", report_.partial = true;
     } else if (o_.dry_run) {
       row->state = RowState::kToDo, row->need = stage.need, row->found = false;
+      Plan(stage, row->seconds);
       to_do_.push_back(&stage);
     } else {
       Do(stage, std::move(judged.now), row);
@@ -111,7 +156,9 @@ class PipelineRun {
 
   void Do(const PipelineStage& stage, StageRecord record, StageRow* row) {
     const StageKeeper keep = [&](const StageRecord* kept) { Keep(stage, kept); };
-    const StageWords said = DoStage(stage, std::move(record), Earlier(stage), {o_.accept, o_.again}, keep, tools_.call, row);
+    const PipelineStage funded = WithBudget(stage);
+    row->command = funded.line().Text();
+    const StageWords said = DoStage(funded, std::move(record), Earlier(stage), {o_.accept, o_.again}, keep, tools_.call, row);
     report_.partial = report_.partial || row->state == RowState::kPartial;
     for (const Notice& warning : said.warnings) Pass(*row, warning, &report_.warnings);
     for (const Notice& error : said.errors)
@@ -142,6 +189,8 @@ class PipelineRun {
   std::vector<const PipelineStage*> to_do_;
   std::vector<std::pair<const PipelineStage*, std::string>> older_;  ///< and why
   std::set<std::string> said_;
+  std::vector<StageTime> planned_;  ///< with a budget or in a dry run: what is to be done
+  double end_s_ = NAN;              ///< of the clock, when the budget is spent
   bool stopped_ = false;
 };
 
