@@ -114,6 +114,7 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
   Report report;
   report.verdict = OverallVerdict(data);
   report.num_stages = static_cast<int>(data.stages.size());
+  report.sentence = VerdictSentence(data, !client);
   report.warnings = data.warnings;
   report.warnings.insert(report.warnings.end(), context.warnings.begin(), context.warnings.end());
   const std::string title = TitleOf(run_folder, options);
@@ -124,7 +125,7 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
       context.script);
   Value json = Value::Object();
   json.Set("schema", "mvstudio.report/1").Set("title", title).Set("verdict", std::string(ToString(report.verdict)));
-  json.Set("sentence", VerdictSentence(data, !client));
+  json.Set("sentence", report.sentence);
   json.Set("generated_at", options.generated_at).Set("version", options.version).Set("stages", StagesToValue(data, client));
   for (const auto& [key, value] : context.json.fields()) json.Set(key, value);
   if (!client) json.Set("warnings", NoticesToValue(report.warnings));

@@ -91,6 +91,8 @@ struct PictureRole {
 };
 /// Those images of a result, the worst by SSIM first, with camera, frame and scores as captions; empty without.
 std::string PicturesOf(SectionContext* context, const Stage& stage, const PictureRole& role);
+/// RUN/eval/KIND/NAME of a scored run ("render", "truth") as an output; null where the run does not hold it.
+Value ImageOfEval(const SectionContext& context, const Stage& stage, const char* kind, const std::string& name);
 /// "cam_01.sheet.png" -> "cam 01"
 std::string WordsOf(const std::string& file_name);
 

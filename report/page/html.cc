@@ -131,7 +131,8 @@ std::string PageHtml(const std::string& title, const std::string& header_html, c
   std::string html =
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'" +
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; media-src data:; style-src "
+      "'unsafe-inline'" +
       (script.empty() ? "" : "; script-src " + ScriptSource(script)) +
       "\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n<title>" +
