@@ -68,8 +68,10 @@ class Pipeline {
     WarnOfOlder(stage);
     const StageRecord* earlier = Earlier(stage);
     StageRecord now = stages::RecordOf(stage, MVSTUDIO_VERSION, earlier);
+    if (stage.kind == StageKind::kReport) now.told = stages::FailuresIn(records_);
     row->reason = stages::WhyStale(stage, now, earlier);
-    if (!row->reason.empty() && !earlier && stages::IsNewerThanInputs(stage)) {
+    // A report that others made need not tell of failures: they are in run.json, which is none of its inputs.
+    if (!row->reason.empty() && !earlier && now.told.empty() && stages::IsNewerThanInputs(stage)) {
       now.found = true;
       row->reason = "found, newer than what it is made of";
       row->state = RowState::kUpToDate;

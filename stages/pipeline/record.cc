@@ -43,6 +43,7 @@ StageJson RecordJson(const std::string& name, const StageRecord& record) {
                     {"found", record.found}};
   for (const Notice& error : record.errors)
     json["errors"].push_back({{"code", error.code}, {"text", error.text}, {"hint", error.hint}});
+  if (!record.told.empty()) json["told"] = record.told;
   json["inputs"] = StageJson::array();
   for (const Fingerprint& input : record.inputs) json["inputs"].push_back(PrintJson(input));
   json["output"] = PrintJson(record.output);
@@ -59,6 +60,7 @@ StageRecord RecordFrom(const StageJson& json) {
   record.found = json.at("found").get<bool>();
   for (const StageJson& error : json.value("errors", StageJson::array()))
     record.errors.push_back({error.at("code"), error.at("text"), error.at("hint"), true});
+  record.told = json.value("told", std::vector<std::string>());
   for (const StageJson& input : json.at("inputs")) record.inputs.push_back(PrintFrom(input));
   record.output = PrintFrom(json.at("output"));
   return record;
@@ -148,6 +150,13 @@ void WriteStageRecords(const std::string& path, const StageRecords& records) {
   WriteFileAtomic(path, json.dump(1, ' ', false, StageJson::error_handler_t::replace) + "\n");
 }
 
+std::vector<std::string> FailuresIn(const StageRecords& records) {
+  std::vector<std::string> failures;
+  for (const auto& [name, record] : records)
+    for (const Notice& error : record.errors) failures.push_back(name + ": " + error.code + " " + error.text);
+  return failures;
+}
+
 StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier) {
   StageRecord record;
   record.version = version;
@@ -166,6 +175,7 @@ std::string WhyStale(const PipelineStage& stage, const StageRecord& now, const S
   if (earlier->words != now.words) return ChangedWords(earlier->words, now.words);
   const std::string inputs = ChangedInputs(earlier->inputs, now.inputs);
   if (!inputs.empty()) return inputs;
+  if (earlier->told != now.told) return "it does not tell what failed since";
   if (now.output.files == 0 && earlier->output.files > 0) return stage.output + " is gone";
   return "";
 }

@@ -20,6 +20,7 @@ struct StageRecord {
   int exit = 0;                       ///< kBegun until it has ended
   std::vector<std::string> accepted;  ///< codes of errors that were accepted
   std::vector<Notice> errors;         ///< of a stage that failed, for the report
+  std::vector<std::string> told;      ///< of the report: FailuresIn the records that it shows
   double seconds = 0;
   bool found = false;  ///< made by other means than `run`, and newer than what it is made of
   std::vector<Fingerprint> inputs;
@@ -31,6 +32,9 @@ using StageRecords = std::map<std::string, StageRecord>;  ///< by PipelineStage:
 /// SESSION/run.json; empty when it is not there. Throws FormatError.
 StageRecords ReadStageRecords(const std::string& path);
 void WriteStageRecords(const std::string& path, const StageRecords& records);
+
+/// A line for each error of a stage that failed.
+std::vector<std::string> FailuresIn(const StageRecords& records);
 
 nlohmann::ordered_json PrintJson(const Fingerprint& print);
 /// Throws the library's exception for what PrintJson did not write.
@@ -46,7 +50,7 @@ bool IsSettled(const PipelineStage& stage, const StageRecord& record);
 StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier);
 
 /// Why a stage has to be done, in one line: never done, other flags, another input, no output, ended with an error, another
-/// version. Empty: what is there is what the stage would make.
+/// version, other failures to tell. Empty: what is there is what the stage would make.
 std::string WhyStale(const PipelineStage& stage, const StageRecord& now, const StageRecord* earlier);
 
 /// Whether there is an output that is newer than everything that the stage reads.
