@@ -8,14 +8,15 @@
 namespace mvstudio::report {
 namespace {
 
+constexpr size_t kMostEntries = 1000;  // cameras that a page can show
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 std::string EntryName(const Value& entry) { return entry["name"].Text(entry["camera"].Text()); }
 
 const Value& EntryNamed(const Value& list, const std::string& name) {
   static const Value null;
-  for (const Value& entry : list.items()) {
-    if (EntryName(entry) == name) return entry;
+  for (size_t i = 0; i < std::min(list.items().size(), kMostEntries); ++i) {
+    if (EntryName(list.At(i)) == name) return list.At(i);
   }
   return null;
 }
@@ -59,8 +60,9 @@ std::vector<std::string> EntriesOf(const ComparedStage& stage, const Figure& fig
   std::vector<std::string> names;
   for (const Stage* run : stage.runs) {
     if (!run) continue;
-    for (const Value& entry : run->metrics().Path(figure.list).items()) {
-      const std::string name = EntryName(entry);
+    const Value& list = run->metrics().Path(figure.list);
+    for (size_t i = 0; i < std::min(list.items().size(), kMostEntries); ++i) {
+      const std::string name = EntryName(list.At(i));
       if (!name.empty() && std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
     }
   }

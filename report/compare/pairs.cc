@@ -19,10 +19,10 @@ struct ImagePair {
   double gain;  ///< of the SSIM; NaN: not stated
 };
 
-const Value& PictureNamed(const Stage& stage, const std::string& name) {
+const Value& EntryOfImage(const Stage& stage, const std::string& name) {
   static const Value null;
-  for (const Value& picture : stage.metrics()["pictures"].items()) {
-    if (fs::path(picture["path"].Text()).filename() == name) return picture;
+  for (const Value& image : stage.metrics()["pictures"].items()) {
+    if (fs::path(image["path"].Text()).filename() == name) return image;
   }
   return null;
 }
@@ -37,7 +37,7 @@ std::string BytesOf(const Value& image) {
 
 /// The same camera, frame and true image in both, whatever the protocols are.
 bool IsShared(const SectionContext& context, const Stage& first, const Stage& last, const std::string& name) {
-  const Value &a = PictureNamed(first, name), &b = PictureNamed(last, name);
+  const Value &a = EntryOfImage(first, name), &b = EntryOfImage(last, name);
   if (a["camera"].Text() != b["camera"].Text() || a["frame"].Number() != b["frame"].Number()) return false;
   if (ImageOfEval(context, first, "render", name).IsNull() || ImageOfEval(context, last, "render", name).IsNull()) return false;
   const std::string truth = BytesOf(ImageOfEval(context, first, "truth", name));
@@ -47,11 +47,11 @@ bool IsShared(const SectionContext& context, const Stage& first, const Stage& la
 /// Those that lost most first.
 std::vector<ImagePair> SharedPairs(const SectionContext& context, const Stage& first, const Stage& last) {
   std::vector<ImagePair> pairs;
-  for (const Value& picture : last.metrics()["pictures"].items()) {
-    const std::string name = fs::path(picture["path"].Text()).filename().string();
+  for (const Value& image : last.metrics()["pictures"].items()) {
+    const std::string name = fs::path(image["path"].Text()).filename().string();
     if (name.empty() || !IsShared(context, first, last, name)) continue;
-    const double gain = picture["ssim"].Number() - PictureNamed(first, name)["ssim"].Number();
-    std::string caption = "camera " + picture["camera"].Text() + ", frame " + FormatNumber(picture["frame"].Number(), 9);
+    const double gain = image["ssim"].Number() - EntryOfImage(first, name)["ssim"].Number();
+    std::string caption = "camera " + image["camera"].Text() + ", frame " + FormatNumber(image["frame"].Number(), 9);
     if (std::isfinite(gain)) caption += ", SSIM " + SignedText(gain);
     pairs.push_back({name, caption, gain});
   }
@@ -62,7 +62,7 @@ std::vector<ImagePair> SharedPairs(const SectionContext& context, const Stage& f
 }
 
 std::string SsimCaption(const std::string& run, const Stage& stage, const std::string& name) {
-  const double ssim = PictureNamed(stage, name)["ssim"].Number();
+  const double ssim = EntryOfImage(stage, name)["ssim"].Number();
   return run + (std::isfinite(ssim) ? ", SSIM " + FormatFixed(ssim, 3) : "");
 }
 

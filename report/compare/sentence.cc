@@ -42,7 +42,7 @@ FigurePointers With(Change change, const FigurePointers& figures) {
 }
 
 /// Said behind figures of which no spread is known.
-std::string Doubt(const FigurePointers& figures) {
+std::string SpreadNote(const FigurePointers& figures) {
   const bool all = std::all_of(figures.begin(), figures.end(), [](const auto* f) { return std::isfinite(f->half_width); });
   const bool none = std::none_of(figures.begin(), figures.end(), [](const auto* f) { return std::isfinite(f->half_width); });
   if (all) return figures.size() == 1 ? ", more than the spread" : ", each more than its spread";
@@ -69,10 +69,10 @@ std::string Undecided(const Comparing& comparing, const FigurePointers& figures)
 std::string SentenceOn(const Comparing& comparing, const FigurePointers& figures) {
   const FigurePointers better = With(Change::kBetter, figures), worse = With(Change::kWorse, figures);
   if (better.empty() && worse.empty()) return Undecided(comparing, figures);
-  if (worse.empty()) return comparing.Is("better") + comparing.than_first + ": " + FromTo(better) + Doubt(better) + ".";
-  if (better.empty()) return comparing.Is("worse") + comparing.than_first + ": " + FromTo(worse) + Doubt(worse) + ".";
+  if (worse.empty()) return comparing.Is("better") + comparing.than_first + ": " + FromTo(better) + SpreadNote(better) + ".";
+  if (better.empty()) return comparing.Is("worse") + comparing.than_first + ": " + FromTo(worse) + SpreadNote(worse) + ".";
   return comparing.Is("better in part and worse in part") + comparing.than_first + ": better in " + FromTo(better) +
-         Doubt(better) + "; worse in " + FromTo(worse) + Doubt(worse) + ".";
+         SpreadNote(better) + "; worse in " + FromTo(worse) + SpreadNote(worse) + ".";
 }
 
 std::string SentenceOf(const ComparedRuns& runs, const ComparedStage& stage, const Subject& subject,

@@ -23,7 +23,7 @@ Texts TypedFlags(const Value& argv) {
   std::string flag;
   for (const Value& word : argv.items()) {
     const std::string text = word.Text(word.Dump());
-    if (text.rfind("--", 0) == 0) {
+    if (text.size() > 2 && text[0] == '-' && text[1] == '-') {
       const size_t equals = text.find('=');
       flag = text.substr(2, equals == std::string::npos ? equals : equals - 2);
       flags[flag] = equals == std::string::npos ? "" : text.substr(equals + 1);
