@@ -12,6 +12,7 @@
 #include "report/page/format.h"
 #include "report/page/inside.h"
 #include "report/page/picture.h"
+#include "report/page/player.h"
 #include "report/scene/scene.h"
 #include "report/sections.h"
 #include "report/svg/rig_view.h"
@@ -296,6 +297,21 @@ std::string WorstFrames(const ScenePeople& people) {
   return links.empty() ? "" : "<p>Largest residuals: " + links + ".</p>\n";
 }
 
+/// The fitted body over time as an element; empty where no run has one. Where there is a player of Gaussians, the viewer takes
+/// the body from there.
+std::string BodyOverTime(SectionContext* context) {
+  std::string bytes;
+  for (const Stage& stage : context->data.stages) {
+    for (const Value& output : stage.result["outputs"].items()) {
+      const std::string role = output["role"].Text();
+      if (role == "gaussians-player") return {};
+      if (role == "body-motion" && bytes.empty())
+        bytes = ReadOutput(context, stage, output, IsPlayerFile, "no file of a body in motion");
+    }
+  }
+  return bytes.empty() ? "" : "<i data-body=\"" + Base64(bytes) + "\"></i>";
+}
+
 }  // namespace
 
 Section StudioSection(SectionContext* context) {
@@ -330,7 +346,8 @@ Section StudioSection(SectionContext* context) {
       ParagraphHtml(
           "The view in 3D needs WebGL and scripts, which are not at hand here. The drawn figures of the rig show the same.",
           "muted") +
-      "<div hidden>" + chunks + "</div></div>\n" + (ForClient(context->options) ? "" : WorstFrames(people));
+      "<div hidden>" + chunks + BodyOverTime(context) + "</div></div>\n" +
+      (ForClient(context->options) ? "" : WorstFrames(people));
   return section;
 }
 
