@@ -23,7 +23,7 @@ namespace mvstudio::report {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr size_t kMaxCells = 1'200'000, kMaxBoards = 1500, kMaxSpans = 480, kChunkCells = 16'000, kMaxNotes = 6, kWorst = 5;
+constexpr size_t kMaxCells = 1'200'000, kMaxBoards = 1500, kMaxSpans = 480, kChunkCells = 16'000, kMaxNotes = 6;
 
 /// Bytes of a file of the run, or nothing.
 std::string ReadBeside(const SectionContext& context, const std::string& folder, const std::string& name) {
@@ -282,21 +282,6 @@ double FloorOf(const std::vector<ViewCamera>& cameras, const Value& boards, cons
   return heights.empty() ? 0 : LinearQuantile(heights, 0);
 }
 
-/// Links to the time steps of the largest residuals.
-std::string WorstFrames(const ScenePeople& people) {
-  std::vector<SceneSpan> spans = SpansOf(people, kMaxSpans);
-  spans.erase(std::remove_if(spans.begin(), spans.end(), [](const SceneSpan& s) { return !std::isfinite(s.rms_px); }),
-              spans.end());
-  std::stable_sort(spans.begin(), spans.end(), [](const SceneSpan& a, const SceneSpan& b) { return a.rms_px > b.rms_px; });
-  std::string links;
-  for (size_t i = 0; i < std::min(kWorst, spans.size()); ++i) {
-    const std::string frame = std::to_string(people.frames[spans[i].worst]);
-    links += (i > 0 ? ", " : "") + ("<a href=\"#frame=" + frame + "\">frame " + frame + "</a> (" +
-                                    EscapeHtml(FormatWithUnit(spans[i].rms_px, "px", 3)) + ")");
-  }
-  return links.empty() ? "" : "<p>Largest residuals: " + links + ".</p>\n";
-}
-
 /// The fitted body over time as an element; empty where no run has one. Where there is a player of Gaussians, the viewer takes
 /// the body from there.
 std::string BodyOverTime(SectionContext* context) {
@@ -347,7 +332,7 @@ Section StudioSection(SectionContext* context) {
           "The view in 3D needs WebGL and scripts, which are not at hand here. The drawn figures of the rig show the same.",
           "muted") +
       "<div hidden>" + chunks + BodyOverTime(context) + "</div></div>\n" +
-      (ForClient(context->options) ? "" : WorstFrames(people));
+      (ForClient(context->options) || data.points.empty() ? "" : WorstTimeSteps(people, data.points.front().table));
   return section;
 }
 

@@ -10,6 +10,7 @@
 #include "report/page/value.h"
 #include "report/report.h"
 #include "report/run_data.h"
+#include "report/scene/scene.h"
 #include "report/svg/rig_view.h"
 
 /// The parts of the page. Each reads the run, returns its HTML, and adds the same numbers to `json` and unusable files to
@@ -35,6 +36,9 @@ bool ForClient(const ReportOptions& options);
 Section PreviewSection(SectionContext* context);
 /// Cameras, boards and people in the page's viewer; without a body when there are none.
 Section StudioSection(SectionContext* context);
+/// Links to the time steps of the largest residuals and of most joints without a position, with the worst joint and the
+/// reasons.
+std::string WorstTimeSteps(const ScenePeople& people, const TableFile& table);
 Section CalibrationSection(SectionContext* context);
 Section TriangulationSection(SectionContext* context);
 /// Sessions, time offsets, keypoints, masks; without a body when none of them was run.

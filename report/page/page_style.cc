@@ -42,6 +42,7 @@ border:1px solid currentColor}
 .card dl{display:grid;grid-template-columns:minmax(0,1fr) auto;margin:0;gap:.05rem .8rem;font-size:.9em}.card dt{color:var(--muted)}
 .card dd{margin:0;text-align:right;font-variant-numeric:tabular-nums;font-weight:600;white-space:nowrap}
 .card p{margin:.1rem 0 0;font-size:.88em}
+.worst{margin:.4rem 0 .8rem;padding-left:1.2rem}
 .fix{padding-left:0;list-style:none;max-width:66rem}
 .fix li{margin:.35rem 0;padding:.45rem .8rem;border-left:4px solid var(--warn);background:var(--card);border-radius:0 .3rem .3rem 0}
 .fix li.fail{border-left-color:var(--fail)}.fix .hint{display:block}.fix .from{color:var(--muted);font-size:.86em}

@@ -38,6 +38,17 @@ std::string FixListOf(const std::string& html) {
   return std::regex_replace(html.substr(begin, end - begin), std::regex("(<[^>]*>|\\s)+"), " ");
 }
 
+TEST_F(ReportTest, TheWorstCameraAndTheWorstFrameAreOneClickAway) {
+  SaveCalibration("calibration.json", "left cam&");
+  SaveCalibrate("left cam&");
+  SaveTriangulation();
+  const std::string html = Build().html;
+  EXPECT_THAT(html, HasSubstr("worst camera <a href=\"#camera=left%20cam%26\">left cam&amp;</a>, rms 0.212"));
+  EXPECT_THAT(html, HasSubstr("<a href=\"#frame=3\">frame 3</a> (2.63\u00a0px; worst MidHip, 3.5\u00a0px by 2 cameras)"))
+      << "sqrt((3.5^2 + 1.25^2) / 2) = 2.63";
+  EXPECT_THAT(html, HasSubstr("Most joints without a position: <a href=\"#frame=0\">frame 0</a> (LowParallax 1)"));
+}
+
 TEST_F(ReportTest, OnlyWhatWasRunHasACard) {
   SaveCalibrate();
   const std::string html = Build().html;
