@@ -75,32 +75,32 @@ std::string PairHtml(SectionContext* context, const ComparedRuns& runs, const Co
   if (before.empty() || after.empty()) return {};
   const std::string truth = EmbedOutput(context, first, ImageOfEval(*context, first, "truth", pair.name), "truth");
   NeedScript(context, SliderScript());
-  return ParagraphHtml(pair.caption, "muted") + "<div class=\"beside\" data-left=\"" + EscapeHtml(runs.names.front()) +
-         "\" data-right=\"" + EscapeHtml(runs.names.back()) + "\">" + GridHtml({before, after, truth}, "grid methods") +
-         "</div>\n";
+  return "<div>" + ParagraphHtml(pair.caption, "muted") + "<div class=\"beside\" data-left=\"" +
+         EscapeHtml(runs.names.front()) + "\" data-right=\"" + EscapeHtml(runs.names.back()) + "\">" +
+         GridHtml({before, after, truth}, "grid methods") + "</div></div>\n";
 }
 
 }  // namespace
 
 std::string ImagePairs(SectionContext* context, const ComparedRuns& runs, const std::vector<ComparedStage>& stages) {
   constexpr int kMostOpen = 4;
-  std::string shown, folded;
+  std::vector<std::string> shown, folded;
   int count = 0;
   for (const ComparedStage& stage : stages) {
     if (stage.command != "avatar eval" || !stage.InBoth()) continue;
     for (const ImagePair& pair : SharedPairs(*context, *stage.runs.front(), *stage.runs.back())) {
       if (count >= context->options.max_heldout_pictures) break;
       const std::string html = PairHtml(context, runs, stage, pair);
-      count += html.empty() ? 0 : 1;
-      (count <= kMostOpen ? shown : folded) += html;
+      if (html.empty()) continue;
+      (++count <= kMostOpen ? shown : folded).push_back(html);
     }
   }
-  if (!folded.empty()) shown += DetailsHtml(std::to_string(count - kMostOpen) + " more images", folded);
   if (shown.empty()) return "";
+  const std::string more = folded.empty() ? "" : DetailsHtml(std::to_string(folded.size()) + " more images", GridHtml(folded));
   return ParagraphHtml("The same camera and frame in both runs, what lost most first. The slider moves the border between " +
                            runs.names.front() + " (left) and " + runs.names.back() + " (right).",
                        "muted") +
-         shown;
+         GridHtml(shown) + more;
 }
 
 }  // namespace mvstudio::report

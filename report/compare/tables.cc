@@ -42,13 +42,13 @@ std::string FigureTable(const std::string& caption, const ComparedRuns& runs,
                         const std::vector<const ComparedFigure*>& figures) {
   if (figures.empty()) return {};
   Table table(caption);
-  table.AddColumn("", "", false);
+  table.AddColumn("verdict", "", false);
   table.AddColumn("command", "", false);
   table.AddColumn("figure", "", false);
   for (const std::string& name : runs.names) table.AddColumn(name);
   table.AddColumn("change");
   table.AddColumn("spread", "95\u00a0%");
-  table.AddColumn("", "", false);
+  table.AddColumn("direction", "", false);
   for (const ComparedFigure* figure : figures) {
     const std::string folder = figure->stage->folder.empty() ? "" : " (" + figure->stage->folder + ")";
     std::vector<Table::Cell> cells = {ChangeCell(*figure), figure->stage->command + folder, figure->Name()};
@@ -132,8 +132,13 @@ std::string Added(const std::set<std::string>& before, const std::set<std::strin
 
 Section FiguresSection(const ComparedRuns& runs, const std::vector<ComparedFigure>& figures, bool for_client) {
   const Pointers ordered = Ordered(figures, false);
-  Section section{"figures", "Better or worse", FigureTable("", runs, ordered)};
+  const auto is_changed = [](const ComparedFigure* figure) { return figure->change < Change::kEqual; };
+  const auto equal = std::partition_point(ordered.begin(), ordered.end(), is_changed);
+  Section section{"figures", "Better or worse", FigureTable("", runs, {ordered.begin(), equal})};
   if (ordered.empty()) return section;
+  if (equal != ordered.end())
+    section.body_html += DetailsHtml(std::to_string(ordered.end() - equal) + " figures that are equal, or not compared",
+                                     FigureTable("", runs, {equal, ordered.end()}));
   section.body_html =
       ParagraphHtml(CountsText(ordered)) + section.body_html + WhyNotCompared(ordered, for_client) +
       ParagraphHtml(

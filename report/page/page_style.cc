@@ -27,7 +27,7 @@ header{display:flex;flex-wrap:wrap;gap:.5rem 1rem;align-items:baseline;margin-bo
 h1,h3,header p,.card,.fix li{overflow-wrap:anywhere}.sentence{font-weight:600}
 nav{display:flex;flex-wrap:wrap;gap:.3rem 1.1rem;padding:.5rem 0;border-top:1px solid var(--rule);border-bottom:1px solid var(--rule);
 margin-bottom:1.2rem;font-size:.92em}
-a{color:var(--c0);text-decoration:none}a:hover{text-decoration:underline}
+a{color:var(--c0);text-decoration:none}a:hover,p a,li a{text-decoration:underline}
 section{padding:1.4rem 0 .6rem;border-top:1px solid var(--rule)}section:first-child{border-top:0;padding-top:.3rem}
 .badge{display:inline-block;padding:.05rem .55rem;border-radius:.7rem;font-size:.82em;font-weight:650;white-space:nowrap;
 border:1px solid currentColor}
@@ -51,7 +51,8 @@ code{font:.86em ui-monospace,"DejaVu Sans Mono",Consolas,monospace;overflow-wrap
 table{border-collapse:collapse;font-size:.92em;font-variant-numeric:tabular-nums}
 caption{text-align:left;white-space:nowrap;font-weight:600;padding-bottom:.35rem}
 th,td{padding:.26rem .7rem;text-align:left;border-bottom:1px solid var(--rule);vertical-align:top}
-thead th{border-bottom:2px solid var(--rule);vertical-align:bottom}th.num,td.num{text-align:right;white-space:nowrap}
+thead th,thead td{border-bottom:2px solid var(--rule);vertical-align:bottom}th.num,td.num{text-align:right;white-space:nowrap}
+td.long{white-space:normal;overflow-wrap:anywhere}
 tr.look td{background:var(--look)}td code{white-space:pre-wrap}
 figure{margin:.4rem 0 1.2rem;min-width:0;overflow-wrap:anywhere}figcaption{font-size:.86em;margin-top:.3rem;max-width:60rem}
 .grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,31rem),1fr));gap:.4rem 1.6rem;align-items:start}
