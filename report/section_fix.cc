@@ -192,17 +192,6 @@ std::string WorstIn(const RunData& data, const Stage& stage, const Measure& meas
   return parts.empty() ? "" : "<li>" + EscapeHtml(measure.what) + ": " + Join(parts, "; ") + ".</li>\n";
 }
 
-/// The worst of each stage, in the order of the pipeline.
-std::string WorstList(const RunData& data) {
-  std::string items;
-  for (const Measure& measure : kMeasures) {
-    const std::vector<const Stage*> stages = data.All(measure.command);
-    if (!stages.empty()) items += WorstIn(data, *stages.front(), measure);
-  }
-  return (items.empty() ? "" : "<ul class=\"worst\">" + items + "</ul>\n") +
-         (OverallVerdict(data) == Verdict::kPass ? ParagraphHtml("No frame failed.") : "");
-}
-
 /// At most 160 bytes, cut between words.
 std::string Shortened(const std::string& text) {
   constexpr size_t kMost = 160;
@@ -245,12 +234,23 @@ std::string VerdictSentence(const RunData& data, bool with_reason) {
   return sentence + ". First, " + first.from.front() + ": " + Shortened(first.notices.front().text);
 }
 
+std::string WorstList(const SectionContext& context) {
+  std::string items;
+  for (const Measure& measure : kMeasures) {
+    const std::vector<const Stage*> stages = context.data.All(measure.command);
+    if (!stages.empty()) items += WorstIn(context.data, *stages.front(), measure);
+  }
+  if (!context.worst_step.empty()) items += "<li>Time steps: " + context.worst_step + ".</li>\n";
+  return items.empty() ? "" : "<ul class=\"worst\">" + items + "</ul>\n";
+}
+
 std::string WhatToFix(const SectionContext& context) {
   const std::vector<Finding> findings = FindingsOf(context.data, context.warnings);
   constexpr size_t kShown = 12;
   std::string shown, hidden;
   for (size_t i = 0; i < findings.size(); ++i) (i < kShown ? shown : hidden) += LineOf(findings[i]);
-  std::string html = "<h3>What to fix first</h3>\n" + WorstList(context.data);
+  std::string html = "<h3>What to fix first</h3>\n";
+  if (OverallVerdict(context.data) == Verdict::kPass) html += ParagraphHtml("No frame failed.");
   html += findings.empty() ? ParagraphHtml("No warnings.") : "<ol class=\"fix\">" + shown + "</ol>\n";
   if (!hidden.empty())
     html += DetailsHtml(std::to_string(findings.size() - kShown) + " more", "<ol class=\"fix\">" + hidden + "</ol>\n");

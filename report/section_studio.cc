@@ -297,6 +297,19 @@ std::string BodyOverTime(SectionContext* context) {
   return bytes.empty() ? "" : "<i data-body=\"" + Base64(bytes) + "\"></i>";
 }
 
+/// The worst time steps below the viewer, the very worst for the top of the page.
+std::string TimeStepLinks(SectionContext* context, const ScenePeople& people) {
+  constexpr size_t kShown = 5;
+  if (ForClient(context->options) || context->data.points.empty()) return {};
+  const TableFile& table = context->data.points.front().table;
+  const WorstTimeSteps all = FindWorstTimeSteps(people, table, kShown), first = FindWorstTimeSteps(people, table, 1);
+  if (!first.residuals.empty()) context->worst_step = "largest residuals at " + first.residuals;
+  if (!first.missing.empty())
+    context->worst_step += (first.residuals.empty() ? "" : "; ") + ("most joints without a position at " + first.missing);
+  return (all.residuals.empty() ? "" : "<p>Largest residuals: " + all.residuals + ".</p>\n") +
+         (all.missing.empty() ? "" : "<p>Most joints without a position: " + all.missing + ".</p>\n");
+}
+
 }  // namespace
 
 Section StudioSection(SectionContext* context) {
@@ -331,8 +344,7 @@ Section StudioSection(SectionContext* context) {
       ParagraphHtml(
           "The view in 3D needs WebGL and scripts, which are not at hand here. The drawn figures of the rig show the same.",
           "muted") +
-      "<div hidden>" + chunks + BodyOverTime(context) + "</div></div>\n" +
-      (ForClient(context->options) || data.points.empty() ? "" : WorstTimeSteps(people, data.points.front().table));
+      "<div hidden>" + chunks + BodyOverTime(context) + "</div></div>\n" + TimeStepLinks(context, people);
   return section;
 }
 

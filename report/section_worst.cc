@@ -11,7 +11,7 @@
 namespace mvstudio::report {
 namespace {
 
-constexpr size_t kWorstSteps = 5, kMostSpans = 480;
+constexpr size_t kMostSpans = 480;
 
 std::string FrameLink(int64_t frame) {
   const std::string number = std::to_string(frame);
@@ -35,16 +35,16 @@ std::string WorstJoint(const ScenePeople& people, size_t step) {
          (worst->num_views == 1 ? " camera" : " cameras");
 }
 
-std::string ResidualsLine(const ScenePeople& people, std::vector<SceneSpan> spans) {
+std::string LargestResiduals(const ScenePeople& people, std::vector<SceneSpan> spans, size_t most) {
   spans.erase(std::remove_if(spans.begin(), spans.end(), [](const SceneSpan& s) { return !std::isfinite(s.rms_px); }),
               spans.end());
   std::stable_sort(spans.begin(), spans.end(), [](const SceneSpan& a, const SceneSpan& b) { return a.rms_px > b.rms_px; });
   std::string links;
-  for (size_t i = 0; i < std::min(kWorstSteps, spans.size()); ++i) {
+  for (size_t i = 0; i < std::min(most, spans.size()); ++i) {
     links += (i > 0 ? ", " : "") + FrameLink(people.frames[spans[i].worst]) + " (" +
              EscapeHtml(FormatWithUnit(spans[i].rms_px, "px", 3) + WorstJoint(people, spans[i].worst)) + ")";
   }
-  return links.empty() ? "" : "<p>Largest residuals: " + links + ".</p>\n";
+  return links;
 }
 
 /// Reasons of a frame for joints without a position, with their counts.
@@ -62,7 +62,7 @@ std::map<int64_t, Reasons> LostJoints(const TableFile& table) {
   return lost;
 }
 
-std::string MissingLine(const TableFile& table) {
+std::string MostMissing(const TableFile& table, size_t most) {
   const std::map<int64_t, Reasons> lost = LostJoints(table);
   std::vector<std::pair<int, int64_t>> worst;  // joints lost, frame
   for (const auto& [frame, reasons] : lost) {
@@ -72,18 +72,18 @@ std::string MissingLine(const TableFile& table) {
   }
   std::stable_sort(worst.begin(), worst.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   std::string links;
-  for (size_t i = 0; i < std::min(kWorstSteps, worst.size()); ++i) {
+  for (size_t i = 0; i < std::min(most, worst.size()); ++i) {
     const std::string reasons = Join(lost.at(worst[i].second), ", ",
                                      [](const auto& reason) { return reason.first + " " + std::to_string(reason.second); });
     links += (i > 0 ? ", " : "") + FrameLink(worst[i].second) + " (" + EscapeHtml(reasons) + ")";
   }
-  return links.empty() ? "" : "<p>Most joints without a position: " + links + ".</p>\n";
+  return links;
 }
 
 }  // namespace
 
-std::string WorstTimeSteps(const ScenePeople& people, const TableFile& table) {
-  return ResidualsLine(people, SpansOf(people, kMostSpans)) + MissingLine(table);
+WorstTimeSteps FindWorstTimeSteps(const ScenePeople& people, const TableFile& table, size_t most) {
+  return {LargestResiduals(people, SpansOf(people, kMostSpans), most), MostMissing(table, most)};
 }
 
 }  // namespace mvstudio::report

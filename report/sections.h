@@ -24,6 +24,7 @@ struct SectionContext {
   std::vector<Notice> warnings;
   int64_t picture_bytes = 0;  ///< embedded so far
   std::string script;         ///< that the embedded parts need
+  std::string worst_step;     ///< HTML: the take's worst time steps, as the studio in 3D found them
 };
 
 /// Adds a script to those that the page needs, once.
@@ -37,8 +38,11 @@ Section PreviewSection(SectionContext* context);
 /// Cameras, boards and people in the page's viewer; without a body when there are none.
 Section StudioSection(SectionContext* context);
 /// Links to the time steps of the largest residuals and of most joints without a position, with the worst joint and the
-/// reasons.
-std::string WorstTimeSteps(const ScenePeople& people, const TableFile& table);
+/// reasons: at most `most` of each as HTML; empty without any.
+struct WorstTimeSteps {
+  std::string residuals, missing;
+};
+WorstTimeSteps FindWorstTimeSteps(const ScenePeople& people, const TableFile& table, size_t most);
 Section CalibrationSection(SectionContext* context);
 Section TriangulationSection(SectionContext* context);
 /// Sessions, time offsets, keypoints, masks; without a body when none of them was run.
@@ -58,8 +62,10 @@ std::string StageCards(const RunData& data, bool for_studio);
 Verdict OverallVerdict(const RunData& data);
 /// "Nothing failed; 3 of 8 results have warnings. First, calibrate: …"; the last part only `with_reason`.
 std::string VerdictSentence(const RunData& data, bool with_reason);
-/// Failures before warnings, causes before what follows from them; one line a code with its cameras. Names the worst camera and
-/// frame.
+/// A line for each stage with its worst camera and frame, and one for the take's time steps; links where the studio in 3D has
+/// them.
+std::string WorstList(const SectionContext& context);
+/// Failures before warnings, causes before what follows from them; one line a code with its cameras.
 std::string WhatToFix(const SectionContext& context);
 
 // Helpers shared by the sections.

@@ -171,7 +171,7 @@ Report BuildComparison(const std::vector<std::string>& folders, const ReportOpti
   RequireComparable(folders, options);
   const Compared all = Compare(folders, options);
   const RunData& last = all.runs.data.back();
-  SectionContext context{last, options, Value::Object(), {}, 0, {}};
+  SectionContext context{last, options, Value::Object(), {}, 0, {}, {}};
   const std::vector<Section> sections = SectionsOf(&context, all);
   const std::string title =
       options.title.empty() ? "Comparison: " + all.runs.names.front() + " and " + all.runs.names.back() : options.title;

@@ -23,8 +23,8 @@ font:15px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans
 h1{font-size:1.6rem;line-height:1.2;margin:0 0 .3rem}h2{font-size:1.25rem;margin:0 0 .8rem}
 h3{font-size:1rem;margin:1.6rem 0 .5rem}
 p{margin:.4rem 0 .8rem;max-width:60rem}.muted,figcaption,.unit{color:var(--muted)}.unit{font-weight:400}
-header{display:flex;flex-wrap:wrap;gap:.5rem 1rem;align-items:baseline;margin-bottom:.8rem}header p{flex-basis:100%;margin:0}
-h1,h3,header p,.card,.fix li{overflow-wrap:anywhere}.sentence{font-weight:600}
+header{display:flex;flex-wrap:wrap;gap:.5rem 1rem;align-items:baseline;margin-bottom:.8rem}header p,header ul{flex-basis:100%;margin:0}
+h1,h3,header p,header li,.card,.fix li{overflow-wrap:anywhere}.sentence{font-weight:600}
 nav{display:flex;flex-wrap:wrap;gap:.3rem 1.1rem;padding:.5rem 0;border-top:1px solid var(--rule);border-bottom:1px solid var(--rule);
 margin-bottom:1.2rem;font-size:.92em}
 a{color:var(--c0);text-decoration:none}a:hover,p a,li a{text-decoration:underline}

@@ -19,7 +19,7 @@ const char* ViewPageHtml() {
 <p id="tabs" hidden><button id="tab-report" type="button">Report</button> <button id="tab-frames" type="button">Frames</button></p>
 </header>
 <iframe id="report" title="Report" sandbox="allow-scripts allow-downloads" hidden></iframe>
-<div id="frames">
+<main id="frames">
 <form id="controls">
 <button id="before" type="button" aria-label="Step back">&#9664;</button>
 <button id="play" type="button" aria-pressed="false">Play</button>
@@ -35,11 +35,11 @@ const char* ViewPageHtml() {
 <canvas id="time" height="44" tabindex="0" aria-label="Error over time; click to go there"></canvas>
 <p id="scale" hidden></p>
 <nav id="strip" aria-label="Frames over time"></nav>
-<main id="views"></main>
+<div id="views"></div>
 <details><summary>Keys</summary><p>Arrow keys: one step back or on; with Shift ten. Home, End: the first and the last. Space: play.
 Click an image, or Enter on it: that camera alone; Escape: all of them. The address holds what you see: send it to point at a
 frame.</p></details>
-</div>
+</main>
 <script src="view.js"></script>
 </body>
 </html>

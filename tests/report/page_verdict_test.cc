@@ -46,7 +46,12 @@ TEST_F(ReportTest, TheWorstCameraAndTheWorstFrameAreOneClickAway) {
   EXPECT_THAT(html, HasSubstr("worst camera <a href=\"#camera=left%20cam%26\">left cam&amp;</a>, rms 0.212"));
   EXPECT_THAT(html, HasSubstr("<a href=\"#frame=3\">frame 3</a> (2.63\u00a0px; worst MidHip, 3.5\u00a0px by 2 cameras)"))
       << "sqrt((3.5^2 + 1.25^2) / 2) = 2.63";
-  EXPECT_THAT(html, HasSubstr("Most joints without a position: <a href=\"#frame=0\">frame 0</a> (LowParallax 1)"));
+  EXPECT_THAT(html, HasSubstr("Most joints without a position: <a href=\"#frame=0\">frame 0</a> (LowParallax 1), <a"));
+  EXPECT_THAT(html.substr(0, html.find("<nav")),
+              AllOf(HasSubstr("largest residuals at <a href=\"#frame=3\">"), HasSubstr("(LowParallax 1).</li>")));
+  ReportOptions client;
+  client.audience = "client";
+  EXPECT_THAT(Build(client).html, Not(HasSubstr("orst camera")));
 }
 
 TEST_F(ReportTest, OnlyWhatWasRunHasACard) {
@@ -88,7 +93,9 @@ TEST_F(ReportTest, WhatToFixTellsFailuresAndCausesFirstAndEachKindOnce) {
   at("calibrate, triangulate \u00b7 CAL-LEFTOUT \u00b7 camera lost");
   EXPECT_EQ(list.find("\u00b7 CAL-SOFT"), list.rfind("\u00b7 CAL-SOFT")) << "one line a code";
   EXPECT_EQ(list.find("mend CAL-LEFTOUT"), list.rfind("mend CAL-LEFTOUT"));
-  at("worst camera cam_2, rms 0.9\u00a0px (median 0.25\u00a0px); worst frame 17 of cam_2, rms 1.5\u00a0px");
+  EXPECT_THAT(html.substr(0, html.find("<nav")),
+              HasSubstr("worst camera cam_2, rms 0.9\u00a0px (median 0.25\u00a0px); worst frame 17 of cam_2, rms 1.5\u00a0px"))
+      << "seen without scrolling";
   EXPECT_THAT(list, Not(HasSubstr("No frame failed")));
   const std::string cards = html.substr(0, html.find("What to fix first"));
   EXPECT_THAT(cards, HasSubstr("<p>too few views</p>")) << "a failed stage shows its error";
