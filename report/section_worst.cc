@@ -50,6 +50,17 @@ std::string LargestResiduals(const ScenePeople& people, std::vector<SceneSpan> s
 /// Reasons of a frame for joints without a position, with their counts.
 using Reasons = std::map<std::string, int>;
 
+/// "TooFewViews" -> "too few views"
+std::string WordsOfStatus(const std::string& status) {
+  std::string words;
+  for (const char c : status) {
+    const bool upper = std::isupper(static_cast<unsigned char>(c)) != 0;
+    if (upper && !words.empty()) words += ' ';
+    words += upper ? static_cast<char>(std::tolower(static_cast<unsigned char>(c))) : c;
+  }
+  return words;
+}
+
 std::map<int64_t, Reasons> LostJoints(const TableFile& table) {
   std::map<int64_t, Reasons> lost;
   const int frame = table.Column("frame"), status = table.Column("status");
@@ -73,8 +84,9 @@ std::string MostMissing(const TableFile& table, size_t most) {
   std::stable_sort(worst.begin(), worst.end(), [](const auto& a, const auto& b) { return a.first > b.first; });
   std::string links;
   for (size_t i = 0; i < std::min(most, worst.size()); ++i) {
-    const std::string reasons = Join(lost.at(worst[i].second), ", ",
-                                     [](const auto& reason) { return reason.first + " " + std::to_string(reason.second); });
+    const std::string reasons = Join(lost.at(worst[i].second), ", ", [](const auto& reason) {
+      return std::to_string(reason.second) + " " + WordsOfStatus(reason.first);
+    });
     links += (i > 0 ? ", " : "") + FrameLink(worst[i].second) + " (" + EscapeHtml(reasons) + ")";
   }
   return links;

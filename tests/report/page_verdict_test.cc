@@ -46,9 +46,9 @@ TEST_F(ReportTest, TheWorstCameraAndTheWorstFrameAreOneClickAway) {
   EXPECT_THAT(html, HasSubstr("worst camera <a href=\"#camera=left%20cam%26\">left cam&amp;</a>, rms 0.212"));
   EXPECT_THAT(html, HasSubstr("<a href=\"#frame=3\">frame 3</a> (2.63\u00a0px; worst MidHip, 3.5\u00a0px by 2 cameras)"))
       << "sqrt((3.5^2 + 1.25^2) / 2) = 2.63";
-  EXPECT_THAT(html, HasSubstr("Most joints without a position: <a href=\"#frame=0\">frame 0</a> (LowParallax 1), <a"));
+  EXPECT_THAT(html, HasSubstr("Most joints without a position: <a href=\"#frame=0\">frame 0</a> (1 low parallax), <a"));
   EXPECT_THAT(html.substr(0, html.find("<nav")),
-              AllOf(HasSubstr("largest residuals at <a href=\"#frame=3\">"), HasSubstr("(LowParallax 1).</li>")));
+              AllOf(HasSubstr("largest residuals at <a href=\"#frame=3\">"), HasSubstr("(1 low parallax).</li>")));
   ReportOptions client;
   client.audience = "client";
   EXPECT_THAT(Build(client).html, Not(HasSubstr("orst camera")));
