@@ -11,6 +11,7 @@ namespace mvstudio::report {
 namespace {
 
 constexpr char kAbsent[] = "not there";
+constexpr size_t kMostInputs = 1000;  // of a command, that a page can show
 
 struct RecordedInput {
   std::string name, digest;
@@ -30,7 +31,8 @@ std::vector<RecordedInput> InputsOf(const RunData& run, const Stage& stage) {
   for (const Value& input : (*line)["inputs"].items()) {
     const std::filesystem::path path(input["path"].Text());
     const std::string digest = input["sha256"].Text(input["sha256_of_list"].Text());
-    if (!digest.empty()) inputs.push_back({path.filename().string(), digest, input["bytes"].Number()});
+    if (!digest.empty() && inputs.size() < kMostInputs)
+      inputs.push_back({path.filename().string(), digest, input["bytes"].Number()});
   }
   return inputs;
 }

@@ -54,7 +54,8 @@ std::vector<HostileReader> Readers() {
           {"history", "report_run/all.txt", "history.csv", false, ReadFolder, 5},
           {"provenance", "report_run/all.txt", "provenance.jsonl", false, ReadFolder, 6},
           {"compared_calibrate", "report_run/all.txt", "calibrate.result.json", false, CompareFolder, 0},
-          {"compared_evaluation", "report_run/all.txt", "avatar_eval.result.json", false, CompareFolder, 2}};
+          {"compared_evaluation", "report_run/all.txt", "avatar_eval.result.json", false, CompareFolder, 2},
+          {"compared_provenance", "report_run/all.txt", "provenance.jsonl", false, CompareFolder, 6}};
 }
 
 INSTANTIATE_TEST_SUITE_P(All, HostileReaders, ::testing::ValuesIn(Readers()), HostileReaderName);
