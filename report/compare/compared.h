@@ -40,9 +40,10 @@ std::string_view ToString(Change change);
 struct ComparedFigure {
   const Figure* figure = nullptr;
   const ComparedStage* stage = nullptr;
-  std::string entry;           ///< the camera, where the figure is of one
-  std::vector<double> values;  ///< of each run; NaN: not there
-  double half_width = 0;       ///< of the change, 95 %; NaN: a run states no spread
+  std::string entry;                ///< the camera, where the figure is of one
+  std::vector<double> values;       ///< of each run; NaN: not there
+  std::vector<double> half_widths;  ///< of each value, 95 %; NaN: not stated
+  double half_width = 0;            ///< of the change, 95 %; NaN: a run states no spread
   Change change = Change::kEqual;
 
   double difference() const { return values.back() - values.front(); }
@@ -73,6 +74,10 @@ std::vector<std::string> JudgingSentences(const ComparedRuns& runs, const std::v
 
 /// Held-out images of the first and the last run, with a slider between them; empty without shared ones.
 std::string ImagePairs(SectionContext* context, const ComparedRuns& runs, const std::vector<ComparedStage>& stages);
+
+/// The main figures of three runs or more as charts; empty for two. Scores of other held-out images than the first run's are
+/// left out.
+std::string FiguresOverRuns(const ComparedRuns& runs, const std::vector<ComparedFigure>& figures);
 
 /// The parts of the page; without a body where there is nothing to say.
 Section FiguresSection(const ComparedRuns& runs, const std::vector<ComparedFigure>& figures, bool for_client);

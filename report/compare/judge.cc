@@ -43,13 +43,13 @@ Change Judge(const ComparedFigure& compared) {
 }
 
 ComparedFigure CompareOne(const ComparedStage& stage, const Figure& figure, const std::string& entry) {
-  ComparedFigure compared{&figure, &stage, entry, {}, kNan, Change::kEqual};
+  ComparedFigure compared{&figure, &stage, entry, {}, {}, kNan, Change::kEqual};
   for (const Stage* run : stage.runs) {
     const Value& place = PlaceIn(run, figure, entry);
     compared.values.push_back(place.IsNull() ? kNan : FigureNumber(figure, place));
+    compared.half_widths.push_back(FigureHalfWidth(figure, place));
   }
-  const auto half = [&](const Stage* run) { return FigureHalfWidth(figure, PlaceIn(run, figure, entry)); };
-  compared.half_width = std::hypot(half(stage.runs.front()), half(stage.runs.back()));
+  compared.half_width = std::hypot(compared.half_widths.front(), compared.half_widths.back());
   compared.change = Judge(compared);
   return compared;
 }

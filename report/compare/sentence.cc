@@ -12,18 +12,17 @@ namespace {
 /// What a command's result is called; the most finished first.
 struct Subject {
   const char *command, *name;
+  bool plural = false;
 };
 constexpr Subject kSubjects[] = {{"avatar eval", "avatar"},
                                  {"avatar fit", "fitted body"},
                                  {"error-budget", "error on left-out cameras"},
-                                 {"triangulate", "3D joints"},
-                                 {"mask", "masks"},
-                                 {"pose2d", "2D keypoints"},
-                                 {"sync", "times of the cameras"},
+                                 {"triangulate", "3D joints", true},
+                                 {"mask", "masks", true},
+                                 {"pose2d", "2D keypoints", true},
+                                 {"sync", "times of the cameras", true},
                                  {"calib eval", "calibration on new boards"},
                                  {"calibrate", "calibration"}};
-
-bool IsPlural(const std::string& name) { return name.back() == 's'; }
 
 using FigurePointers = std::vector<const ComparedFigure*>;
 
@@ -78,16 +77,16 @@ std::string SentenceOn(const Comparing& comparing, const FigurePointers& figures
 std::string SentenceOf(const ComparedRuns& runs, const ComparedStage& stage, const Subject& subject,
                        const FigurePointers& figures) {
   const std::string where = stage.folder.empty() ? "" : " in " + stage.folder;
-  const bool plural = IsPlural(subject.name);
   const Comparing comparing{std::string("The ") + subject.name, " of " + runs.names.back() + where,
-                            std::string(plural ? " than those of " : " than that of ") + runs.names.front(), plural};
+                            std::string(subject.plural ? " than those of " : " than that of ") + runs.names.front(),
+                            subject.plural};
   FigurePointers known;
   std::copy_if(figures.begin(), figures.end(), std::back_inserter(known),
                [](const auto* f) { return f->change != Change::kNotCompared && f->change != Change::kOnlyOne; });
   if (!known.empty()) return SentenceOn(comparing, known);
   if (With(Change::kNotCompared, figures).empty()) return "";
-  return std::string("Whether the ") + subject.name + comparing.of_last + " is better" + comparing.than_first +
-         " cannot be said: " + stage.why_not + ".";
+  return std::string("Whether the ") + subject.name + comparing.of_last + (subject.plural ? " are better" : " is better") +
+         comparing.than_first + " cannot be said: " + stage.why_not + ".";
 }
 
 }  // namespace

@@ -140,7 +140,8 @@ Section FiguresSection(const ComparedRuns& runs, const std::vector<ComparedFigur
     section.body_html += DetailsHtml(std::to_string(ordered.end() - equal) + " figures that are equal, or not compared",
                                      FigureTable("", runs, {equal, ordered.end()}));
   section.body_html =
-      ParagraphHtml(CountsText(ordered)) + section.body_html + WhyNotCompared(ordered, for_client) +
+      ParagraphHtml(CountsText(ordered)) + section.body_html + FiguresOverRuns(runs, figures) +
+      WhyNotCompared(ordered, for_client) +
       ParagraphHtml(
           "The change is that of " + runs.names.back() + " against " + runs.names.front() +
               ". The spread is what both state of their numbers, together: within it a change may be chance. Intervals of "

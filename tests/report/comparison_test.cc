@@ -8,6 +8,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "report/page/picture.h"
+#include "tests/report/markup.h"
 #include "tests/report/run_fixture.h"
 #include "tests/support/temp_dir.h"
 
@@ -244,6 +245,11 @@ TEST_F(ComparisonTest, ThreeRunsHaveAColumnEachAndTheLastIsHeldAgainstTheFirst) 
   EXPECT_EQ(FigureOf(found, "SSIM")["runs"], Json::parse("[0.9, 0.99, 0.95]"));
   EXPECT_NEAR(FigureOf(found, "SSIM")["change"], 0.05, 1e-12);
   EXPECT_THAT(page.html, HasSubstr("<th scope=\"col\" class=\"num\">between</th>"));
+  EXPECT_THAT(page.html, HasSubstr("aria-label=\"avatar eval: SSIM"));
+  for (const std::string& figure : SvgFigures(page.html)) EXPECT_EQ(CheckMarkup(figure), "");
+  Save(between, "avatar_eval.result.json", Result("avatar eval", Scores(0.99, 0.01, "q")));
+  Save(new_, "avatar_eval.result.json", Result("avatar eval", Scores(0.99, 0.01, "q")));
+  EXPECT_THAT(BuildComparison({old_, between, new_}).html, Not(HasSubstr("aria-label=\"avatar eval: SSIM"))) << "other images";
 }
 
 TEST_F(ComparisonTest, AClientReadsNeitherPathsNorSettings) {
