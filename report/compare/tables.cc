@@ -13,7 +13,7 @@ namespace {
 
 Table::Cell ChangeCell(const ComparedFigure& figure) {
   static constexpr const char* kClasses[] = {"fail", "pass", "warn", "idle", "idle", "idle", "idle"};
-  static constexpr const char* kSigns[] = {"\u2193", "\u2191", "\u2260", "\u2248", "=", "\u00b7", "\u00b7"};
+  static constexpr const char* kSigns[] = {"\u2717", "\u2713", "\u2260", "\u2248", "=", "\u00b7", "\u00b7"};
   const int i = static_cast<int>(figure.change);
   const std::string word(ToString(figure.change));
   Table::Cell cell(word);
