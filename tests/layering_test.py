@@ -134,6 +134,7 @@ MAY_INCLUDE = {
     "report/study": CORE | {"report/page"},
     "report/viewer": set(),
     "report": CORE | {"report/page", "report/scene", "report/svg", "report/viewer"},
+    "report/compare": CORE | {"report", "report/page", "report/svg"},
 }
 LIBRARIES = set(MAY_INCLUDE)
 STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}

@@ -43,6 +43,7 @@ StageJson RecordJson(const std::string& name, const StageRecord& record) {
                     {"found", record.found}};
   for (const Notice& error : record.errors)
     json["errors"].push_back({{"code", error.code}, {"text", error.text}, {"hint", error.hint}});
+  if (!record.told.empty()) json["told"] = record.told;
   json["inputs"] = StageJson::array();
   for (const Fingerprint& input : record.inputs) json["inputs"].push_back(PrintJson(input));
   json["output"] = PrintJson(record.output);
@@ -60,6 +61,7 @@ StageRecord RecordFrom(const StageJson& json, const std::string& session) {
   record.found = json.at("found").get<bool>();
   for (const StageJson& error : json.value("errors", StageJson::array()))
     record.errors.push_back({error.at("code"), error.at("text"), error.at("hint"), true});
+  record.told = json.value("told", std::vector<std::string>());
   for (const StageJson& input : json.at("inputs")) record.inputs.push_back(PrintFrom(input));
   record.output = PrintFrom(json.at("output"));
   for (std::string& word : record.words) word = InSession(word, session);
@@ -177,6 +179,13 @@ std::vector<std::string> WordsOf(const PipelineStage& stage) {
 
 }  // namespace
 
+std::vector<std::string> FailuresIn(const StageRecords& records) {
+  std::vector<std::string> failures;
+  for (const auto& [name, record] : records)
+    for (const Notice& error : record.errors) failures.push_back(name + ": " + error.code + " " + error.text);
+  return failures;
+}
+
 StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier) {
   StageRecord record;
   record.version = version;
@@ -200,6 +209,7 @@ std::string WhyStale(const PipelineStage& stage, const StageRecord& now, const S
   if (earlier->words != now.words) return ChangedWords(earlier->words, now.words);
   const std::string inputs = ChangedInputs(earlier->inputs, now.inputs);
   if (!inputs.empty()) return inputs;
+  if (earlier->told != now.told) return "it does not tell what failed since";
   if (now.output.files == 0 && earlier->output.files > 0) return stage.output + " is gone";
   return "";
 }
@@ -211,11 +221,14 @@ bool IsNewerThanInputs(const PipelineStage& stage) {
                      [&](const std::string& input) { return LatestChange(input) <= output; });
 }
 
-Judgement JudgeStage(const PipelineStage& stage, const std::string& version, const StageRecord* earlier) {
+Judgement JudgeStage(const PipelineStage& stage, const std::string& version, const StageRecord* earlier,
+                     const std::vector<std::string>& failures) {
   Judgement judged;
   judged.now = RecordOf(stage, version, earlier);
+  if (stage.kind == StageKind::kReport) judged.now.told = failures;
   judged.stale = WhyStale(stage, judged.now, earlier);
-  judged.now.found = !earlier && IsNewerThanInputs(stage);
+  // A report that others made need not tell of failures: they are in run.json, which is none of its inputs.
+  judged.now.found = !earlier && judged.now.told.empty() && IsNewerThanInputs(stage);
   if (judged.now.found) judged.stale = "found, newer than what it is made of";
   return judged;
 }

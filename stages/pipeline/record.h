@@ -22,6 +22,7 @@ struct StageRecord {
   int exit = 0;                       ///< kBegun until it has ended
   std::vector<std::string> accepted;  ///< codes of errors that were accepted
   std::vector<Notice> errors;         ///< of a stage that failed, for the report
+  std::vector<std::string> told;      ///< of the report: FailuresIn the records that it shows
   double seconds = 0;
   bool found = false;  ///< made by other means than `run`, and newer than what it is made of
   std::vector<Fingerprint> inputs;
@@ -37,6 +38,9 @@ std::string InSession(const std::string& path, const std::string& session);
 StageRecords ReadStageRecords(const std::string& path);
 void WriteStageRecords(const std::string& path, const StageRecords& records);
 
+/// A line for each error of a stage that failed.
+std::vector<std::string> FailuresIn(const StageRecords& records);
+
 nlohmann::ordered_json PrintJson(const Fingerprint& print);
 /// Throws the library's exception for what PrintJson did not write.
 Fingerprint PrintFrom(const nlohmann::ordered_json& json);
@@ -51,7 +55,7 @@ bool IsSettled(const PipelineStage& stage, const StageRecord& record);
 StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier);
 
 /// Why a stage has to be done, in one line: never done, other flags, another input, no output, ended with an error, another
-/// version. Empty: what is there is what the stage would make.
+/// version, other failures to tell. Empty: what is there is what the stage would make.
 std::string WhyStale(const PipelineStage& stage, const StageRecord& now, const StageRecord* earlier);
 
 /// Whether there is an output that is newer than everything that the stage reads.
@@ -66,6 +70,8 @@ struct Judgement {
 };
 
 /// The one judgement of a stage, for `run`, its dry run, `plan` and `task`. `earlier`: nullptr where nothing is known of it.
-Judgement JudgeStage(const PipelineStage& stage, const std::string& version, const StageRecord* earlier);
+/// `failures`: what a report has to tell of the others.
+Judgement JudgeStage(const PipelineStage& stage, const std::string& version, const StageRecord* earlier,
+                     const std::vector<std::string>& failures = {});
 
 }  // namespace mvstudio::stages

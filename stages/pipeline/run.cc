@@ -105,7 +105,7 @@ class PipelineRun {
   void Decide(const PipelineStage& stage, StageRow* row) {
     WarnOfOlder(stage);
     const StageRecord* earlier = Earlier(stage);
-    Judgement judged = JudgeStage(stage, tools_.version, earlier);
+    Judgement judged = JudgeStage(stage, tools_.version, earlier, FailuresIn(report_.records));
     row->reason = judged.stale;
     if (judged.now.found) {
       row->state = RowState::kUpToDate, row->found = true;

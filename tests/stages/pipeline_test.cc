@@ -148,6 +148,21 @@ TEST_F(StageOnDisk, IsUpToDateUntilSomethingCounts) {
   EXPECT_EQ(Why(), "");
 }
 
+TEST_F(StageOnDisk, AReportThatDoesNotTellOfAFailureIsNotUpToDate) {
+  StageRecord failed;
+  failed.errors = {{"CAL-UNSOLVED", "no camera", "", true}};
+  StageRecord now = RecordOf(stage, "1", &before);
+  now.told = FailuresIn({{"calibrate", failed}, {"sync", StageRecord()}});
+  EXPECT_EQ(now.told, std::vector<std::string>{"calibrate: CAL-UNSOLVED no camera"});
+  EXPECT_EQ(WhyStale(stage, now, &before), "it does not tell what failed since");
+  before.told = now.told;
+  EXPECT_EQ(WhyStale(stage, now, &before), "");
+  WriteStageRecords(folder / "run.json", {{"report", now}});
+  EXPECT_EQ(ReadStageRecords(folder / "run.json").at("report").told, now.told);
+  now.told.clear();
+  EXPECT_NE(WhyStale(stage, now, &before), "") << "the failure is mended, and still on the page";
+}
+
 TEST_F(StageOnDisk, TellsWhyItHasToBeDone) {
   EXPECT_EQ(WhyStale(stage, before, nullptr), "not done yet");
   EXPECT_EQ(WhyStale(stage, RecordOf(stage, "2", &before), &before), "done by version 1");
