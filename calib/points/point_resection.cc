@@ -263,10 +263,9 @@ bool IsDetermined(const ResectionProblem& problem, const std::vector<bool>& used
   return worst <= 0.25 * nearest;
 }
 
-}  // namespace
-
-PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, const std::vector<PointClick>& clicks,
-                                const Eigen::Matrix3Xd& x_in_world, const PointResectionOptions& options) {
+/// ResectFromPoints for points about the origin.
+PointResection ResectNear(const std::vector<geometry::RigCamera>& rig, const std::vector<PointClick>& clicks,
+                          const Eigen::Matrix3Xd& x_in_world, const PointResectionOptions& options) {
   MVS_CHECK(!rig.empty(), "no camera");
   MVS_CHECK(options.click_sigma_px > 0, "click_sigma_px = " << options.click_sigma_px);
   const int distinct = DistinctPoints(clicks);
@@ -313,6 +312,37 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
         "the marked points leave the camera's place uncertain by more than a quarter of its distance: mark points farther "
         "apart, not on one line";
   }
+  return out;
+}
+
+/// The same for a world whose origin lies `shift` before the solved one: a left perturbation of the rotation then moves the
+/// translation, too.
+void MoveOrigin(const Eigen::Vector3d& shift, PointResection* out) {
+  const Eigen::Vector3d turned = out->rig_from_world.rotation * shift;
+  out->rig_from_world.translation -= turned;
+  Eigen::Matrix<double, 6, 6> moved_by_solved = Eigen::Matrix<double, 6, 6>::Identity();
+  moved_by_solved.bottomLeftCorner<3, 3>() = geometry::CrossMatrix(turned);
+  out->covariance = moved_by_solved * out->covariance * moved_by_solved.transpose();
+  if (out->unknowns_covariance.rows() < 6) return;
+  out->unknowns_covariance.topRows<6>() = (moved_by_solved * out->unknowns_covariance.topRows<6>()).eval();
+  out->unknowns_covariance.leftCols<6>() = (out->unknowns_covariance.leftCols<6>() * moved_by_solved.transpose()).eval();
+  out->unknowns_by_given.topRows<6>() = (moved_by_solved * out->unknowns_by_given.topRows<6>()).eval();
+}
+
+/// Mean of the clicked points; the origin where there are none.
+Eigen::Vector3d MiddleOf(const std::vector<PointClick>& clicks, const Eigen::Matrix3Xd& x_in_world) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const PointClick& click : clicks) sum += x_in_world.col(click.point_idx) / static_cast<double>(clicks.size());
+  return sum;
+}
+
+}  // namespace
+
+PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, const std::vector<PointClick>& clicks,
+                                const Eigen::Matrix3Xd& x_in_world, const PointResectionOptions& options) {
+  const Eigen::Vector3d middle = MiddleOf(clicks, x_in_world);  // map coordinates are millions of metres
+  PointResection out = ResectNear(rig, clicks, x_in_world.colwise() - middle, options);
+  if (out.num_used > 0) MoveOrigin(middle, &out);
   return out;
 }
 
