@@ -24,7 +24,8 @@ using Matrix3mp = Eigen::Matrix<Mp, 3, 3>;
 using Vector3mp = Eigen::Matrix<Mp, 3, 1>;
 using Points = Eigen::Matrix3Xd;
 
-DigitsCase Case(const std::string& what, const std::string& conditions, const std::string& oracle = "Umeyama in MPFR, 120 digits") {
+DigitsCase Case(const std::string& what, const std::string& conditions,
+                const std::string& oracle = "Umeyama in MPFR, 120 digits") {
   return {"Alignment", what, conditions, oracle};
 }
 
@@ -67,7 +68,8 @@ Points Cloud(Rng* rng, int count, const Eigen::Vector3d& size) {
 /// Turned, scaled by 1.3 and with noise of 5 %.
 Points MovedWithNoise(Rng* rng, const Points& a, double unit) {
   const Eigen::Matrix3d turn = RotationExp({0.4, -2.1, 1.3}).toRotationMatrix();
-  return (1.3 * turn * a).colwise() + unit * Eigen::Vector3d(3, -7, 0.5) + 0.05 * unit * Cloud(rng, static_cast<int>(a.cols()), {1, 1, 1});
+  return (1.3 * turn * a).colwise() + unit * Eigen::Vector3d(3, -7, 0.5) +
+         0.05 * unit * Cloud(rng, static_cast<int>(a.cols()), {1, 1, 1});
 }
 
 /// `size` of the coordinates, of which the translation is a share.
@@ -102,12 +104,14 @@ TEST(AlignmentDigits, FarOrigins) {
   for (const double far : {1e3, 1e6, 1e9}) {
     Rng rng(3);
     const Eigen::Vector3d middle = far * Eigen::Vector3d(0.6, -0.7, 0.4);
-    const Points near = Cloud(&rng, 20, {1, 1, 1}), a = near.colwise() + middle, b = MovedWithNoise(&rng, near, 1).colwise() - middle;
+    const Points near = Cloud(&rng, 20, {1, 1, 1}), a = near.colwise() + middle,
+                 b = MovedWithNoise(&rng, near, 1).colwise() - middle;
     Record(Format("n = 20, origins %g m away", far), a, b, far, 13);
   }
 }
 
-/// What a turn about the longest direction moves shrinks with the others: by the square, as the solution is that of the covariance.
+/// What a turn about the longest direction moves shrinks with the others: by the square, as the solution is that of the
+/// covariance.
 TEST(AlignmentDigits, FlatAndNarrowClouds) {
   for (const double thin : {1e-3, 1e-6}) {
     Rng rng(4);
@@ -140,7 +144,8 @@ TEST(AlignmentDigits, SingularValues) {
     Eigen::MatrixXd m = Eigen::MatrixXd::Zero(4, 3);
     m(1, 0) = 3, m(3, 1) = std::sqrt(least), m(0, 2) = least;
     const Eigen::VectorXd values = geometry::SingularValues(m);
-    const double error = std::max({std::abs(values[0] / 3 - 1), std::abs(values[1] / std::sqrt(least) - 1), std::abs(values[2] / least - 1)});
+    const double error =
+        std::max({std::abs(values[0] / 3 - 1), std::abs(values[1] / std::sqrt(least) - 1), std::abs(values[2] / least - 1)});
     RecordDigits(Case("singular values", Format("from 3 to %g", least), "closed form"), 14, error);
   }
 }

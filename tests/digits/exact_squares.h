@@ -12,14 +12,15 @@ using VectorXmp = Eigen::Matrix<Mp, Eigen::Dynamic, 1>;
 using MatrixXmp = Eigen::Matrix<Mp, Eigen::Dynamic, Eigen::Dynamic>;
 
 struct ExactSquares {
-  bool found = false;  ///< the last step was below 1e-25
-  VectorXmp moved;     ///< (n) from the start
+  bool found = false;     ///< the last step was below 1e-25
+  VectorXmp moved;        ///< (n) from the start
   MatrixXmp information;  ///< (n, n) J^T J
   Mp cost = 0;            ///< sum of squares
 };
 
 /// Least sum of squared `residuals` by Gauss-Newton from zero. Derivatives by central differences of 1e-35, right to 60 digits.
-inline ExactSquares SolveExactly(int num_unknowns, const std::function<VectorXmp(const VectorXmp&)>& residuals, int most_steps = 80) {
+inline ExactSquares SolveExactly(int num_unknowns, const std::function<VectorXmp(const VectorXmp&)>& residuals,
+                                 int most_steps = 80) {
   const Mp h("1e-35");
   ExactSquares out;
   out.moved = VectorXmp::Zero(num_unknowns);

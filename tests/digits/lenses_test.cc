@@ -31,7 +31,8 @@ DigitsCase Case(const std::string& what, const std::string& conditions, const st
 }
 
 std::string NameOf(const Camera& camera) {
-  return camera.model == LensModel::kSplined ? Format("splined, order %d", camera.spline.order) : std::string(ToString(camera.model));
+  return camera.model == LensModel::kSplined ? Format("splined, order %d", camera.spline.order)
+                                             : std::string(ToString(camera.model));
 }
 
 std::vector<Camera> WithFocal(double focal) {
@@ -134,7 +135,8 @@ TEST(LensDigits, WhatHasNoPixel) {
   RecordStatus(Case("point at infinity", "all models", definition), "NonFiniteInput",
                CommonStatus(true, point({0.1, 0, kInfinity})));
   RecordStatus(Case("pixel with a NaN", "all models", definition), "NonFiniteInput", CommonStatus(true, pixel({none, 1})));
-  RecordStatus(Case("pixel at infinity", "all models", definition), "NonFiniteInput", CommonStatus(true, pixel({1, kInfinity})));
+  RecordStatus(Case("pixel at infinity", "all models", definition), "NonFiniteInput",
+               CommonStatus(true, pixel({1, kInfinity})));
   RecordStatus(Case("point at the centre", "all models", definition), "BehindCamera", CommonStatus(true, point({0, 0, 0})));
   RecordStatus(Case("point behind", "models that are not wide", definition), "BehindCamera",
                CommonStatus(false, point({0.1, 0, -1})));

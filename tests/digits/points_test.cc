@@ -10,7 +10,8 @@
 #include "triangulate/batch/batch.h"
 #include "triangulate/point/solvers.h"
 
-/// Digits of triangulated points: every solver where rays cross at any angle, the most likely point, units, origins, focal lengths.
+/// Digits of triangulated points: every solver where rays cross at any angle, the most likely point, units, origins, focal
+/// lengths.
 namespace mvstudio::triangulate {
 namespace {
 
@@ -49,8 +50,8 @@ TEST(PointDigits, EverySolverAtEveryParallax) {
       const geometry::Rig rig = TwoCameras(DegToRad(deg));
       const PreparedRig prepared = Prepare(rig);
       const LinearPoint found = Solve(solver, ViewsOf(prepared, Observe(rig, truth, 0, nullptr, 1e-6)));
-      const double error = found.status == Status::kOk ? (found.x_in_local + prepared.origin_in_world - truth).norm() / 3
-                                                       : std::nan("");
+      const double error =
+          found.status == Status::kOk ? (found.x_in_local + prepared.origin_in_world - truth).norm() / 3 : std::nan("");
       const double sine = std::sin(DegToRad(deg));
       RecordDigits(Case("`" + std::string(ToString(solver)) + "`", Format("2 views, parallax %g deg", deg), "the point itself"),
                    testing::DigitsOf(1e-13 / (sine * sine)), error);
@@ -59,7 +60,8 @@ TEST(PointDigits, EverySolverAtEveryParallax) {
 }
 
 TEST(PointDigits, NumbersOfViews) {
-  for (const Solver solver : {Solver::kMidpoint, Solver::kDlt, Solver::kLeastSquares, Solver::kLost, Solver::kMaximumLikelihood}) {
+  for (const Solver solver :
+       {Solver::kMidpoint, Solver::kDlt, Solver::kLeastSquares, Solver::kLost, Solver::kMaximumLikelihood}) {
     for (const int views : {2, 3, 31, 520}) {
       const geometry::Rig rig = MakeRing(std::max(views, 3));
       const PreparedRig prepared = Prepare(rig);
@@ -67,10 +69,10 @@ TEST(PointDigits, NumbersOfViews) {
       std::vector<Observation> observations = Observe(rig, truth);
       observations.resize(static_cast<size_t>(views));
       const LinearPoint found = Solve(solver, ViewsOf(prepared, observations));
-      const double error = found.status == Status::kOk ? (found.x_in_local + prepared.origin_in_world - truth).norm() / 3
-                                                       : std::nan("");
-      RecordDigits(Case("`" + std::string(ToString(solver)) + "`", Format("%d views, 5 lens terms", views), "the point itself"), 12,
-                   error);
+      const double error =
+          found.status == Status::kOk ? (found.x_in_local + prepared.origin_in_world - truth).norm() / 3 : std::nan("");
+      RecordDigits(Case("`" + std::string(ToString(solver)) + "`", Format("%d views, 5 lens terms", views), "the point itself"),
+                   12, error);
     }
   }
 }
@@ -89,7 +91,8 @@ TEST(PointDigits, MostLikelyPointOfNoisyViews) {
     RecordDigits(Case("chi-squared", where, kOptimum), 9, point.chi_squared / static_cast<double>(best.chi_squared) - 1);
     const oracle::Matrix3 exact = best.information.inverse();
     WorstError worst;
-    for (int i = 0; i < 9; ++i) worst.Add((point.covariance(i / 3, i % 3) - static_cast<double>(exact(i / 3, i % 3))) / point.covariance.trace());
+    for (int i = 0; i < 9; ++i)
+      worst.Add((point.covariance(i / 3, i % 3) - static_cast<double>(exact(i / 3, i % 3))) / point.covariance.trace());
     RecordDigits(Case("covariance", where, kOptimum), 6, worst.value());
   }
 }
@@ -107,7 +110,8 @@ TEST(PointDigits, UnitsAndFocalLengths) {
     geometry::Rig rig;
     for (const double deg : {0.0, 40.0, 95.0}) {
       rig.cameras.push_back(LookAt("c" + std::to_string(deg),
-                                   3 * Eigen::Vector3d(std::cos(DegToRad(deg)), std::sin(DegToRad(deg)), 0.1), {0, 0, 0}, focal));
+                                   3 * Eigen::Vector3d(std::cos(DegToRad(deg)), std::sin(DegToRad(deg)), 0.1), {0, 0, 0},
+                                   focal));
     }
     const Eigen::Vector3d truth = place * std::min(1.0, 1000 / focal);
     std::vector<Observation> observations = Observe(rig, truth, 0, nullptr, 1e-3 * focal);
@@ -141,15 +145,16 @@ Status OfParallelRays(double sine, double sigma_px) {
   geometry::Rig rig;
   for (const double y : {-3.0, 3.0}) rig.cameras.push_back(LookAt(y < 0 ? "left" : "right", {0, y, 0}, {10, y, 0}));
   const double half = 1000 * sine / 2;
-  return TriangulatePoint(Prepare(rig), {{0, {639.5 - half, 479.5}, sigma_px, 1}, {1, {639.5 + half, 479.5}, sigma_px, 1}}).status;
+  return TriangulatePoint(Prepare(rig), {{0, {639.5 - half, 479.5}, sigma_px, 1}, {1, {639.5 + half, 479.5}, sigma_px, 1}})
+      .status;
 }
 
 TEST(PointDigits, ParallaxTowardsNothing) {
   const char* const rule = "5 standard deviations of the parallax";
   for (const double sine : {1e-1, 1e-3, 1e-6, 1e-9, 0.0}) {
     const bool enough = sine > 0 && sine * 1000 > 5 * 0.1 * std::sqrt(2.0);
-    RecordStatus(Case("status", Format("2 views, sine of parallax %g, noise 0.1 px", sine), rule), enough ? "Ok" : "LowParallax",
-                 ToString(OfParallelRays(sine, 0.1)));
+    RecordStatus(Case("status", Format("2 views, sine of parallax %g, noise 0.1 px", sine), rule),
+                 enough ? "Ok" : "LowParallax", ToString(OfParallelRays(sine, 0.1)));
   }
   RecordStatus(Case("status", "2 views, rays that part by 0.1, noise 0.1 px", "they meet behind"), "BehindCamera",
                ToString(OfParallelRays(-0.1, 0.1)));
@@ -169,13 +174,13 @@ TEST(PointDigits, WhatIsNoPoint) {
   RecordStatus(Case("status", "a pixel is infinite", definition), "NonFiniteInput",
                with(std::numeric_limits<double>::infinity(), 1));
   RecordStatus(Case("status", "a sigma is NaN", definition), "NonFiniteInput", with(good[1].px.x(), std::nan("")));
-  RecordStatus(Case("status", "one view", definition), "TooFewViews",
-               ToString(TriangulatePoint(prepared, {good[0]}).status));
+  RecordStatus(Case("status", "one view", definition), "TooFewViews", ToString(TriangulatePoint(prepared, {good[0]}).status));
   RecordStatus(Case("status", "two views of one camera centre", definition), "Degenerate", [&] {
     geometry::Rig one_centre;
     for (const double y : {-1.0, 1.0}) one_centre.cameras.push_back(LookAt(y < 0 ? "a" : "b", {1, 2, 3}, {10, y, 0}));
     const Eigen::Vector2d middle(639.5, 479.5);
-    return ToString(TriangulatePoint(Prepare(one_centre), {{0, middle, 1, 1}, {1, middle + Eigen::Vector2d(3, 0), 1, 1}}).status);
+    return ToString(
+        TriangulatePoint(Prepare(one_centre), {{0, middle, 1, 1}, {1, middle + Eigen::Vector2d(3, 0), 1, 1}}).status);
   }());
 }
 
@@ -201,10 +206,11 @@ TEST(PointDigits, BatchesAreSinglePoints) {
     for (int64_t i = 0; i < count; ++i) {
       const Point& point = expected[static_cast<size_t>(i)];
       ASSERT_EQ(found.StatusOf(i), point.status) << i;
-      if (point.status == Status::kOk) worst.Add((Eigen::Vector3d(found.x[i], found.y[i], found.z[i]) - point.x_in_world).norm() / 3);
+      if (point.status == Status::kOk)
+        worst.Add((Eigen::Vector3d(found.x[i], found.y[i], found.z[i]) - point.x_in_world).norm() / 3);
     }
-    RecordDigits(Case("batch, worst point", Format("6 views, n = %lld", static_cast<long long>(count)), "one point at a time"), 8,
-                 worst.value());
+    RecordDigits(Case("batch, worst point", Format("6 views, n = %lld", static_cast<long long>(count)), "one point at a time"),
+                 8, worst.value());
   }
 }
 

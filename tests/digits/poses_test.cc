@@ -20,6 +20,8 @@ namespace mvstudio::calib {
 namespace {
 
 using geometry::Rigid3;
+using geometry::testing::Vector2mp;
+using geometry::testing::Vector3mp;
 using mvstudio::testing::DigitsCase;
 using mvstudio::testing::ExactSquares;
 using mvstudio::testing::Mp;
@@ -27,8 +29,6 @@ using mvstudio::testing::RecordDigits;
 using mvstudio::testing::RecordStatus;
 using mvstudio::testing::VectorXmp;
 using mvstudio::testing::WorstError;
-using geometry::testing::Vector2mp;
-using geometry::testing::Vector3mp;
 
 const char* const kTruth = "the pose itself";
 const char* const kOptimum = "Gauss-Newton in MPFR, 120 digits";
@@ -60,7 +60,8 @@ Clicked Click(int count, double unit, double focal_px, const Eigen::Vector3d& or
   scene.points.resize(3, count);
   const double reach = unit * std::min(1.0, 300 / focal_px);
   for (int i = 0; i < count; ++i) {
-    scene.points.col(i) = reach * Eigen::Vector3d(rng.Uniform(-0.8, 0.8), rng.Uniform(-0.8, 0.8), flat * rng.Uniform(-0.6, 0.6));
+    scene.points.col(i) =
+        reach * Eigen::Vector3d(rng.Uniform(-0.8, 0.8), rng.Uniform(-0.8, 0.8), flat * rng.Uniform(-0.6, 0.6));
     const auto seen = geometry::Project(scene.camera[0].camera, scene.truth * Eigen::Vector3d(scene.points.col(i)));
     scene.clicks.push_back({0, i, seen.px});
   }
@@ -80,7 +81,8 @@ TEST(PoseDigits, FromPoints) {
   const Eigen::Vector3d here = Eigen::Vector3d::Zero();
   for (const int count : {4, 6, 40, 520}) RecordPnp(Format("n = %d", count), Click(count, 1, 500, here), 3, 9);
   RecordPnp("n = 8, flat", Click(8, 1, 500, here, 0), 3, 9);
-  for (const double unit : {1e-6, 1e-3, 1e3, 1e6}) RecordPnp(Format("n = 12, unit %g m", unit), Click(12, unit, 500, here), 3 * unit, 9);
+  for (const double unit : {1e-6, 1e-3, 1e3, 1e6})
+    RecordPnp(Format("n = 12, unit %g m", unit), Click(12, unit, 500, here), 3 * unit, 9);
   for (const double focal : {1e3, 1e4}) RecordPnp(Format("n = 12, f = %g px", focal), Click(12, 1, focal, here), 3, 7);
   for (const double far : {1e3, 1e6, 1e9}) {  // the points are rounded to 1e-16 of it
     RecordPnp(Format("n = 12, origin %g m away", far), Click(12, 1, 500, far * Eigen::Vector3d(0.6, -0.7, 0.4)), 3,
@@ -92,8 +94,10 @@ TEST(PoseDigits, FromPointsThatDoNotSay) {
   const char* const definition = "definition";
   Clicked scene = Click(8, 1, 500, Eigen::Vector3d::Zero());
   const auto status = [&](size_t count) {
-    return ToString(ResectFromPoints(scene.camera, {scene.clicks.begin(), scene.clicks.begin() + static_cast<std::ptrdiff_t>(count)},
-                                     scene.points).status);
+    return ToString(ResectFromPoints(scene.camera,
+                                     {scene.clicks.begin(), scene.clicks.begin() + static_cast<std::ptrdiff_t>(count)},
+                                     scene.points)
+                        .status);
   };
   RecordStatus(Case("pose from points (`ResectFromPoints`)", "n = 3", definition), "TooFewViews", status(3));
   for (int i = 0; i < 8; ++i) scene.points.col(i) = Eigen::Vector3d(0.1 * i, 0.05 * i, 0.02 * i);
@@ -121,8 +125,9 @@ TEST(PoseDigits, FromABoard) {
     const geometry::Camera camera = testing::MakeCamera("cam", model);
     const Resection found = ResectPlane(camera, ViewOf(camera, truth, "chessboard:9x6:30mm", 0));
     ASSERT_EQ(found.status, Status::kOk) << geometry::ToString(model);
-    RecordDigits(Case("pose from a board (`ResectPlane`)", "`" + std::string(geometry::ToString(model)) + "`, 54 corners", kTruth), 9,
-                 Apart(found.cam_from_board, truth, 0.6));
+    RecordDigits(
+        Case("pose from a board (`ResectPlane`)", "`" + std::string(geometry::ToString(model)) + "`, 54 corners", kTruth), 9,
+        Apart(found.cam_from_board, truth, 0.6));
   }
 }
 
@@ -150,7 +155,8 @@ TEST(PoseDigits, CovarianceFromPoints) {
       VectorXmp r(2 * scene.points.cols());
       for (Eigen::Index i = 0; i < scene.points.cols(); ++i) {
         const Vector3mp x = MoveExactly(found.rig_from_world, delta, 0, scene.points.col(i).cast<Mp>());
-        r.segment<2>(2 * i) = geometry::testing::ProjectExactly(scene.camera[0].camera, x) - scene.clicks[static_cast<size_t>(i)].px.cast<Mp>();
+        r.segment<2>(2 * i) =
+            geometry::testing::ProjectExactly(scene.camera[0].camera, x) - scene.clicks[static_cast<size_t>(i)].px.cast<Mp>();
       }
       return r;
     });
@@ -161,7 +167,7 @@ TEST(PoseDigits, CovarianceFromPoints) {
       const Mp of_entry = sqrt(covariance(i / 6, i / 6) * covariance(i % 6, i % 6));
       worst.Add(((Mp(found.covariance(i / 6, i % 6)) - covariance(i / 6, i % 6)) / of_entry).convert_to<double>());
     }
-    RecordDigits(Case("covariance of a pose from points", Format("n = 12, origin %g m away", far), kOptimum), far > 0 ? 4 : 9, worst.value());
+    RecordDigits(Case("covariance of a pose from points", Format("n = 12, origin %g m away", far), kOptimum), 9, worst.value());
   }
 }
 
@@ -212,8 +218,10 @@ TEST(PoseDigits, BundleOfBoards) {
       const int c = view.camera_idx;
       const VectorXmp params = state.cameras[c].params.cast<Mp>() + delta.segment<4>(4 * c);
       for (Eigen::Index i = 0; i < view.size(); ++i) {
-        const Vector3mp in_world = MoveExactly(state.world_from_board[view.frame], delta, 14 + 6 * view.frame, view.x_in_board.col(i).cast<Mp>());
-        const Vector3mp in_cam = MoveExactly(state.cam_from_world[c], c == 0 ? VectorXmp(VectorXmp::Zero(6)) : VectorXmp(delta.segment<6>(8)), 0, in_world);
+        const Vector3mp in_world =
+            MoveExactly(state.world_from_board[view.frame], delta, 14 + 6 * view.frame, view.x_in_board.col(i).cast<Mp>());
+        const Vector3mp in_cam = MoveExactly(
+            state.cam_from_world[c], c == 0 ? VectorXmp(VectorXmp::Zero(6)) : VectorXmp(delta.segment<6>(8)), 0, in_world);
         const Vector2mp px = geometry::testing::ProjectExactly(state.cameras[c], params, in_cam);
         for (int k = 0; k < 2; ++k) r.push_back(px[k] - Mp(view.px(k, i)));
       }
@@ -237,7 +245,8 @@ TEST(PoseDigits, BundleOfPoints) {
   for (int c = 0; c < kCameras; ++c) {
     scene.lenses.push_back(testing::MakeCamera("cam" + std::to_string(c), geometry::LensModel::kBrown2, 500));
     scene.lens_of_camera.push_back(c);
-    scene.cam_from_world.push_back(testing::LookAt({3 * std::sin(0.7 * c), -3 * std::cos(0.7 * c), 0.3 * c - 0.5}, Eigen::Vector3d::Zero()));
+    scene.cam_from_world.push_back(
+        testing::LookAt({3 * std::sin(0.7 * c), -3 * std::cos(0.7 * c), 0.3 * c - 0.5}, Eigen::Vector3d::Zero()));
     for (int p = 0; p < kPoints; ++p) {
       const auto px = geometry::Project(scene.lenses[c], scene.cam_from_world[c] * Eigen::Vector3d(scene.points.col(p))).px;
       seen.push_back({c, p, px + 0.3 * Eigen::Vector2d(rng.Normal(), rng.Normal()), 1});
@@ -255,7 +264,8 @@ TEST(PoseDigits, BundleOfPoints) {
       const int c = seen[i].camera_idx, p = seen[i].point_idx;
       const Vector3mp x = scene.points.col(p).cast<Mp>() + delta.segment<3>(6 + 3 * p);
       const Vector3mp in_cam = MoveExactly(scene.cam_from_world[c], c < 2 ? VectorXmp(VectorXmp::Zero(6)) : delta, 0, x);
-      r.segment<2>(2 * static_cast<Eigen::Index>(i)) = geometry::testing::ProjectExactly(scene.lenses[c], in_cam) - seen[i].px.cast<Mp>();
+      r.segment<2>(2 * static_cast<Eigen::Index>(i)) =
+          geometry::testing::ProjectExactly(scene.lenses[c], in_cam) - seen[i].px.cast<Mp>();
     }
     return r;
   });
@@ -271,7 +281,8 @@ Rigid3 RandomPose(Rng* rng, double angle, double length) {
 }
 
 /// Exact pairs of a device whose lengths are about `unit` metres; with `axis` the hand turns about it alone.
-std::vector<HandEyePair> Pairs(int count, double unit, Rigid3* a_from_b, const Eigen::Vector3d& axis = Eigen::Vector3d::Zero()) {
+std::vector<HandEyePair> Pairs(int count, double unit, Rigid3* a_from_b,
+                               const Eigen::Vector3d& axis = Eigen::Vector3d::Zero()) {
   Rng rng(5);
   *a_from_b = RandomPose(&rng, 1, unit);
   const Rigid3 q_from_p = RandomPose(&rng, 0.7, 0.5 * unit);
@@ -320,7 +331,8 @@ TEST(PoseDigits, RelativePose) {
       worst.Add(geometry::RotationAngle(found.rotation, truth.rotation));
       worst.Add(found.translation.normalized().cross(truth.translation.normalized()).norm());
     }
-    RecordDigits(Case("relative pose (`PlaceAnew`)", Format("%d cameras, 150 joints, a start", cameras), kTruth), 1, worst.value());
+    RecordDigits(Case("relative pose (`PlaceAnew`)", Format("%d cameras, 150 joints, a start", cameras), kTruth), 1,
+                 worst.value());
   }
 }
 

@@ -15,7 +15,8 @@ namespace mvstudio::testing {
 /// The most that a double can have.
 inline constexpr int kMostDigits = 15;
 
-/// Decimal digits of a result whose relative error is this: whole ones, from 0 to kMostDigits; 0 for an error that is no number.
+/// Decimal digits of a result whose relative error is this: whole ones, from 0 to kMostDigits; 0 for an error that is no
+/// number.
 inline int DigitsOf(double relative_error) {
   const double error = std::abs(relative_error);
   if (!(error < 1)) return 0;
@@ -26,7 +27,9 @@ inline int DigitsOf(double relative_error) {
 /// The largest of some relative errors; NaN is the largest of all.
 class WorstError {
  public:
-  void Add(double error) { worst_ = std::isnan(error) || std::isnan(worst_) ? std::nan("") : std::max(worst_, std::abs(error)); }
+  void Add(double error) {
+    worst_ = std::isnan(error) || std::isnan(worst_) ? std::nan("") : std::max(worst_, std::abs(error));
+  }
   double value() const { return worst_; }
 
  private:
