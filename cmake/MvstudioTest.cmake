@@ -29,7 +29,7 @@ endfunction()
 function(mvstudio_add_tests module)
   file(GLOB sources CONFIGURE_DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${module}/*_test.cc)
   if(NOT MVSTUDIO_AVATAR)
-    list(FILTER sources EXCLUDE REGEX "/cli/(avatar|demo|mask|run_session|metrics|models|pose2d)_[a-z_0-9]*\\.cc$|/stages/nets_[a-z_0-9]*\\.cc$")  # need libtorch
+    list(FILTER sources EXCLUDE REGEX "/cli/(avatar|demo|mask|run_session|metrics|models|pose2d)_[a-z_0-9]*\\.cc$|/stages/nets_[a-z_0-9]*\\.cc$|/digits/sets_test\\.cc$")  # need libtorch
   endif()
   set(target test_${module})
   add_executable(${target} ${sources})
