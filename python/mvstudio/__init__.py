@@ -3,18 +3,20 @@
 >>> import mvstudio
 >>> rig = mvstudio.Rig("calibration.json")                       # doctest: +SKIP
 >>> x, covariance, status = mvstudio.triangulate(px, rig)        # doctest: +SKIP
+>>> mvstudio.plot.uncertainty(rig, "cam_01", range_m=3)          # doctest: +SKIP
 
 Arrays are NumPy's: what is given may be anything that becomes an array of floats, what is returned is owned by NumPy. Metres,
 radians and pixels unless a name says otherwise; frames and signs are those of docs/conventions.md.
 """
-from mvstudio import _core, metrics, stages
+from mvstudio import _core, metrics, plot, stages
 from mvstudio._calibrate import Calibration, Corners, calibrate
 from mvstudio._error import Error
 from mvstudio._report import Fields, Notice, Output, Report
 from mvstudio._rig import Rig
+from mvstudio._samples import Dataset, Pack, Sample
 from mvstudio._take import Take
 from mvstudio._triangulate import Points, Status, triangulate
 
 __version__: str = _core.__version__
-__all__ = ["Calibration", "Corners", "Error", "Fields", "Notice", "Output", "Points", "Report", "Rig", "Status", "Take",
-           "calibrate", "metrics", "stages", "triangulate"]
+__all__ = ["Calibration", "Corners", "Dataset", "Error", "Fields", "Notice", "Output", "Pack", "Points", "Report", "Rig",
+           "Sample", "Status", "Take", "calibrate", "metrics", "plot", "stages", "triangulate"]

@@ -28,6 +28,13 @@ def _number(text: str) -> float:
     return float(text) if text else float("nan")
 
 
+def _bones(about: dict[str, Any]) -> list[tuple[str, str]]:
+    """Of a skeleton's definition (docs/formats.md): pairs of joints, or tables with such a pair."""
+    bones = about.get("definition", {}).get("bones", [])
+    pairs = [bone["joints"] if isinstance(bone, dict) else bone for bone in bones]
+    return [(str(pair[0]), str(pair[1])) for pair in pairs]
+
+
 class Take:
     """3D joints as ``triangulate`` writes them.
 
@@ -51,6 +58,8 @@ class Take:
         NaN where nobody stated it.
     world : str
         What the world's axes are, in words.
+    bones : list of (str, str)
+        The joints between which the skeleton has a bone; empty where the take states none.
 
     Parameters
     ----------
@@ -77,6 +86,7 @@ class Take:
         self.frame_rate_hz = float(about.get("frame_rate_hz") or "nan")
         self.world = str(about.get("world", ""))
         self.skeleton = str(about.get("skeleton", ""))
+        self.bones = _bones(about)
 
     def _at(self, row: dict[str, str]) -> tuple[int, int, int]:
         return self._frame[int(row["frame"])], self._person[int(row["person"])], self._joint[row["joint"]]
