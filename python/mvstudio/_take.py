@@ -154,11 +154,16 @@ class Take:
         Returns
         -------
         dict of str to ndarray
-            The columns of the table of angles: frames, seconds, degrees and their deviations (docs/joint-angles.md).
+            The columns of the table of angles, a row for each frame and angle: ``frame`` and ``time_s``, the name ``angle``,
+            ``value_deg`` and ``sigma_deg``, NaN where there is none, and ``status``, which says why (docs/joint-angles.md).
+            ``pandas.DataFrame(take.angles())`` is that table.
         """
         with tempfile.TemporaryDirectory(prefix="mvstudio-") as folder:
             out = os.path.join(folder, "angles")
             stages.markers_angles(self.folder, out=out, **options)
             path = pathlib.Path(out) / f"person{person}.angles.csv"
             rows = list(_rows(path))
-        return {key: np.array([_number(row[key]) for row in rows]) for key in (rows[0] if rows else {})}
+        texts = {key: np.array([row[key] for row in rows], dtype=object) for key in ("angle", "status")}
+        numbers = {key: np.array([_number(row[key]) for row in rows]) for key in ("time_s", "value_deg", "sigma_deg")}
+        frames = np.array([int(row["frame"]) for row in rows], dtype=int)
+        return {"frame": frames, "time_s": numbers.pop("time_s"), "angle": texts["angle"], **numbers, "status": texts["status"]}
