@@ -167,7 +167,7 @@ def test_mistakes(made):
 
 @pytest.mark.parametrize("workers, how", [(0, None), (2, "fork"), (2, "spawn")])
 def test_loader_gives_the_samples(pack, workers, how):
-    torch = pytest.importorskip("torch")
+    import torch
     items = pack.torch()
     assert isinstance(items, torch.utils.data.Dataset) and len(items) == len(pack)
     loader = torch.utils.data.DataLoader(items, batch_size=5, num_workers=workers, multiprocessing_context=how)
@@ -189,7 +189,6 @@ def test_loader_gives_the_samples(pack, workers, how):
 
 
 def test_masked_images_are_the_trainers(pack):
-    pytest.importorskip("torch")
     item, sample = pack.torch(masked=True)[4], pack[4]
     np.testing.assert_array_equal(item["mask"].numpy(), sample.mask / np.float32(255))
     expected = sample.image.transpose(2, 0, 1).astype(np.float32) / 255 * (sample.mask > 0)

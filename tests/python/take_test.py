@@ -4,6 +4,7 @@ import json
 import conftest  # noqa: F401  (where mvstudio is)
 import mvstudio
 import numpy as np
+import pandas
 import pytest
 
 
@@ -22,7 +23,7 @@ def squats(tmp_path_factory):
             joints[side + "Knee"] = knee
             joints[side + "Ankle"] = knee + 0.4 * np.array([-np.sin(0.5 * angle), 0, -np.cos(0.5 * angle)])
         for name, x in joints.items():
-            rows.append(f"{frame},0,{name},Ok,{x[0]!r},{x[1]!r},{x[2]!r},4,0.3,0.002".replace("np.float64(", "").replace(")", ""))
+            rows.append(f"{frame},0,{name},Ok,{float(x[0])},{float(x[1])},{float(x[2])},4,0.3,0.002")
             covariances.append(f"{frame},0,{name},4e-6,0,0,4e-6,0,4e-6")
     (folder / "points.csv").write_text("\n".join(rows) + "\n", encoding="utf-8")
     (folder / "covariance.csv").write_text("\n".join(covariances) + "\n", encoding="utf-8")
@@ -47,7 +48,6 @@ def test_knee_flexion_is_the_angle_between_its_bones(squats):
 
 
 def test_angles_become_a_table_of_pandas(squats):
-    pandas = pytest.importorskip("pandas")
     table = pandas.DataFrame(squats.angles())
     spans = table.groupby("angle").value_deg.agg(lambda value: value.max() - value.min())
     assert spans["knee_flexion_l"] == pytest.approx(90, abs=0.1) and spans["knee_flexion_r"] == pytest.approx(0, abs=0.1)
