@@ -11,5 +11,6 @@ void BindTriangulate(pybind11::module_& module);
 void BindStages(pybind11::module_& module);
 void BindImages(pybind11::module_& module);
 void BindSamples(pybind11::module_& module);
+void BindBodies(pybind11::module_& module);
 
 }  // namespace mvstudio::python

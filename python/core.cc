@@ -10,4 +10,5 @@ PYBIND11_MODULE(_core, module) {
   mvstudio::python::BindStages(module);
   mvstudio::python::BindImages(module);
   mvstudio::python::BindSamples(module);
+  mvstudio::python::BindBodies(module);
 }

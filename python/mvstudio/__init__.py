@@ -9,8 +9,10 @@ Arrays are NumPy's: what is given may be anything that becomes an array of float
 radians and pixels unless a name says otherwise; frames and signs are those of docs/conventions.md.
 """
 from mvstudio import _core, metrics, plot, stages
+from mvstudio._body import Body, Gaussians, Pose, Render
 from mvstudio._calibrate import Calibration, Corners, calibrate
 from mvstudio._error import Error
+from mvstudio._program import command
 from mvstudio._report import Fields, Notice, Output, Report
 from mvstudio._rig import Rig
 from mvstudio._samples import Dataset, Pack, Sample
@@ -18,5 +20,5 @@ from mvstudio._take import Take
 from mvstudio._triangulate import Points, Status, triangulate
 
 __version__: str = _core.__version__
-__all__ = ["Calibration", "Corners", "Dataset", "Error", "Fields", "Notice", "Output", "Pack", "Points", "Report", "Rig",
-           "Sample", "Status", "Take", "calibrate", "metrics", "plot", "stages", "triangulate"]
+__all__ = ["Body", "Calibration", "Corners", "Dataset", "Error", "Fields", "Gaussians", "Notice", "Output", "Pack", "Points", "Pose",
+           "Render", "Report", "Rig", "Sample", "Status", "Take", "calibrate", "command", "metrics", "plot", "stages", "triangulate"]

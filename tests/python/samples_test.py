@@ -2,13 +2,11 @@
 import io
 import json
 import os
-import pathlib
 import pickle
 import subprocess
 import sys
 import zlib
 
-import conftest  # noqa: F401  (where mvstudio is)
 import h5py
 import mvstudio
 import numpy as np
@@ -16,30 +14,18 @@ import PIL.Image
 import pytest
 from mvstudio import stages
 
-ROOT = pathlib.Path(os.environ.get("MVSTUDIO_SOURCE", pathlib.Path(__file__).resolve().parents[2]))
-PROGRAM = os.environ.get("MVSTUDIO_BIN", str(ROOT / "build/release/bin/mvstudio"))
 CROP = 48
 
 
-def run(*words):
-    done = subprocess.run([PROGRAM, *map(str, words), "--json"], capture_output=True, text=True, check=False)
-    assert done.returncode in (0, 4), done.stdout + done.stderr
-    return json.loads(done.stdout)["metrics"]
-
-
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
-    """A studio of 4 cameras and 6 frames: its dataset, a split, a pack of crops and one of whole images."""
+def made(dataset, tmp_path_factory):
+    """A split, a pack of crops, one of the split's parts, and one of whole images."""
     folder = tmp_path_factory.mktemp("made")
-    run("synth", "--out", folder / "studio", "--cameras", 4, "--size", "160x120", "--board-frames", 0, "--take-frames", 6,
-        "--samples", 1, "--texture-px", 64, "--format", "png")
-    truth = folder / "studio/truth"
-    stages.dataset_build(session=folder / "studio", take="take1", calib=truth / "calibration.json", pose3d=truth / "pose3d",
-                         masks=truth / "masks/take1", png=True, out=folder / "data")
-    stages.dataset_split(folder / "data", holdout_cameras="00_03", holdout_frames="4-5", out=folder / "split.json")
-    run("dataset", "pack", folder / "data", "--out", folder / "pack", "--crop", CROP, "--shard-samples", 8)
-    run("dataset", "pack", folder / "data", "--out", folder / "parts", "--crop", CROP, "--split", folder / "split.json")
-    run("dataset", "pack", folder / "data", "--out", folder / "whole", "--full", "--codec", "raw")
+    (folder / "data").symlink_to(dataset)
+    stages.dataset_split(dataset, holdout_cameras="00_03", holdout_frames="4-5", out=folder / "split.json")
+    mvstudio.command("dataset pack", dataset, out=folder / "pack", crop=CROP, shard_samples=8)
+    mvstudio.command("dataset pack", dataset, out=folder / "parts", crop=CROP, split=folder / "split.json")
+    mvstudio.command("dataset pack", dataset, out=folder / "whole", full=True, codec="raw")
     return folder
 
 
@@ -105,7 +91,7 @@ def test_whole_images_are_the_datasets_files(made):
 
 
 def test_verify_counts_the_same(made, pack):
-    metrics = run("dataset", "verify", made / "pack")
+    metrics = mvstudio.command("dataset verify", made / "pack").metrics
     assert metrics["images"] == metrics["masks"] == len(pack)
 
 
