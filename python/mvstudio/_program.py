@@ -72,7 +72,8 @@ def command(name: str, *places: Any, overwrite: bool = False, threads: int = 0, 
         raise Error("INTERNAL", f"`mvstudio {name}` ended with exit code {ended.returncode} and no result: {ended.stderr.strip()[-300:]}")
     for key in ("errors", "warnings"):
         for notice in fields[key]:
-            notice.setdefault("hint", ""), notice.setdefault("fails", key == "errors")
+            notice.setdefault("hint", "")
+            notice["fails"] = "level" in notice
     for output in fields["outputs"]:
         output.setdefault("role", "")
     return report_of(name, json.dumps({"inputs": [], "text": ended.stderr, **fields}))

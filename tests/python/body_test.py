@@ -92,10 +92,16 @@ def test_gaussians_render_what_the_evaluation_did(run, dataset):
     rendered = sorted((run / "eval/render").rglob("*.png"))
     assert len(rendered) == len(samples) == 2
     for sample, path in zip(samples, rendered):
-        assert f"{sample.frame:04d}" in path.name or str(sample.frame) in path.name
+        assert path.stem.endswith(f"{sample.frame:08d}")
         image, _ = gaussians.render(gaussians.body.pose(sample.frame), sample.K, sample.cam_from_world, (48, 48))
         truth = np.asarray(PIL.Image.open(path).convert("RGB"))
         assert np.abs(image.astype(int) - truth).max() <= 1 and truth.std() > 5
+
+
+def test_dataset_crops_are_the_evaluations_truth(run, dataset):
+    samples = mvstudio.Dataset(dataset, crop=48).subset(cameras=["00_03"], frames=[4, 5])
+    for sample, path in zip(samples, sorted((run / "eval/truth").rglob("*.png"))):
+        np.testing.assert_array_equal(np.asarray(PIL.Image.open(path).convert("RGB")), sample.image * (sample.mask[..., None] > 0))
 
 
 def test_mistakes(body, run, tmp_path):
