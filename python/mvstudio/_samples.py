@@ -62,6 +62,7 @@ class _Source:
         self.opener, self.arguments = opener, arguments
         self._opened: Any = None
         self._table: dict[str, np.ndarray] = {}
+        self._names: list[str] = []
         self._pid = 0
         self.reader()
 
@@ -74,6 +75,11 @@ class _Source:
         if not self._table:
             self._table = self.reader().table()
         return self._table
+
+    def names(self) -> list[str]:
+        if not self._names:
+            self._names = Rig._of(self.reader().rig()).names
+        return self._names
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         return _Source, (self.opener, self.arguments)
@@ -128,7 +134,7 @@ class Samples:
     @property
     def cameras(self) -> list[str]:
         """The names of the dataset's cameras."""
-        return self.rig.names
+        return list(self._source.names())
 
     @property
     def rig(self) -> Rig:
@@ -154,7 +160,7 @@ class Samples:
 
     def __getitem__(self, index: int) -> Sample:
         row, table = self._row(index), self._source.table()
-        return Sample(self.image(index), self.mask(index), self.cameras[table["camera"][row]], int(table["frame"][row]),
+        return Sample(self.image(index), self.mask(index), self._source.names()[table["camera"][row]], int(table["frame"][row]),
                       int(table["person"][row]), PARTS[table["part"][row]], table["K"][row], table["cam_from_world"][row],
                       table["joints_in_world"][row], table["joints_px"][row])
 

@@ -9,9 +9,11 @@ import subprocess
 import sys
 
 import conftest
+import matplotlib
 import mvstudio
 import mvstudio._calibrate
 
+matplotlib.use("Agg")
 ROOT = pathlib.Path(os.environ.get("MVSTUDIO_SOURCE", pathlib.Path(__file__).resolve().parents[2]))
 
 
@@ -30,6 +32,7 @@ def test_readme(rig, tmp_path, monkeypatch):
         exec(compile(code, "README.md", "exec"), names)
     assert abs(names["x"] - names["points"]).max() < 1e-6 and (names["status"] == mvstudio.Status.Ok).all()
     assert abs(names["speed_m_s"] - 5).max() < 1e-9 and "cam_03" in said.getvalue()
+    assert (tmp_path / "uncertainty.png").stat().st_size > 5000
 
 
 def test_help():
