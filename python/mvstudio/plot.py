@@ -96,7 +96,7 @@ def _equal_scales(ax: Any, points: np.ndarray) -> None:
     middle, half = (low + high) / 2, max(0.05, 0.5 * float((high - low).max()))
     ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half),
            zlim=(middle[2] - half, middle[2] + half), xlabel="x, m", ylabel="y, m", zlabel="z, m")
-    ax.set_box_aspect((1, 1, 1))
+    ax.set_box_aspect((1, 1, 1), zoom=0.85)  # room for the label of z
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.get_major_locator().set_params(nbins=5)
 
@@ -161,7 +161,7 @@ def residuals(result: Any, camera: Camera, *, magnify: float = 0.0, ax: Any = No
         magnify = 0.05 * width / max(float(np.quantile(lengths, 0.95)), 1e-9)
     arrows = ax.quiver(*values.T, angles="xy", scale_units="xy", scale=1 / magnify, width=0.002, color="tab:red")
     unit = float(f"{np.median(lengths):.1g}") or 1.0
-    ax.quiverkey(arrows, 0.9, 1.03, unit, f"{unit:g} px", labelpos="E", coordinates="axes")
+    ax.quiverkey(arrows, 0.97, -0.11, unit, f"{unit:g} px", labelpos="W", coordinates="axes")
     _image_frame(ax, width, height)
     ax.set_title(f"{name}: {len(values)} residuals, rms {np.sqrt(np.mean(lengths**2)):.3g} px")
     return ax
@@ -203,7 +203,7 @@ def coverage(source: Any, camera: Camera, *, ax: Any = None) -> Any:
     shown = ax.imshow(cells, cmap="Blues", vmin=0)
     for (row, column), count in np.ndenumerate(cells):
         ax.text(column, row, str(count), ha="center", va="center", fontsize=7, color="white" if 2 * count > cells.max() else "black")
-    ax.set(xticks=[], yticks=[], title=f"{name}: {cells.sum()} corners, {np.mean(cells > 0):.0%} of the cells hold some")
+    ax.set(xticks=[], yticks=[], title=f"{name}: {cells.sum()} corners in {np.mean(cells > 0):.0%} of the cells")
     ax.figure.colorbar(shown, ax=ax, label="corners in a cell", shrink=0.8)
     return ax
 
@@ -327,7 +327,7 @@ def joint(source: Any, name: str, *, person: int = 0, axes: str = "xyz", sigmas:
 
 
 def training(run: Any, columns: Sequence[str] = ("total",), *, ax: Any = None) -> Any:
-    """How a training went: losses over its steps, on a logarithmic scale.
+    """How a training went: losses over its steps, on a logarithmic scale where they fall to a tenth.
 
     Parameters
     ----------
@@ -350,7 +350,6 @@ def training(run: Any, columns: Sequence[str] = ("total",), *, ax: Any = None) -
         raise Error("INPUT-IO", f"{path}: {error.strerror}", "expected a run of `mvstudio avatar train`") from None
     if not rows or "step" not in rows[0]:
         raise Error("INPUT-FORMAT", f"{path}: is no history of a training, or holds no step")
-    from matplotlib.ticker import LogFormatter
     phases = dict.fromkeys(_phase(row) for row in rows)
     for column in columns:
         if column not in rows[0]:
@@ -360,9 +359,9 @@ def training(run: Any, columns: Sequence[str] = ("total",), *, ax: Any = None) -
             if points:
                 ax.plot(*np.array(points).T, label=f"{column}, {phase}" if len(phases) > 1 else column,
                         marker="." if len(points) < 20 else "")
-    ax.set(xlabel="step", yscale="log", title="training")
-    for set_formatter in (ax.yaxis.set_major_formatter, ax.yaxis.set_minor_formatter):
-        set_formatter(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
+    values = [value for line in ax.lines for value in line.get_ydata()]
+    wide = bool(values) and min(values) > 0 and max(values) > 10 * min(values)
+    ax.set(xlabel="step", yscale="log" if wide else "linear", title="training")
     ax.legend()
     return ax
 

@@ -144,7 +144,9 @@ def test_training_curves(tmp_path):
     ax = drawn(plot.training(tmp_path, ["total", "ssim"]), tmp_path)
     lines = {line.get_label(): np.array(line.get_data()).T.tolist() for line in ax.lines}
     assert lines == {"total, init": [[0, 2], [10, 1.5]], "total, train": [[20, 1], [30, 0.5]], "ssim, validation": [[20, 0.7]]}
-    assert ax.get_yscale() == "log"
+    assert ax.get_yscale() == "linear"
+    (tmp_path / "history.csv").write_text(text + "40,train,0.1,,1\n", encoding="utf-8")
+    assert plot.training(tmp_path).get_yscale() == "log"
     (tmp_path / "gaussians.csv").write_text("degree,step,total,wall_s\n0,0,,1\n0,5,0.4,2\n", encoding="utf-8")
     (line,) = plot.training(tmp_path / "gaussians.csv").lines
     assert line.get_label() == "total" and np.array(line.get_data()).T.tolist() == [[5, 0.4]]
