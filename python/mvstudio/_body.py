@@ -134,8 +134,9 @@ class Body:
         """
         if (frame is None) == (joints is None):
             raise Error("CLI-USAGE", "`pose` takes a frame or joints")
-        found = self._held.seen_pose(frame) if joints is None else self._held.pose_by_joints(np.asarray(joints, dtype=float))
-        return Pose(*found)
+        if frame is not None:
+            return Pose(*self._held.seen_pose(frame))
+        return Pose(*self._held.pose_by_joints(np.asarray(joints, dtype=float)))
 
     def vertices_at(self, pose: Pose) -> np.ndarray:
         """(v, 3) float32, metres in world: the surface in a pose."""

@@ -8,6 +8,7 @@ import sys
 import conftest  # noqa: F401  (where mvstudio is)
 import mvstudio
 import pytest
+from mvstudio import _core
 
 ROOT = pathlib.Path(os.environ.get("MVSTUDIO_SOURCE", pathlib.Path(__file__).resolve().parents[2]))
 PACKAGE = pathlib.Path(mvstudio.__file__).parent
@@ -73,8 +74,11 @@ def test_stages_stub_is_made_of_the_stages(folder):
 
 
 def test_stubs_are_what_the_module_has(folder):
+    classes = [name for name in ("Rig", "Samples", "Body", "Gaussians") if isinstance(getattr(_core, name), type)]
+    # pybind11's classes have a metaclass of its own, which no stub can name.
+    (folder / "allowed").write_text("".join(f"mvstudio._core.{name}\n" for name in classes), encoding="utf-8")
     done = run(folder, sys.executable, "-m", "mypy.stubtest", "mvstudio.stages", "mvstudio._core", "--mypy-config-file",
-               str(folder / "mypy.ini"))
+               str(folder / "mypy.ini"), "--allowlist", str(folder / "allowed"))
     assert done.returncode == 0, done.stdout + done.stderr
 
 
