@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Images that documents name: they exist, have an alt text, are small, and scripts/pictures or scripts/notebooks makes them.
+"""Images that documents name: they exist, have an alt text, are small, and a script makes them (scripts/pictures, growth, notebooks).
 
 Usage: images_test.py ROOT. Prints FILE:LINE: REASON for every finding, exits 1 when there is one.
 """
@@ -11,11 +11,12 @@ import sys
 import tempfile
 
 IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)")
+MAKERS = ("pictures", "growth")
 MAX_BYTES, MAX_ALL_BYTES, MAX_NOTEBOOK_BYTES = 250_000, 1_500_000, 150_000
 
 
 def findings(root):
-    made = (root / "scripts/pictures").read_text(encoding="utf-8")
+    made = "".join(path.read_text(encoding="utf-8") for name in MAKERS if (path := root / "scripts" / name).is_file())
     named = set()
     for page in [*sorted(root.glob("*.md")), *sorted((root / "docs").rglob("*.md"))]:
         for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1):
@@ -34,7 +35,7 @@ def findings(root):
                 if path.parent == root / "docs/notebooks":
                     yield from (f"{place}: {reason}" for reason in of_notebook(root, path))
                 elif f'"{path.name}"' not in made:
-                    yield f"{place}: scripts/pictures does not make {target}"
+                    yield f"{place}: neither scripts/pictures nor scripts/growth makes {target}"
     kept = [path.resolve() for path in sorted((root / "docs/img").glob("*"))]
     pictures = [path.resolve() for path in sorted((root / "docs/notebooks").glob("*.png"))]
     yield from (f"{path.relative_to(root)}:1: no document shows it" for path in kept + pictures if path not in named)
@@ -69,7 +70,7 @@ def check_self():
         (root / "docs/notebooks/gone-1.png").write_bytes(b"x" * (MAX_NOTEBOOK_BYTES + 1))
         (root / "docs/notebooks/gone-2.png").write_bytes(b"x")
         found = "\n".join(findings(root))
-        expected = ("no alt text", "more than 250000", "no image img/gone", "does not make img/foreign", "in place of <img>",
+        expected = ("no alt text", "more than 250000", "no image img/gone", "makes img/foreign", "in place of <img>",
                     "unused.webp:1: no document", "bytes together", "no notebook makes gone-1.png", "more than 150000",
                     "notebooks/gone-2.png:1: no document")
         assert len(found.splitlines()) == len(expected) and all(text in found for text in expected), found
