@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "calib/lens/lens_limits.h"
 #include "calib/pipeline/solvable.h"
 #include "core/disk/output.h"
 #include "core/disk/trace.h"
@@ -32,9 +33,10 @@ struct TrialBoards {
 struct LensTrial {
   std::optional<geometry::LensModel> model;  ///< none: the lens is chosen
   WorkPart solving{"solving"};
-  std::vector<SizedError> errors;
-  std::string found;    ///< the lens that all cameras have at all sizes; empty: there is none
-  std::string message;  ///< why there is no solution
+  std::vector<SizedError> errors;    ///< held-out, px
+  double doubt = 0, doubt_size = 0;  ///< UncertaintyOf of the largest part
+  std::string found;                 ///< the lens that all cameras have at all sizes; empty: there is none
+  std::string message;               ///< why there is no solution
 };
 
 struct BoardSetting {
@@ -42,9 +44,21 @@ struct BoardSetting {
   std::optional<geometry::LensModel> model;
 };
 
-double JudgedCalibration(const calib::CalibrateReport& solved, ErrorUnit unit) {
-  if (solved.status != Status::kOk) return std::nan("");
-  return unit == ErrorUnit::kPx ? solved.uncertainty.edge_px : solved.uncertainty.volume_mm;
+/// Error on boards that took no part, px, as the command prints it.
+double JudgedCalibration(const calib::CalibrateReport& solved) {
+  return solved.status == Status::kOk ? solved.holdout_rms_px : std::nan("");
+}
+
+/// Uncertainty of projections at the image's sides over what the verdict accepts; of the worst camera, 0 where none states one.
+double UncertaintyOf(const calib::CalibrateReport& solved) {
+  double worst = 0;
+  for (const calib::CameraUncertainty& camera : solved.uncertainty.cameras) {
+    const int idx = solved.rig.Find(camera.name);
+    if (idx < 0 || !std::isfinite(camera.edge_px)) continue;
+    const geometry::Camera& lens = solved.rig.cameras[static_cast<size_t>(idx)].camera;
+    worst = std::max(worst, camera.edge_px / calib::PixelLimitsOf(lens, solved.need_px).side_px);
+  }
+  return worst;
 }
 
 /// Steps of twice the images from the whole to what a trial takes: a quarter, 12 to 40 images.
@@ -139,7 +153,6 @@ void TryLens(TrialBoards* boards, const RunContext& run, const std::function<boo
   const CalibrateOptions& options = boards->report.options;
   calib::CalibrateOptions solve = options.solve;
   if (trial->model) solve.model = trial->model;
-  const ErrorUnit unit = options.budget.Target() ? options.budget.Target()->unit : ErrorUnit::kPx;
   for (const int every : {4, 2, 1}) {
     const calib::CalibrateInput part = EveryNth(boards->corners.input, every);
     const double size = boards->searched / every;
@@ -152,7 +165,8 @@ void TryLens(TrialBoards* boards, const RunContext& run, const std::function<boo
     }
     (void)PredictGain(solved.report, part.boards);
     trial->solving.timings.push_back({size, options.budget.NowSeconds() - begin_s});
-    trial->errors.push_back({size, JudgedCalibration(solved.report, unit)});
+    trial->errors.push_back({size, JudgedCalibration(solved.report)});
+    trial->doubt = UncertaintyOf(solved.report), trial->doubt_size = size;
     const std::string found = CommonLens(solved.report);
     trial->found = trial->solving.timings.size() == 1 || trial->found == found ? found : "";
     if (every > 1 || boards->corners.found.empty() || trial->model) continue;
@@ -206,7 +220,11 @@ SettingTrial TrialOf(const CalibrateOptions& options, const TrialBoards& boards,
   trial.parts = boards.fixed;
   trial.parts.push_back(lens.solving);
   const Foretold error = ForetellError(chosen_lens.errors, trial.size);
-  trial.error = error.value;
+  trial.error = error.value, trial.error_sigma = error.sigma;
+  trial.doubt = chosen_lens.doubt * std::sqrt(chosen_lens.doubt_size / trial.size);
+  if (trial.doubt > 1)
+    trial.short_of =
+        Format("projections at the image's sides would be uncertain by %.2g times what option 'need' allows", trial.doubt);
   return trial;
 }
 
@@ -295,7 +313,6 @@ void ChooseCalibration(double started_s, const PrepareCorners& prepare, const Ru
   constexpr double kTrialShare = 0.2;  // of the budget
   BudgetReport& budget = report->budget.emplace();
   budget.stage = "calibrate", budget.asked = report->options.budget;
-  if (const auto target = budget.asked.Target()) budget.unit = target->unit;
   budget.less_work = "fewer images (option 'every')";
   budget.better_data = "more boards, tilted and out to the image's corners,";
   budget.threads = ResolveThreads(run.num_threads);
@@ -321,7 +338,7 @@ void ChooseCalibration(double started_s, const PrepareCorners& prepare, const Ru
 void KeepCalibrationOutcome(double started_s, CalibrateReport* report) {
   BudgetReport& budget = *report->budget;
   const auto* found = std::get_if<BoardCalibration>(&report->found);
-  if (found && !report->path.empty()) budget.actual_error = JudgedCalibration(found->solved.report, budget.unit);
+  if (found && !report->path.empty()) budget.actual_error = JudgedCalibration(found->solved.report);
   budget.actual_s = budget.asked.NowSeconds() - started_s;
   if (!report->path.empty()) KeepPrediction(budget, report->options.out);
 }

@@ -56,7 +56,7 @@ class CalibrateBudget : public ::testing::Test {
     options.corners.boards = {calib::ParseBoard("chessboard:9x6:60mm")};
     for (const char* name : {"cam0", "cam1"}) options.corners.cameras.push_back({name, *folder_ / name});
     options.corners.footage.cache.kind = CachePlace::Kind::kOff;
-    options.solve.model = geometry::LensModel::kBrown4, options.solve.holdout_folds = 0;
+    options.solve.model = geometry::LensModel::kBrown4, options.solve.holdout_folds = 3;
     options.out = *folder_ / out, options.budget.now_s = [this] { return clock_s_ += 1; };
     return options;
   }
@@ -90,7 +90,7 @@ TEST_F(CalibrateBudget, WithTimeForAllImagesTheyAreTaken) {
 /// What the trial measured is what comes out of the same images, and what the flags give by hand.
 TEST_F(CalibrateBudget, ASmallBudgetThinsTheImages) {
   CalibrateOptions options = Options("foretold");
-  options.budget.target = "1000mm";
+  options.budget.target = "1000px";
   const CalibrateReport easy = RunCalibrate(options);
   const SettingTrial &chosen = easy.budget->Chosen(), &next = easy.budget->trials[1];
   ASSERT_EQ(chosen.flags, (std::vector<std::pair<std::string, std::string>>{{"every", "4"}})) << "the cheapest reaches it";
@@ -107,8 +107,18 @@ TEST_F(CalibrateBudget, ASmallBudgetThinsTheImages) {
   ASSERT_EQ(predictions.predictions.size(), 1u);
   EXPECT_EQ(predictions.predictions[0].stage, "calibrate");
   EXPECT_EQ(predictions.predictions[0].frames, kFrames);
-  EXPECT_EQ(predictions.predictions[0].error_unit, "mm");
+  EXPECT_EQ(predictions.predictions[0].error_unit, "px");
   EXPECT_DOUBLE_EQ(predictions.predictions[0].predicted_s, chosen.predicted_s);
+}
+
+/// The held-out error says nothing of the image's sides: what is needed there counts, too.
+TEST_F(CalibrateBudget, SidesAsCertainAsIsNeededBelongToATarget) {
+  CalibrateOptions options = Options("need");
+  options.budget.target = "1000px", options.solve.need_px = 1e-6;
+  const CalibrateReport report = RunCalibrate(options);
+  EXPECT_EQ(report.budget->choice.outcome, SettingChoice::Outcome::kBestWithinBudget);
+  EXPECT_TRUE(report.budget->Chosen().flags.empty()) << "all images";
+  EXPECT_THAT(report.budget->trials[0].short_of, HasSubstr("option 'need'"));
 }
 
 TEST_F(CalibrateBudget, WhatCannotBeReachedIsSaid) {
@@ -126,12 +136,12 @@ TEST_F(CalibrateBudget, WhatCannotBeReachedIsSaid) {
 /// What was given is not chosen, a board that defines the world is searched.
 TEST_F(CalibrateBudget, WhatWasGivenStays) {
   CalibrateOptions options = Options("given");
-  options.corners.footage.every = 3, options.budget.target = "1m";
+  options.corners.footage.every = 3, options.budget.target = "1000px";
   CalibrateReport report = RunCalibrate(options);
   EXPECT_EQ(report.budget->trials.size(), 1u);
   EXPECT_EQ(report.options.corners.footage.every, 3);
   options = Options("world");
-  options.solve.world.board_frame = 6, options.budget.target = "1m";
+  options.solve.world.board_frame = 6, options.budget.target = "1000px";
   report = RunCalibrate(options);
   ASSERT_EQ(report.budget->trials.size(), 2u) << "every 4th image would leave frame 6 out";
   EXPECT_EQ(report.options.corners.footage.every, 2);
@@ -163,6 +173,8 @@ TEST_F(CalibrateBudget, WithoutABoardThereIsNothingToChoose) {
   options.scene.from_scene = "images", options.budget.budget = "1h";
   EXPECT_THAT(MessageOf<UsageError>([&] { RunCalibrate(options); }), HasSubstr("without a board"));
   options = Options("scene");
+  options.budget.target = "1mm";
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunCalibrate(options); }), HasSubstr("held-out error in px"));
   options.budget.budget = "soon";
   EXPECT_THAT(MessageOf<UsageError>([&] { RunCalibrate(options); }), HasSubstr("option 'budget' 'soon'"));
 }
