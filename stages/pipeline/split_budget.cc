@@ -41,7 +41,7 @@ bool TakesBudget(StageKind kind) {
 }
 
 bool HasOwnBudget(const PipelineStage& stage) {
-  return std::any_of(stage.options.begin(), stage.options.end(), [](const auto& option) { return option.key == "budget"; });
+  return std::any_of(stage.options.begin(), stage.options.end(), [](const auto& option) { return option.name == "budget"; });
 }
 
 double StageBudget(const std::vector<StageTime>& to_do, double left_s, const std::string& asked) {
