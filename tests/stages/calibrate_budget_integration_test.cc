@@ -7,6 +7,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/parallel.h"
 #include "dataset/footage/image_io.h"
 #include "stages/calibrate/describe.h"
 #include "stages/calibrate/run.h"
@@ -37,16 +38,14 @@ class CalibrateBudget : public ::testing::Test {
   static void SetUpTestSuite() {
     folder_ = std::make_unique<TempDir>();
     const calib::testing::Scene scene = Filmed(0);
-    for (size_t c = 0; c < scene.truth.cameras.size(); ++c) {
-      const std::string images = *folder_ / scene.truth.cameras[c].name;
-      std::filesystem::create_directory(images);
-      for (int f = 0; f < kFrames; ++f) {
-        const geometry::Rigid3 cam_from_board =
-            scene.truth.cam_from_world[c] * scene.truth.world_from_board[static_cast<size_t>(f)];
-        dataset::WriteImage(calib::testing::RenderBoard(scene.board, scene.truth.cameras[c], cam_from_board, 2),
-                            images + Format("/%04d.png", f));
-      }
-    }
+    const int num_cameras = static_cast<int>(scene.truth.cameras.size());
+    for (const geometry::Camera& camera : scene.truth.cameras) std::filesystem::create_directory(*folder_ / camera.name);
+    ParallelFor(num_cameras * kFrames, ResolveThreads(0), [&](int64_t i) {
+      const auto c = static_cast<size_t>(i % num_cameras), f = static_cast<size_t>(i / num_cameras);
+      const geometry::Rigid3 cam_from_board = scene.truth.cam_from_world[c] * scene.truth.world_from_board[f];
+      dataset::WriteImage(calib::testing::RenderBoard(scene.board, scene.truth.cameras[c], cam_from_board, 1),
+                          *folder_ / (scene.truth.cameras[c].name + Format("/%04d.png", static_cast<int>(f))));
+    });
   }
   static void TearDownTestSuite() { folder_.reset(); }
 
