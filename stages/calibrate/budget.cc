@@ -214,7 +214,7 @@ SettingTrial TrialOf(const CalibrateOptions& options, const TrialBoards& boards,
   trial.size = SearchedBy(options, boards, every);
   trial.what = ImagesText(options, trial.size, boards.all);
   if (lens.solving.timings.empty()) {
-    trial.why_not = "a fifth of the budget had gone into the trial";
+    trial.why_not = "a fifth of the budget had gone into solving parts";
     return trial;
   }
   trial.parts = boards.fixed;
@@ -310,20 +310,21 @@ std::vector<std::string> ReasonsForBoards(const std::vector<BoardSetting>& setti
 }  // namespace
 
 void ChooseCalibration(double started_s, const PrepareCorners& prepare, const RunContext& run, CalibrateReport* report) {
-  constexpr double kTrialShare = 0.2;  // of the budget
+  constexpr double kTrialShare = 0.2;  // of the budget, for solving
   BudgetReport& budget = report->budget.emplace();
   budget.stage = "calibrate", budget.asked = report->options.budget;
   budget.less_work = "fewer images (option 'every')";
   budget.better_data = "more boards, tilted and out to the image's corners,";
   budget.threads = ResolveThreads(run.num_threads);
-  const double begin_s = budget.asked.NowSeconds(), most_s = kTrialShare * budget.asked.BudgetSeconds();
+  const double begin_s = budget.asked.NowSeconds();
   const UntracedScope untraced;
   const RunContext silent{nullptr, run.num_threads, run.seed};
   ProgressStage stage(run, "trial for the budget", 2);
   TrialBoards boards = BoardsForTrial(*report, prepare, silent);
   budget.sizes = {{"frames", boards.all}, {"cameras", static_cast<double>(boards.corners.input.cameras.size())}};
   stage.Advance();
-  const auto enough = [&] { return budget.asked.NowSeconds() - begin_s > most_s; };
+  const double most_s = budget.asked.NowSeconds() + kTrialShare * budget.asked.BudgetSeconds();
+  const auto enough = [&] { return budget.asked.NowSeconds() > most_s; };
   const std::vector<LensTrial> lenses = TryLenses(&boards, report->options, silent, enough);
   const std::vector<BoardSetting> settings = AddSettings(boards, lenses, *report, &budget);
   stage.Advance();
