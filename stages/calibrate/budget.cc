@@ -166,6 +166,7 @@ void TryLens(TrialBoards* boards, const RunContext& run, const std::function<boo
     (void)PredictGain(solved.report, part.boards);
     trial->solving.timings.push_back({size, options.budget.NowSeconds() - begin_s});
     trial->errors.push_back({size, JudgedCalibration(solved.report)});
+    if (trial->errors.size() > 2) trial->errors.erase(trial->errors.begin());  // of few boards, it is erratic
     trial->doubt = UncertaintyOf(solved.report), trial->doubt_size = size;
     const std::string found = CommonLens(solved.report);
     trial->found = trial->solving.timings.size() == 1 || trial->found == found ? found : "";
