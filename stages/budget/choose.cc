@@ -44,11 +44,14 @@ SettingChoice ChooseSetting(const std::vector<SettingTrial>& trials, double budg
   if (best < 0) return {Outcome::kNothingFits, std::max(FirstBy(trials, tried, cheaper), 0)};
   if (std::isfinite(target)) {
     const int enough = FirstBy(
-        trials, [&](const SettingTrial& t) { return fits(t) && JudgedError(t) <= target; }, cheaper);
+        trials, [&](const SettingTrial& t) { return fits(t) && t.short_of.empty() && JudgedError(t) <= target; }, cheaper);
     if (enough >= 0) return {Outcome::kReached, enough};
   }
   const auto as_good = [&](const SettingTrial& t) { return fits(t) && NotWorse(t, trials[static_cast<size_t>(best)]); };
-  return {std::isfinite(target) ? Outcome::kBestWithinBudget : Outcome::kReached, FirstBy(trials, as_good, cheaper)};
+  const auto preferred = [&](const SettingTrial& a, const SettingTrial& b) {
+    return a.doubt != b.doubt ? a.doubt < b.doubt : cheaper(a, b);
+  };
+  return {std::isfinite(target) ? Outcome::kBestWithinBudget : Outcome::kReached, FirstBy(trials, as_good, preferred)};
 }
 
 }  // namespace mvstudio::stages

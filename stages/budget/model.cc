@@ -88,7 +88,7 @@ Foretold ForetellError(const std::vector<SizedError>& errors, double size) {
   std::vector<TermRow> rows;
   for (const SizedError& measured : errors) {
     if (!std::isfinite(measured.error) || measured.error <= 0) continue;
-    if (std::abs(measured.size - size) <= kSameSize * size) return {measured.error, 0};
+    if (std::abs(measured.size - size) <= kSameSize * size) return {measured.error, kErrorNoise * measured.error};
     rows.push_back({1, 1 / measured.size, measured.error * measured.error});
   }
   const Foretold squared = FitTerms(rows, 2 * kErrorNoise).At(1, 1 / size);

@@ -48,8 +48,8 @@ struct SizedError {
   double size = 0, error = 0;
 };
 
-/// Error at `size`: as it was measured there, else error^2 = what more data cannot lower + what it shares out. NaN without
-/// finite errors above 0.
+/// Error at `size`: as it was measured there, else error^2 = what more data cannot lower + what it shares out. One measurement
+/// scatters by a tenth. NaN without finite errors above 0.
 Foretold ForetellError(const std::vector<SizedError>& errors, double size);
 
 }  // namespace mvstudio::stages

@@ -31,7 +31,8 @@ std::string TimeText(const SettingTrial& trial) {
 std::string TrialText(const BudgetReport& report, const SettingTrial& trial) {
   const std::string what = trial.Name() + (trial.what.empty() ? "" : " (" + trial.what + ")");
   if (!trial.IsTried()) return what + ": not tried, " + trial.why_not;
-  return what + ": " + TimeText(trial) + ", " + BudgetErrorText(report, trial.error);
+  return what + ": " + TimeText(trial) + ", " + BudgetErrorText(report, trial.error) +
+         (trial.short_of.empty() ? "" : "; " + trial.short_of);
 }
 
 std::string ReasonOf(const BudgetReport& report) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <set>
 
+#include "calib/lens/lens_limits.h"
 #include "calib/pipeline/solvable.h"
 #include "core/disk/output.h"
 #include "core/disk/trace.h"
@@ -32,9 +33,10 @@ struct TrialBoards {
 struct LensTrial {
   std::optional<geometry::LensModel> model;  ///< none: the lens is chosen
   WorkPart solving{"solving"};
-  std::vector<SizedError> errors;
-  std::string found;    ///< the lens that all cameras have at all sizes; empty: there is none
-  std::string message;  ///< why there is no solution
+  std::vector<SizedError> errors;    ///< held-out, px
+  double doubt = 0, doubt_size = 0;  ///< UncertaintyOf of the largest part
+  std::string found;                 ///< the lens that all cameras have at all sizes; empty: there is none
+  std::string message;               ///< why there is no solution
 };
 
 struct BoardSetting {
@@ -42,9 +44,21 @@ struct BoardSetting {
   std::optional<geometry::LensModel> model;
 };
 
-double JudgedCalibration(const calib::CalibrateReport& solved, ErrorUnit unit) {
-  if (solved.status != Status::kOk) return std::nan("");
-  return unit == ErrorUnit::kPx ? solved.uncertainty.edge_px : solved.uncertainty.volume_mm;
+/// Error on boards that took no part, px, as the command prints it.
+double JudgedCalibration(const calib::CalibrateReport& solved) {
+  return solved.status == Status::kOk ? solved.holdout_rms_px : std::nan("");
+}
+
+/// Uncertainty of projections at the image's sides over what the verdict accepts; of the worst camera, 0 where none states one.
+double UncertaintyOf(const calib::CalibrateReport& solved) {
+  double worst = 0;
+  for (const calib::CameraUncertainty& camera : solved.uncertainty.cameras) {
+    const int idx = solved.rig.Find(camera.name);
+    if (idx < 0 || !std::isfinite(camera.edge_px)) continue;
+    const geometry::Camera& lens = solved.rig.cameras[static_cast<size_t>(idx)].camera;
+    worst = std::max(worst, camera.edge_px / calib::PixelLimitsOf(lens, solved.need_px).side_px);
+  }
+  return worst;
 }
 
 /// Steps of twice the images from the whole to what a trial takes: a quarter, 12 to 40 images.
@@ -139,7 +153,6 @@ void TryLens(TrialBoards* boards, const RunContext& run, const std::function<boo
   const CalibrateOptions& options = boards->report.options;
   calib::CalibrateOptions solve = options.solve;
   if (trial->model) solve.model = trial->model;
-  const ErrorUnit unit = options.budget.Target() ? options.budget.Target()->unit : ErrorUnit::kPx;
   for (const int every : {4, 2, 1}) {
     const calib::CalibrateInput part = EveryNth(boards->corners.input, every);
     const double size = boards->searched / every;
@@ -152,7 +165,9 @@ void TryLens(TrialBoards* boards, const RunContext& run, const std::function<boo
     }
     (void)PredictGain(solved.report, part.boards);
     trial->solving.timings.push_back({size, options.budget.NowSeconds() - begin_s});
-    trial->errors.push_back({size, JudgedCalibration(solved.report, unit)});
+    trial->errors.push_back({size, JudgedCalibration(solved.report)});
+    if (trial->errors.size() > 2) trial->errors.erase(trial->errors.begin());  // of few boards, it is erratic
+    trial->doubt = UncertaintyOf(solved.report), trial->doubt_size = size;
     const std::string found = CommonLens(solved.report);
     trial->found = trial->solving.timings.size() == 1 || trial->found == found ? found : "";
     if (every > 1 || boards->corners.found.empty() || trial->model) continue;
@@ -200,13 +215,17 @@ SettingTrial TrialOf(const CalibrateOptions& options, const TrialBoards& boards,
   trial.size = SearchedBy(options, boards, every);
   trial.what = ImagesText(options, trial.size, boards.all);
   if (lens.solving.timings.empty()) {
-    trial.why_not = "a fifth of the budget had gone into the trial";
+    trial.why_not = "a fifth of the budget had gone into solving parts";
     return trial;
   }
   trial.parts = boards.fixed;
   trial.parts.push_back(lens.solving);
   const Foretold error = ForetellError(chosen_lens.errors, trial.size);
-  trial.error = error.value;
+  trial.error = error.value, trial.error_sigma = error.sigma;
+  trial.doubt = chosen_lens.doubt * std::sqrt(chosen_lens.doubt_size / trial.size);
+  if (trial.doubt > 1)
+    trial.short_of =
+        Format("projections at the image's sides would be uncertain by %.2g times what option 'need' allows", trial.doubt);
   return trial;
 }
 
@@ -292,21 +311,21 @@ std::vector<std::string> ReasonsForBoards(const std::vector<BoardSetting>& setti
 }  // namespace
 
 void ChooseCalibration(double started_s, const PrepareCorners& prepare, const RunContext& run, CalibrateReport* report) {
-  constexpr double kTrialShare = 0.2;  // of the budget
+  constexpr double kTrialShare = 0.2;  // of the budget, for solving
   BudgetReport& budget = report->budget.emplace();
   budget.stage = "calibrate", budget.asked = report->options.budget;
-  if (const auto target = budget.asked.Target()) budget.unit = target->unit;
   budget.less_work = "fewer images (option 'every')";
   budget.better_data = "more boards, tilted and out to the image's corners,";
   budget.threads = ResolveThreads(run.num_threads);
-  const double begin_s = budget.asked.NowSeconds(), most_s = kTrialShare * budget.asked.BudgetSeconds();
+  const double begin_s = budget.asked.NowSeconds();
   const UntracedScope untraced;
   const RunContext silent{nullptr, run.num_threads, run.seed};
   ProgressStage stage(run, "trial for the budget", 2);
   TrialBoards boards = BoardsForTrial(*report, prepare, silent);
   budget.sizes = {{"frames", boards.all}, {"cameras", static_cast<double>(boards.corners.input.cameras.size())}};
   stage.Advance();
-  const auto enough = [&] { return budget.asked.NowSeconds() - begin_s > most_s; };
+  const double most_s = budget.asked.NowSeconds() + kTrialShare * budget.asked.BudgetSeconds();
+  const auto enough = [&] { return budget.asked.NowSeconds() > most_s; };
   const std::vector<LensTrial> lenses = TryLenses(&boards, report->options, silent, enough);
   const std::vector<BoardSetting> settings = AddSettings(boards, lenses, *report, &budget);
   stage.Advance();
@@ -321,7 +340,7 @@ void ChooseCalibration(double started_s, const PrepareCorners& prepare, const Ru
 void KeepCalibrationOutcome(double started_s, CalibrateReport* report) {
   BudgetReport& budget = *report->budget;
   const auto* found = std::get_if<BoardCalibration>(&report->found);
-  if (found && !report->path.empty()) budget.actual_error = JudgedCalibration(found->solved.report, budget.unit);
+  if (found && !report->path.empty()) budget.actual_error = JudgedCalibration(found->solved.report);
   budget.actual_s = budget.asked.NowSeconds() - started_s;
   if (!report->path.empty()) KeepPrediction(budget, report->options.out);
 }

@@ -12,8 +12,9 @@ using PrepareCorners = std::function<void(CalibrateReport* report, CornerInput* 
 
 /// Searches part of the footage and solves three sizes of it, with the lens left open and with the lens that was found; sets
 /// what nobody gave among `every` and `model` to the chosen setting. CalibrateReport::budget then holds the prediction;
-/// `started_s`: of the clock, when the command began. An error is the stated uncertainty: of projections at the image's sides,
-/// px, as CalibrateOptions::need_px limits it, or of points triangulated where boards were, mm (UncertaintySummary). Throws
+/// `started_s`: of the clock, when the command began. An error is that on boards that took no part
+/// (CalibrateReport::holdout_rms_px). Where projections at the image's sides would be more uncertain than
+/// CalibrateOptions::need_px allows, no target is reached. Throws
 /// UsageError where the part gives no calibration and for a budget that no setting keeps.
 void ChooseCalibration(double started_s, const PrepareCorners& prepare, const RunContext& run, CalibrateReport* report);
 

@@ -77,9 +77,10 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("start", o.start, "a calibration to start from; its cameras keep their lens models");
   visit("lenses", o.lenses,
         "library of mvstudio calib lenses: lenses of the session's cameras, by their serial; they are held");
-  VisitBudget(visit, o.budget,
-              "uncertainty that is enough, e.g. 0.2px (of projections at the image's sides) or 1mm (of points where boards "
-              "were): the cheapest setting that a trial predicts to reach it");
+  VisitBudget(
+      visit, o.budget,
+      "held-out error that is enough, e.g. 0.2px, where projections at the image's sides are as certain as option 'need' "
+      "asks: the cheapest setting that a trial predicts to reach it");
 }
 
 }  // namespace mvstudio::stages

@@ -216,7 +216,10 @@ void CalibrateOnBoards(double started_s, const RunContext& run, CalibrateReport*
 }
 
 void CheckBudget(const CalibrateOptions& options) {
-  (void)options.budget.BudgetSeconds(), (void)options.budget.Target();  // what they cannot be must not cost the run
+  (void)options.budget.BudgetSeconds();  // what it cannot be must not cost the run
+  const std::optional<ErrorTarget> target = options.budget.Target();
+  if (target && target->unit != ErrorUnit::kPx)
+    throw UsageError("option 'target' " + options.budget.target + ": a calibration has its held-out error in px");
   if (options.budget.Asked() && UsesScene(options.scene))
     throw UsageError("option 'budget' and option 'target' choose among settings for boards: leave them out without a board");
 }

@@ -93,19 +93,35 @@ TriedTake TryTake(const PoseInput& input, const TriangulateReport& report, const
   return tried;
 }
 
-/// The parts of the take on which settings are tried.
-std::vector<PoseInput> TrialParts(const PoseInput& input, uint64_t seed) {
-  constexpr size_t kMostFrames = 520, kFewestFrames = 40, kChoiceFrames = 130;
-  const size_t count = input.frames.size();
-  const size_t large = std::min(std::max(count / 4, std::min(count, kFewestFrames)), kMostFrames);
+/// A part of the take on which settings are tried: one piece of it tells the time, four stretches the error. (Clocks and smooth
+/// motions take longer the more frames follow upon each other.)
+struct TrialPart {
+  PoseInput input;
+  bool is_piece = false;
+};
+
+PoseInput WithFrames(const PoseInput& input, std::vector<triangulate::DetectedFrame> frames) {
+  PoseInput part;
+  part.rig = input.rig, part.skeleton = input.skeleton, part.limbs = input.limbs, part.cameras = input.cameras;
+  part.frames = std::move(frames);
+  return part;
+}
+
+/// `count` frames in the middle.
+std::vector<triangulate::DetectedFrame> MiddleOf(const std::vector<triangulate::DetectedFrame>& frames, size_t count) {
+  const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - count) / 2);
+  return {begin, begin + static_cast<std::ptrdiff_t>(count)};
+}
+
+std::vector<TrialPart> TrialParts(const PoseInput& input, uint64_t seed) {
+  constexpr size_t kMostJudged = 260, kFewestFrames = 40, kChoiceFrames = 130;
+  const size_t count = input.frames.size(), fewest = std::min(count, kFewestFrames);
+  const size_t large = std::min(std::max(count / 3, fewest), triangulate::kMostClockFrames);
   const size_t small = std::max(large / 4, std::min(kChoiceFrames, large / 2));
-  const size_t middle = static_cast<size_t>(std::sqrt(static_cast<double>(small) * static_cast<double>(large)));
-  std::vector<PoseInput> parts;
-  for (const size_t size : {small, middle, large}) {
-    PoseInput& part = parts.emplace_back();
-    part.rig = input.rig, part.skeleton = input.skeleton, part.limbs = input.limbs, part.cameras = input.cameras;
-    part.frames = StretchesOf(input.frames, size, seed);
-  }
+  std::vector<TrialPart> parts;
+  for (const size_t size : {small, large}) parts.push_back({WithFrames(input, MiddleOf(input.frames, size)), true});
+  const size_t judged = std::min(std::max(count / 4, fewest), kMostJudged);
+  parts.push_back({WithFrames(input, StretchesOf(input.frames, judged, seed)), false});
   return parts;
 }
 
@@ -135,7 +151,7 @@ void ChooseWithinBudget(const PoseInput& input, double started_s, const RunConte
   budget.sizes = {{"frames", num_frames}, {"cameras", static_cast<double>(input.cameras.size())}};
   budget.threads = ResolveThreads(run.num_threads);
   const std::vector<BudgetSetting> settings = FreeSettings(report->options);
-  const std::vector<PoseInput> parts = TrialParts(input, run.seed);
+  const std::vector<TrialPart> parts = TrialParts(input, run.seed);
   const double begin_s = budget.asked.NowSeconds(), most_s = kTrialShare * budget.asked.BudgetSeconds();
   const UntracedScope untraced;
   const RunContext silent{nullptr, run.num_threads, run.seed};
@@ -148,11 +164,14 @@ void ChooseWithinBudget(const PoseInput& input, double started_s, const RunConte
       continue;
     }
     trial.parts = {{"points"}, {"checks", static_cast<double>(triangulate::kMostClockFrames)}};
-    for (const PoseInput& part : parts) {
-      const TriedTake tried = TryTake(part, *report, setting, silent);
-      const double frames = static_cast<double>(part.frames.size());
-      trial.parts[0].timings.push_back({frames, tried.points_s}), trial.parts[1].timings.push_back({frames, tried.checks_s});
-      std::tie(trial.error, trial.error_sigma) = JudgedTake(tried.report, budget.unit);
+    for (const TrialPart& part : parts) {
+      const TriedTake tried = TryTake(part.input, *report, setting, silent);
+      const double frames = static_cast<double>(part.input.frames.size());
+      if (part.is_piece) {
+        trial.parts[0].timings.push_back({frames, tried.points_s}), trial.parts[1].timings.push_back({frames, tried.checks_s});
+      } else {
+        std::tie(trial.error, trial.error_sigma) = JudgedTake(tried.report, budget.unit);
+      }
       stage.Advance();
     }
   }

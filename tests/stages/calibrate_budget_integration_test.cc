@@ -7,6 +7,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/parallel.h"
 #include "dataset/footage/image_io.h"
 #include "stages/calibrate/describe.h"
 #include "stages/calibrate/run.h"
@@ -37,16 +38,14 @@ class CalibrateBudget : public ::testing::Test {
   static void SetUpTestSuite() {
     folder_ = std::make_unique<TempDir>();
     const calib::testing::Scene scene = Filmed(0);
-    for (size_t c = 0; c < scene.truth.cameras.size(); ++c) {
-      const std::string images = *folder_ / scene.truth.cameras[c].name;
-      std::filesystem::create_directory(images);
-      for (int f = 0; f < kFrames; ++f) {
-        const geometry::Rigid3 cam_from_board =
-            scene.truth.cam_from_world[c] * scene.truth.world_from_board[static_cast<size_t>(f)];
-        dataset::WriteImage(calib::testing::RenderBoard(scene.board, scene.truth.cameras[c], cam_from_board, 2),
-                            images + Format("/%04d.png", f));
-      }
-    }
+    const int num_cameras = static_cast<int>(scene.truth.cameras.size());
+    for (const geometry::Camera& camera : scene.truth.cameras) std::filesystem::create_directory(*folder_ / camera.name);
+    ParallelFor(num_cameras * kFrames, ResolveThreads(0), [&](int64_t i) {
+      const auto c = static_cast<size_t>(i % num_cameras), f = static_cast<size_t>(i / num_cameras);
+      const geometry::Rigid3 cam_from_board = scene.truth.cam_from_world[c] * scene.truth.world_from_board[f];
+      dataset::WriteImage(calib::testing::RenderBoard(scene.board, scene.truth.cameras[c], cam_from_board, 1),
+                          *folder_ / (scene.truth.cameras[c].name + Format("/%04d.png", static_cast<int>(f))));
+    });
   }
   static void TearDownTestSuite() { folder_.reset(); }
 
@@ -56,7 +55,7 @@ class CalibrateBudget : public ::testing::Test {
     options.corners.boards = {calib::ParseBoard("chessboard:9x6:60mm")};
     for (const char* name : {"cam0", "cam1"}) options.corners.cameras.push_back({name, *folder_ / name});
     options.corners.footage.cache.kind = CachePlace::Kind::kOff;
-    options.solve.model = geometry::LensModel::kBrown4, options.solve.holdout_folds = 0;
+    options.solve.model = geometry::LensModel::kBrown4, options.solve.holdout_folds = 3;
     options.out = *folder_ / out, options.budget.now_s = [this] { return clock_s_ += 1; };
     return options;
   }
@@ -90,7 +89,7 @@ TEST_F(CalibrateBudget, WithTimeForAllImagesTheyAreTaken) {
 /// What the trial measured is what comes out of the same images, and what the flags give by hand.
 TEST_F(CalibrateBudget, ASmallBudgetThinsTheImages) {
   CalibrateOptions options = Options("foretold");
-  options.budget.target = "1000mm";
+  options.budget.target = "1000px";
   const CalibrateReport easy = RunCalibrate(options);
   const SettingTrial &chosen = easy.budget->Chosen(), &next = easy.budget->trials[1];
   ASSERT_EQ(chosen.flags, (std::vector<std::pair<std::string, std::string>>{{"every", "4"}})) << "the cheapest reaches it";
@@ -107,8 +106,18 @@ TEST_F(CalibrateBudget, ASmallBudgetThinsTheImages) {
   ASSERT_EQ(predictions.predictions.size(), 1u);
   EXPECT_EQ(predictions.predictions[0].stage, "calibrate");
   EXPECT_EQ(predictions.predictions[0].frames, kFrames);
-  EXPECT_EQ(predictions.predictions[0].error_unit, "mm");
+  EXPECT_EQ(predictions.predictions[0].error_unit, "px");
   EXPECT_DOUBLE_EQ(predictions.predictions[0].predicted_s, chosen.predicted_s);
+}
+
+/// The held-out error says nothing of the image's sides: what is needed there counts, too.
+TEST_F(CalibrateBudget, SidesAsCertainAsIsNeededBelongToATarget) {
+  CalibrateOptions options = Options("need");
+  options.budget.target = "1000px", options.solve.need_px = 1e-6;
+  const CalibrateReport report = RunCalibrate(options);
+  EXPECT_EQ(report.budget->choice.outcome, SettingChoice::Outcome::kBestWithinBudget);
+  EXPECT_TRUE(report.budget->Chosen().flags.empty()) << "all images";
+  EXPECT_THAT(report.budget->trials[0].short_of, HasSubstr("option 'need'"));
 }
 
 TEST_F(CalibrateBudget, WhatCannotBeReachedIsSaid) {
@@ -126,12 +135,12 @@ TEST_F(CalibrateBudget, WhatCannotBeReachedIsSaid) {
 /// What was given is not chosen, a board that defines the world is searched.
 TEST_F(CalibrateBudget, WhatWasGivenStays) {
   CalibrateOptions options = Options("given");
-  options.corners.footage.every = 3, options.budget.target = "1m";
+  options.corners.footage.every = 3, options.budget.target = "1000px";
   CalibrateReport report = RunCalibrate(options);
   EXPECT_EQ(report.budget->trials.size(), 1u);
   EXPECT_EQ(report.options.corners.footage.every, 3);
   options = Options("world");
-  options.solve.world.board_frame = 6, options.budget.target = "1m";
+  options.solve.world.board_frame = 6, options.budget.target = "1000px";
   report = RunCalibrate(options);
   ASSERT_EQ(report.budget->trials.size(), 2u) << "every 4th image would leave frame 6 out";
   EXPECT_EQ(report.options.corners.footage.every, 2);
@@ -163,6 +172,8 @@ TEST_F(CalibrateBudget, WithoutABoardThereIsNothingToChoose) {
   options.scene.from_scene = "images", options.budget.budget = "1h";
   EXPECT_THAT(MessageOf<UsageError>([&] { RunCalibrate(options); }), HasSubstr("without a board"));
   options = Options("scene");
+  options.budget.target = "1mm";
+  EXPECT_THAT(MessageOf<UsageError>([&] { RunCalibrate(options); }), HasSubstr("held-out error in px"));
   options.budget.budget = "soon";
   EXPECT_THAT(MessageOf<UsageError>([&] { RunCalibrate(options); }), HasSubstr("option 'budget' 'soon'"));
 }
