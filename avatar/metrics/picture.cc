@@ -69,6 +69,7 @@ Status Check(const Picture& a, const Picture& b, int least) {
   if (a.samples.size() != b.samples.size() || a.samples.size() != a.PlaneSize() * static_cast<size_t>(a.channels))
     return Status::kSizesDiffer;
   if (a.width < least || a.height < least || a.samples.empty() || !(a.range > 0)) return Status::kTooSmall;
+  if (!std::isfinite(1 / a.range) || !std::isfinite(a.range)) return Status::kNotFinite;
   for (const Picture* picture : {&a, &b}) {
     const Status status = CheckSamples(*picture);
     if (status != Status::kOk) return status;

@@ -30,7 +30,7 @@ enum class Status {
   kOk,
   kSizesDiffer,   ///< the two pictures differ in size, channels or range
   kTooSmall,      ///< smaller than the window in one direction, or without a pixel
-  kNotFinite,     ///< NaN or infinity in a picture
+  kNotFinite,     ///< NaN or infinity in a picture, or a range that is infinite or has no inverse
   kOutsideRange,  ///< a sample is below 0 or above the range by more than 1e-6 of it
   kNothingLeft,   ///< the region or mask holds no pixel
 };

@@ -4,25 +4,31 @@
 #include <cmath>
 
 #include "core/check.h"
+#include "core/sum.h"
 
 namespace mvstudio::metrics {
 namespace {
 
-Score FromSum(double squares, double count, double range) {
+/// `squares`: sum of the squared differences as shares of the range.
+Score FromSum(double squares, double count) {
   if (count == 0) return {Status::kNothingLeft};
-  return {Status::kOk, -10 * std::log10(squares / (count * range * range))};
+  return {Status::kOk, -10 * std::log10(squares / count)};
 }
 
+/// Rows are added plainly and their sums with what rounding loses: a picture of 1e7 pixels keeps 13 digits.
 double Squares(const Picture& a, const Picture& b, const Box& box) {
-  double sum = 0;
+  Sum sum;
+  const double range = a.range;
   for (int c = 0; c < a.channels; ++c) {
     for (int y = box.y0; y < box.y1; ++y) {
-      const size_t row = static_cast<size_t>(y) * a.width;
-      const double *pa = a.Plane(c) + row, *pb = b.Plane(c) + row;
-      for (int x = box.x0; x < box.x1; ++x) sum += (pa[x] - pb[x]) * (pa[x] - pb[x]);
+      const size_t begin = static_cast<size_t>(y) * a.width;
+      const double *pa = a.Plane(c) + begin, *pb = b.Plane(c) + begin;
+      double row = 0;
+      for (int x = box.x0; x < box.x1; ++x) row += ((pa[x] - pb[x]) / range) * ((pa[x] - pb[x]) / range);
+      sum.Add(row);
     }
   }
-  return sum;
+  return sum.value();
 }
 
 }  // namespace
@@ -37,7 +43,7 @@ Score PsnrDb(const Image& a, const Image& b) {
     const int difference = int{a.pixels[i]} - int{b.pixels[i]};
     sum += difference * difference;
   }
-  return FromSum(static_cast<double>(sum), static_cast<double>(a.pixels.size()), 255);
+  return FromSum(static_cast<double>(sum) / (255 * 255), static_cast<double>(a.pixels.size()));
 }
 
 Score PsnrDb(const Picture& a, const Picture& b, const Box& box) {
@@ -46,38 +52,38 @@ Score PsnrDb(const Picture& a, const Picture& b, const Box& box) {
   const Box inside{std::max(0, box.x0), std::max(0, box.y0), std::min(a.width, box.x1), std::min(a.height, box.y1)};
   if (inside.x1 <= inside.x0 || inside.y1 <= inside.y0) return {Status::kNothingLeft};
   const double pixels = static_cast<double>(inside.x1 - inside.x0) * (inside.y1 - inside.y0);
-  return FromSum(Squares(a, b, inside), pixels * a.channels, a.range);
+  return FromSum(Squares(a, b, inside), pixels * a.channels);
 }
 
 Score PsnrDb(const Picture& a, const Picture& b, const Mask& mask) {
   const Status status = Check(a, b);
   if (status != Status::kOk) return {status};
   MVS_CHECK(mask.size() == a.PlaneSize(), "the mask has another size");
-  double sum = 0;
+  Sum sum;
   int64_t count = 0;
   for (int c = 0; c < a.channels; ++c) {
     const double *pa = a.Plane(c), *pb = b.Plane(c);
     for (size_t i = 0; i < mask.size(); ++i) {
-      if (mask[i]) sum += (pa[i] - pb[i]) * (pa[i] - pb[i]), ++count;
+      if (mask[i]) sum.Add(((pa[i] - pb[i]) / a.range) * ((pa[i] - pb[i]) / a.range)), ++count;
     }
   }
-  return FromSum(sum, static_cast<double>(count), a.range);
+  return FromSum(sum.value(), static_cast<double>(count));
 }
 
 PsnrSummary MeanPsnr(const std::vector<double>& psnr_db) {
   PsnrSummary summary;
-  double sum = 0;
+  Sum sum;
   for (const double value : psnr_db) {
     MVS_CHECK(!std::isnan(value), "PSNR is NaN");
     if (std::isinf(value)) {
       ++summary.num_infinite;
     } else {
-      sum += value;
+      sum.Add(value);
     }
   }
   const auto finite = static_cast<int64_t>(psnr_db.size()) - summary.num_infinite;
   const double none = psnr_db.empty() ? std::nan("") : std::numeric_limits<double>::infinity();
-  summary.mean_db = finite > 0 ? sum / static_cast<double>(finite) : none;
+  summary.mean_db = finite > 0 ? sum.value() / static_cast<double>(finite) : none;
   return summary;
 }
 

@@ -43,9 +43,9 @@ struct ClickLinearization {
 std::optional<ClickLinearization> LinearizeClick(const ResectionProblem& problem, const PointClick& click,
                                                  const std::vector<Eigen::Index>& columns) {
   const auto c = static_cast<size_t>(click.camera_idx);
-  const Eigen::Vector3d turned = problem.rig_from_world.rotation * problem.x_in_world.col(click.point_idx);
+  const Eigen::Vector3d rotated = problem.rig_from_world.rotation * problem.x_in_world.col(click.point_idx);
   const Rigid3& cam_from_rig = problem.cam_from_rig[c];
-  const Eigen::Vector3d turned_in_cam = cam_from_rig.rotation * Eigen::Vector3d(turned + problem.rig_from_world.translation);
+  const Eigen::Vector3d turned_in_cam = cam_from_rig.rotation * Eigen::Vector3d(rotated + problem.rig_from_world.translation);
   geometry::LensDerivatives d;
   Eigen::Vector2d px;
   if (!geometry::ProjectLens(problem.cameras[c], turned_in_cam + cam_from_rig.translation, &px, &d)) return std::nullopt;
@@ -53,7 +53,7 @@ std::optional<ClickLinearization> LinearizeClick(const ResectionProblem& problem
   const Eigen::Index p = problem.cameras[c].params.size();
   ClickLinearization out{px - click.px, Eigen::MatrixXd::Zero(2, columns.back()), Eigen::MatrixXd::Zero(2, p + 6)};
   const Eigen::Matrix<double, 2, 3> d_rig = d.d_px_d_x_in_cam * cam_from_rig.rotation.toRotationMatrix();
-  out.by_unknowns.leftCols<3>() = -d_rig * geometry::CrossMatrix(turned);
+  out.by_unknowns.leftCols<3>() = -d_rig * geometry::CrossMatrix(rotated);
   out.by_unknowns.middleCols<3>(3) = d_rig;
   for (int k = 0; k < d.count; ++k) out.by_given.col(d.columns[static_cast<size_t>(k)]) += d.d_px.col(k);
   out.by_given.middleCols<3>(p) = -d.d_px_d_x_in_cam * geometry::CrossMatrix(turned_in_cam);
@@ -263,10 +263,9 @@ bool IsDetermined(const ResectionProblem& problem, const std::vector<bool>& used
   return worst <= 0.25 * nearest;
 }
 
-}  // namespace
-
-PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, const std::vector<PointClick>& clicks,
-                                const Eigen::Matrix3Xd& x_in_world, const PointResectionOptions& options) {
+/// ResectFromPoints for points about the origin.
+PointResection ResectNear(const std::vector<geometry::RigCamera>& rig, const std::vector<PointClick>& clicks,
+                          const Eigen::Matrix3Xd& x_in_world, const PointResectionOptions& options) {
   MVS_CHECK(!rig.empty(), "no camera");
   MVS_CHECK(options.click_sigma_px > 0, "click_sigma_px = " << options.click_sigma_px);
   const int distinct = DistinctPoints(clicks);
@@ -313,6 +312,37 @@ PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, con
         "the marked points leave the camera's place uncertain by more than a quarter of its distance: mark points farther "
         "apart, not on one line";
   }
+  return out;
+}
+
+/// The same for a world whose origin lies `shift` before the solved one: a left perturbation of the rotation then moves the
+/// translation, too.
+void MoveOrigin(const Eigen::Vector3d& shift, PointResection* out) {
+  const Eigen::Vector3d rotated = out->rig_from_world.rotation * shift;
+  out->rig_from_world.translation -= rotated;
+  Eigen::Matrix<double, 6, 6> moved_by_solved = Eigen::Matrix<double, 6, 6>::Identity();
+  moved_by_solved.bottomLeftCorner<3, 3>() = geometry::CrossMatrix(rotated);
+  out->covariance = moved_by_solved * out->covariance * moved_by_solved.transpose();
+  if (out->unknowns_covariance.rows() < 6) return;
+  out->unknowns_covariance.topRows<6>() = (moved_by_solved * out->unknowns_covariance.topRows<6>()).eval();
+  out->unknowns_covariance.leftCols<6>() = (out->unknowns_covariance.leftCols<6>() * moved_by_solved.transpose()).eval();
+  out->unknowns_by_given.topRows<6>() = (moved_by_solved * out->unknowns_by_given.topRows<6>()).eval();
+}
+
+/// Mean of the clicked points; the origin where there are none.
+Eigen::Vector3d MiddleOf(const std::vector<PointClick>& clicks, const Eigen::Matrix3Xd& x_in_world) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const PointClick& click : clicks) sum += x_in_world.col(click.point_idx) / static_cast<double>(clicks.size());
+  return sum;
+}
+
+}  // namespace
+
+PointResection ResectFromPoints(const std::vector<geometry::RigCamera>& rig, const std::vector<PointClick>& clicks,
+                                const Eigen::Matrix3Xd& x_in_world, const PointResectionOptions& options) {
+  const Eigen::Vector3d middle = MiddleOf(clicks, x_in_world);  // map coordinates are millions of metres
+  PointResection out = ResectNear(rig, clicks, x_in_world.colwise() - middle, options);
+  if (out.num_used > 0) MoveOrigin(middle, &out);
   return out;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -13,7 +14,8 @@ namespace mvstudio::stages {
 
 inline constexpr int kBegun = -1;
 
-/// What `run` knows of a stage that it has done, or has found done.
+/// What `run` knows of a stage that it has done, or has found done. Paths in the session begin in its folder, so that it may be
+/// moved, and named in other ways.
 struct StageRecord {
   std::string version;  ///< of mvstudio
   std::vector<std::string> words;
@@ -28,6 +30,9 @@ struct StageRecord {
 };
 
 using StageRecords = std::map<std::string, StageRecord>;  ///< by PipelineStage::name()
+
+/// A path of a session as records keep it: "." for the session, "raw/a.mp4" for what lies in it, others as they are.
+std::string InSession(const std::string& path, const std::string& session);
 
 /// SESSION/run.json; empty when it is not there. Throws FormatError.
 StageRecords ReadStageRecords(const std::string& path);
@@ -55,5 +60,18 @@ std::string WhyStale(const PipelineStage& stage, const StageRecord& now, const S
 
 /// Whether there is an output that is newer than everything that the stage reads.
 bool IsNewerThanInputs(const PipelineStage& stage);
+
+/// As long as it took; NaN where that was not measured.
+double SecondsOf(const StageRecord* earlier);
+
+struct Judgement {
+  StageRecord now;    ///< `found`: made by other means than `run`, and newer than what it is made of
+  std::string stale;  ///< why it has to be done, or that it was found; empty: what is there holds
+};
+
+/// The one judgement of a stage, for `run`, its dry run, `plan` and `task`. `earlier`: nullptr where nothing is known of it.
+/// `failures`: what a report has to tell of the others.
+Judgement JudgeStage(const PipelineStage& stage, const std::string& version, const StageRecord* earlier,
+                     const std::vector<std::string>& failures = {});
 
 }  // namespace mvstudio::stages

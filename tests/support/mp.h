@@ -5,7 +5,13 @@
 
 namespace mvstudio::testing {
 
-/// Numbers of 60 decimal digits (MPFR), for oracles. Works as an Eigen scalar.
-using Mp = boost::multiprecision::number<boost::multiprecision::mpfr_float_backend<60>, boost::multiprecision::et_off>;
+#ifdef MVSTUDIO_MP_DIGITS
+inline constexpr unsigned kMpDigits = MVSTUDIO_MP_DIGITS;  // of a whole test program
+#else
+inline constexpr unsigned kMpDigits = 60;
+#endif
+
+/// Numbers of that many decimal digits (MPFR), for oracles. Works as an Eigen scalar.
+using Mp = boost::multiprecision::number<boost::multiprecision::mpfr_float_backend<kMpDigits>, boost::multiprecision::et_off>;
 
 }  // namespace mvstudio::testing
