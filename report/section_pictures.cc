@@ -107,9 +107,9 @@ Section HeldOutSection(SectionContext* context) {
   for (const Stage* stage : stages) {
     const std::string pictures =
         PicturesOf(context, *stage, {"heldout-picture", "", {"truth", "render", "error", "nearest pose"}, true});
-    if (pictures.empty()) continue;
+    if (images.empty()) continue;
     if (stages.size() > 1 && !ForClient(context->options)) section.body_html += StageHeading(*stage, true);
-    section.body_html += pictures;
+    section.body_html += images;
   }
   if (!section.body_html.empty()) {
     section.body_html =
