@@ -105,7 +105,7 @@ Section HeldOutSection(SectionContext* context) {
   Section section{"heldout", "Held-out images", ""};
   const std::vector<const Stage*> stages = context->data.All("avatar eval");
   for (const Stage* stage : stages) {
-    const std::string pictures =
+    const std::string images =
         PicturesOf(context, *stage, {"heldout-picture", "", {"truth", "render", "error", "nearest pose"}, true});
     if (images.empty()) continue;
     if (stages.size() > 1 && !ForClient(context->options)) section.body_html += StageHeading(*stage, true);
