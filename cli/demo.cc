@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/redact.h"
@@ -11,7 +13,9 @@ namespace {
 
 /// The report reads saved results, so the demo's own must be there before it.
 void KeepDemo(const stages::DemoReport& report, const CommandContext& context) {
-  const nlohmann::ordered_json json = ResultToJson("demo", Describe(report), 0, context.argv);
+  double seconds = 0;
+  for (const stages::StageRow& row : report.rows) seconds += std::isfinite(row.seconds) ? row.seconds : 0;
+  const nlohmann::ordered_json json = ResultToJson("demo", Describe(report), seconds, context.argv);
   WriteFileAtomic(report.options.out + "/demo.result.json", JsonText(RedactedJson(json)));
 }
 

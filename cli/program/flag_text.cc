@@ -24,7 +24,7 @@ std::string WithFlags(const std::string& text) {
   return ShortNumbers(std::regex_replace(text, option, "--$1"));
 }
 
-CommandResult WithFlags(CommandResult result) {
+CommandResult NamedFlags(CommandResult result) {
   for (std::vector<Notice>* notices : {&result.warnings, &result.errors}) {
     for (Notice& notice : *notices) notice.text = WithFlags(notice.text), notice.hint = WithFlags(notice.hint);
   }

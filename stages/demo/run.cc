@@ -1,5 +1,7 @@
 #include "stages/demo/run.h"
 
+#include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "core/disk/files.h"
@@ -50,13 +52,16 @@ double NumberAt(const nlohmann::ordered_json& object, const std::string& pointer
   return object.contains(at) && object[at].is_number() ? object[at].get<double>() : NAN;
 }
 
-std::vector<DemoCheck> ChecksOf(const StudioComparison& t, const nlohmann::ordered_json& scores) {
+/// mm; of 8 cameras, and of fewer as the error of a mean grows.
+double JointBound(int cameras) { return 4.5 * std::sqrt(8.0 / std::min(cameras, 8)); }
+
+std::vector<DemoCheck> ChecksOf(const StudioComparison& t, const nlohmann::ordered_json& scores, int cameras) {
   const double ssim = NumberAt(scores, "/holdout/ssim"), psnr = NumberAt(scores, "/holdout/psnr_db");
   return {
       {"rig rotation, worst camera", "deg", RadToDeg(t.rig.max_rotation_rad), 0.05, false},
       {"rig translation, worst camera", "mm", 1000 * t.rig.max_translation_m, 2, false},
       {"focal length, worst camera", "%", 100 * t.rig.max_focal_relative, 0.2, false},
-      {"3D joints, median error", "mm", t.joints_median_mm, 4.5, false},
+      {"3D joints, median error", "mm", t.joints_median_mm, JointBound(cameras), false},
       {"joints inside the predicted 68 % ellipsoid, at least", "", t.coverage68, 0.58, true},
       {"joints inside the predicted 68 % ellipsoid, at most", "", t.coverage68, 0.78, false},
       {"joints inside the predicted 95 % ellipsoid, at least", "", t.coverage95, 0.90, true},
@@ -77,7 +82,7 @@ class DemoRun {
     WriteSettings(o);
     if (!DoStages(StageKind::kEval)) return std::move(report_);
     report_.truth = CompareStudio(o.out, o.out + "/calib/calibration.json", o.out + "/pose3d/" + kTake);
-    report_.checks = ChecksOf(*report_.truth, report_.scores);
+    report_.checks = ChecksOf(*report_.truth, report_.scores, o.cameras);
     tools_.keep(report_);
     DoStages(StageKind::kReport);
     return std::move(report_);
