@@ -198,6 +198,9 @@ TEST_F(StageOnDisk, ContentsDecideWhereTheStampDiffers) {
 }
 
 TEST_F(StageOnDisk, RecordsAreReadBack) {
+  stage.session = folder.path();
+  before = RecordOf(stage, "1", nullptr);
+  EXPECT_EQ(before.inputs[0].path, "in") << "from the session's folder";
   before.accepted = {"CAL-FOLD"};
   before.seconds = 1.5;
   WriteStageRecords(folder / "session/run.json", {{"calibrate", before}});
