@@ -5,6 +5,7 @@
 
 #include "core/check.h"
 #include "core/disk/output.h"
+#include "core/disk/paths.h"
 #include "report/compare/comparison.h"
 
 namespace mvstudio::stages {
@@ -21,6 +22,8 @@ std::string UtcMinute() {
 
 PageReport RunPage(const PageOptions& options, const PageChange& change) {
   MVS_CHECK(!options.runs.empty(), "a page is of one run or more");
+  // Before the place of the page is made: it may lie in a folder that was mistyped.
+  for (const std::string& run : options.runs) RequireFolder(run, "; give the option 'out' folder of an earlier command");
   const bool alone = options.runs.size() == 1;
   PageReport result;
   result.options = options;

@@ -45,6 +45,17 @@ TEST(PageStage, OneRunHasItsReportAndSeveralTheirComparison) {
   EXPECT_EQ(both.metrics["sentence"].get<std::string>() + "\n", both.text.substr(0, both.text.find("Report: ")));
 }
 
+TEST(PageStage, AFolderThatIsNotThereIsNotMade) {
+  const TempDir folder;
+  SaveCalibrate(folder / "run", 0.4);
+  PageOptions options;
+  for (const auto& runs : {std::vector<std::string>{folder / "gone"}, {folder / "run", folder / "gone"}}) {
+    options.runs = runs;
+    EXPECT_THROW(RunPage(options), IoError);
+    EXPECT_FALSE(std::filesystem::exists(folder / "gone"));
+  }
+}
+
 TEST(PageStage, TextsCanBeChangedBeforeTheyAreWritten) {
   const TempDir folder;
   SaveCalibrate(folder.path(), 0.4);
