@@ -105,11 +105,11 @@ Section HeldOutSection(SectionContext* context) {
   Section section{"heldout", "Held-out images", ""};
   const std::vector<const Stage*> stages = context->data.All("avatar eval");
   for (const Stage* stage : stages) {
-    const std::string pictures =
+    const std::string images =
         PicturesOf(context, *stage, {"heldout-picture", "", {"truth", "render", "error", "nearest pose"}, true});
-    if (pictures.empty()) continue;
+    if (images.empty()) continue;
     if (stages.size() > 1 && !ForClient(context->options)) section.body_html += StageHeading(*stage, true);
-    section.body_html += pictures;
+    section.body_html += images;
   }
   if (!section.body_html.empty()) {
     section.body_html =

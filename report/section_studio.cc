@@ -9,10 +9,10 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/statistics.h"
+#include "report/page/body_file.h"
 #include "report/page/format.h"
 #include "report/page/inside.h"
 #include "report/page/picture.h"
-#include "report/page/player.h"
 #include "report/scene/scene.h"
 #include "report/sections.h"
 #include "report/svg/rig_view.h"
@@ -282,19 +282,17 @@ double FloorOf(const std::vector<ViewCamera>& cameras, const Value& boards, cons
   return heights.empty() ? 0 : LinearQuantile(heights, 0);
 }
 
-/// The fitted body over time as an element; empty where no run has one. Where there is a player of Gaussians, the viewer takes
-/// the body from there.
+/// The fitted body over time as an element; empty where no run has one. The viewer takes Gaussians, and a body where there is
+/// no element, from the player of Gaussians.
 std::string BodyOverTime(SectionContext* context) {
-  std::string bytes;
   for (const Stage& stage : context->data.stages) {
     for (const Value& output : stage.result["outputs"].items()) {
-      const std::string role = output["role"].Text();
-      if (role == "gaussians-player") return {};
-      if (role == "body-motion" && bytes.empty())
-        bytes = ReadOutput(context, stage, output, IsPlayerFile, "no file of a body in motion");
+      if (output["role"].Text() != "body-motion") continue;
+      const std::string bytes = ReadOutput(context, stage, output, IsBodyFile, "no file of a body in motion");
+      if (!bytes.empty()) return "<i data-body=\"" + Base64(bytes) + "\"></i>";
     }
   }
-  return bytes.empty() ? "" : "<i data-body=\"" + Base64(bytes) + "\"></i>";
+  return {};
 }
 
 /// The worst time steps below the viewer, the very worst for the top of the page.

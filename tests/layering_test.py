@@ -170,6 +170,7 @@ MAY_INCLUDE |= {
     "stages/markers": WITHOUT_TORCH | {"stages", "stages/people"},
     "stages/refine": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/scores": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/report": WITHOUT_TORCH | {"stages"},
     "stages/session": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/surface": WITHOUT_TORCH | {"stages"},
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},

@@ -100,7 +100,7 @@ export class Studio {
     const parts = [this.chooser, element('button', { type: 'button', onclick: () => { this.home(); this.keepAddress(); } }, 'Whole rig'), this.imagesSwitch, flip('floor', true, (on) => { this.rig.floor.visible = on; })];
     if ((scene.boards || []).length > 0) parts.push(flip('boards', this.rig.boards.visible, (on) => { this.rig.boards.visible = on; }));
     if (people.frames.length > 0) parts.push(flip('ellipsoids of 2\u03c3', true, (on) => { this.bodies.ellipsoids = on; }), element('label', {}, scale, ' ', scaleText));
-    if (this.body.motion) parts.push(flip('fitted body', true, (on) => { this.body.mesh.visible = on; }));
+    if (this.body.mesh) parts.push(flip('fitted body', true, (on) => { this.body.mesh.visible = on; }));
     if (this.body.points) parts.push(flip('Gaussians', false, (on) => { this.body.points.visible = on; }));
     return element('div', { class: 'bar' }, ...parts);
   }

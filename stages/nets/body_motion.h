@@ -8,8 +8,8 @@ namespace mvstudio::stages {
 
 inline constexpr char kBodyMotionFile[] = "body_motion.bin";
 
-/// The body's mesh in at most 120 of the frames that it was posed in, evenly spread, for the report's studio in 3D: a file of
-/// Gaussians in motion without Gaussians (docs/formats.md, `player.bin`), of 4 MB at most. Empty without a pose.
+/// The skinned body and its bones in the frames that it was posed in, for the report's studio in 3D: docs/formats.md. At most
+/// 4 MB; frames are then thinned evenly. Empty without a pose, and for bodies of more than 255 bones.
 std::string BodyMotion(const body::PersonBody& person);
 
 }  // namespace mvstudio::stages

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
 
 #include "core/disk/files.h"
 #include "core/error.h"
@@ -226,6 +227,28 @@ TEST_F(ComparedImages, TheSameFrameOfBothHasASliderWhatLostMostFirst) {
   EXPECT_LT(html.find(Base64(Png("old4"))), html.find(Base64(Png("new4")))) << "the slider is between the first two images";
   EXPECT_LT(html.find(Base64(Png("new4"))), html.find(Base64(Png("truth4"))));
   EXPECT_THAT(html, HasSubstr("querySelectorAll('.beside')"));
+}
+
+/// In a browser, under the page's own policy.
+TEST_F(ComparedImages, TheSliderIsPutBetweenTheRuns) {
+  if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "needs chromium";
+  SaveImages(old_, "old", 0.9, 0.9), SaveImages(new_, "new", 0.95, 0.8);
+  Compare();
+  WriteFileAtomic(folder_ / "page.html", page_.html);
+  const std::string line = "cd " + folder_.path() +
+                           " && timeout 120 chromium --headless --no-sandbox --disable-gpu --user-data-dir=" + folder_.path() +
+                           "/profile --virtual-time-budget=5000 --dump-dom file://" + folder_.path() +
+                           "/page.html >dom.html 2>log.txt";
+  ASSERT_EQ(std::system(line.c_str()), 0);
+  const std::string dom = ReadFile(folder_ / "dom.html");
+  const size_t box = dom.find("<div class=\"compared\"");
+  ASSERT_NE(box, std::string::npos);
+  const std::string first = dom.substr(box, dom.find("<div class=\"beside\"", box) - box);
+  const size_t left = first.find(Base64(Png("old6"))), right = first.find(Base64(Png("new6")));
+  ASSERT_NE(right, std::string::npos);
+  EXPECT_LT(left, right);
+  EXPECT_THAT(first, AllOf(HasSubstr("clip-path: inset(0px 0px 0px 50%)"), HasSubstr("type=\"range\""),
+                           HasSubstr("last_week left of the border, today right of it")));
 }
 
 TEST_F(ComparedImages, OtherTruthIsNoPair) {

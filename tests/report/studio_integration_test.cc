@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/disk/files.h"
+#include "report/page/body_file.h"
 #include "report/report.h"
 #include "report/viewer/bundle.h"
 #include "tests/support/temp_dir.h"
@@ -86,36 +87,61 @@ void AddNumbers(const std::vector<T>& values, std::string* out) {
   out->append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
 }
 
-/// A result whose body is one triangle of a metre in front of both cameras at frames 10 and 11, with `gaussians` (0 or 1) on
-/// it.
-void SaveBody(const TempDir& folder, const std::string& role, uint32_t gaussians) {
-  std::string bytes = "MVGPLAY1";
-  AddNumbers<uint32_t>({gaussians, 1, 3, 2, 0}, &bytes);
-  AddNumbers<float>({0, -1, 3, 1, 1, 3, 0, -1, 0}, &bytes);
+/// One triangle of a metre in front of both cameras at frames 10 and 11: body_motion.bin of one bone.
+std::string TriangleBody() {
+  std::string bytes = "MVBODY01";
+  AddNumbers<uint32_t>({3, 1, 1, 2}, &bytes);
+  AddNumbers<float>({0, -1, 2, 1, 1, 2}, &bytes);
   AddNumbers<int32_t>({10, 11}, &bytes);
   AddNumbers<uint32_t>({0, 1, 2}, &bytes);
-  if (gaussians > 0) AddNumbers<uint32_t>({0}, &bytes);
+  AddNumbers<float>({0, 0, 1, 0, 0, 1}, &bytes);
+  AddNumbers<int16_t>({0, 0, 0, 32767, 0, 0, 0, 32767}, &bytes);
+  AddNumbers<uint16_t>({0, 0, 0, 0, 65535, 0, 65535, 65535, 0}, &bytes);
+  AddNumbers<uint8_t>({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}, &bytes);
+  AddNumbers<uint8_t>({255, 0, 0, 0, 255, 0, 0, 0, 255, 0, 0, 0}, &bytes);
+  return bytes;
+}
+
+/// The same as player.bin, with one Gaussian on it.
+std::string TrianglePlayer() {
+  std::string bytes = "MVGPLAY1";
+  AddNumbers<uint32_t>({1, 1, 3, 2, 0}, &bytes);
+  AddNumbers<float>({0, -1, 3, 1, 1, 3, 0, -1, 0}, &bytes);
+  AddNumbers<int32_t>({10, 11}, &bytes);
+  AddNumbers<uint32_t>({0, 1, 2, 0}, &bytes);
   for (int step = 0; step < 2; ++step) AddNumbers<uint16_t>({0, 0, 0, 0, 65535, 0, 65535, 65535, 0}, &bytes);
-  if (gaussians > 0) AddNumbers<uint16_t>({16384, 16384, 32768}, &bytes);
-  if (gaussians > 0) AddNumbers<uint8_t>({230, 230, 230, 128, 128, 128, 255, 255, 255, 0, 0}, &bytes);
-  WriteFileAtomic(folder / "motion.bin", bytes);
-  const Json result = {{"schema", "mvstudio.result/1"},
-                       {"command", "avatar train"},
-                       {"status", "ok"},
-                       {"outputs", {{{"path", "motion.bin"}, {"role", role}}}}};
+  AddNumbers<uint16_t>({16384, 16384, 32768}, &bytes);
+  AddNumbers<uint8_t>({230, 230, 230, 128, 128, 128, 255, 255, 255, 0, 0}, &bytes);
+  return bytes;
+}
+
+/// A training that left these files.
+void SaveMotion(const TempDir& folder, const std::string& body, const std::string& player) {
+  Json outputs = Json::array();
+  for (const auto& [role, bytes] : {std::pair("body-motion", body), std::pair("gaussians-player", player)}) {
+    if (bytes.empty()) continue;
+    WriteFileAtomic(folder / (std::string(role) + ".bin"), bytes);
+    outputs.push_back({{"path", std::string(role) + ".bin"}, {"role", role}});
+  }
+  const Json result = {{"schema", "mvstudio.result/1"}, {"command", "avatar train"}, {"status", "ok"}, {"outputs", outputs}};
   WriteFileAtomic(folder / "avatar_train.result.json", result.dump());
+}
+
+TEST(BodyFile, IsKnownByItsBeginningAndItsLength) {
+  const std::string good = TriangleBody();
+  EXPECT_TRUE(IsBodyFile(good));
+  for (size_t size = 0; size < good.size(); ++size) EXPECT_FALSE(IsBodyFile(good.substr(0, size)));
+  EXPECT_FALSE(IsBodyFile(good + "x"));
+  EXPECT_FALSE(IsBodyFile(TrianglePlayer()));
 }
 
 TEST(StudioPage, AFittedBodyIsThereOnce) {
   const TempDir folder;
   SaveRun(folder);
   EXPECT_THAT(BuildReport(folder.path()).html, Not(HasSubstr("<i data-body=\"")));
-  SaveBody(folder, "body-motion", 0);
-  EXPECT_THAT(BuildReport(folder.path()).html, HasSubstr("<i data-body=\"TVZHUExBWTEAAAAA"));
-  SaveBody(folder, "gaussians-player", 1);
-  EXPECT_THAT(BuildReport(folder.path()).html, Not(HasSubstr("<i data-body=\""))) << "the player holds it";
-  SaveBody(folder, "body-motion", 0);
-  WriteFileAtomic(folder / "motion.bin", "MVGPLAY1 cut");
+  SaveMotion(folder, TriangleBody(), "");
+  EXPECT_THAT(BuildReport(folder.path()).html, HasSubstr("<i data-body=\"TVZCT0RZMDED"));
+  SaveMotion(folder, TriangleBody().substr(1), "");
   const Report cut = BuildReport(folder.path());
   EXPECT_THAT(cut.html, Not(HasSubstr("<i data-body=\"")));
   ASSERT_EQ(cut.warnings.size(), 1u);
@@ -263,7 +289,7 @@ constexpr char kSwitchProbe[] = R"js(
 
 TEST_F(StudioInBrowser, AFittedBodyIsDrawnAtItsFramesAlone) {
   SaveRun(folder_);
-  SaveBody(folder_, "body-motion", 0);
+  SaveMotion(folder_, TriangleBody(), "");
   const std::string told = Run("#frame=10", std::string("const names = ['fitted body'];") + kSwitchProbe);
   if (told.find("without") != std::string::npos) GTEST_SKIP() << "this chromium has no WebGL";
   EXPECT_THAT(told, HasSubstr("fitted body drawn true"));
@@ -271,15 +297,17 @@ TEST_F(StudioInBrowser, AFittedBodyIsDrawnAtItsFramesAlone) {
   EXPECT_THAT(told, Not(HasSubstr("error ")));
 }
 
-TEST_F(StudioInBrowser, GaussiansAreDrawnAsPoints) {
-  SaveRun(folder_);
-  SaveBody(folder_, "gaussians-player", 1);
-  const std::string told = Run("#frame=11", std::string("const names = ['fitted body', 'Gaussians'];") + kSwitchProbe);
-  if (told.find("without") != std::string::npos) GTEST_SKIP() << "this chromium has no WebGL";
-  EXPECT_THAT(told, HasSubstr("fitted body drawn true"));
-  EXPECT_THAT(told, HasSubstr("Gaussians drawn true"));
-  EXPECT_THAT(told, HasSubstr("Gaussians elsewhere 0"));
-  EXPECT_THAT(told, Not(HasSubstr("error ")));
+TEST_F(StudioInBrowser, GaussiansAreDrawnAsPointsOnTheBodyOrOnTheirOwnMesh) {
+  for (const std::string& body : {std::string(), TriangleBody()}) {
+    SaveRun(folder_);
+    SaveMotion(folder_, body, TrianglePlayer());
+    const std::string told = Run("#frame=11", std::string("const names = ['fitted body', 'Gaussians'];") + kSwitchProbe);
+    if (told.find("without") != std::string::npos) GTEST_SKIP() << "this chromium has no WebGL";
+    EXPECT_THAT(told, HasSubstr("fitted body drawn true"));
+    EXPECT_THAT(told, HasSubstr("Gaussians drawn true"));
+    EXPECT_THAT(told, HasSubstr("Gaussians elsewhere 0"));
+    EXPECT_THAT(told, Not(HasSubstr("error ")));
+  }
 }
 
 TEST_F(StudioInBrowser, SaysInOneLineThatThereIsNoWebGl) {

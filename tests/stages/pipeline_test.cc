@@ -203,8 +203,8 @@ TEST_F(StageOnDisk, RecordsAreReadBack) {
   EXPECT_EQ(before.inputs[0].path, "in") << "from the session's folder";
   before.accepted = {"CAL-FOLD"};
   before.seconds = 1.5;
-  WriteStageRecords(folder / "run.json", {{"calibrate", before}});
-  const StageRecords read = ReadStageRecords(folder / "run.json");
+  WriteStageRecords(folder / "session/run.json", {{"calibrate", before}});
+  const StageRecords read = ReadStageRecords(folder / "session/run.json");
   ASSERT_EQ(read.count("calibrate"), 1u);
   before = read.at("calibrate");
   EXPECT_EQ(before.seconds, 1.5);
