@@ -15,7 +15,7 @@
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/views/crop.h"
-#include "stages/dataset/pack_speed.h"
+#include "stages/pack_speed/measure.h"
 
 /// bench_pack [SEED] [JSON or -] [DATASET or -] [FRAMES]: random access to crops of people, packs beside a folder of JPEG
 /// pictures cropped when read, on a made studio of 1920x1080 pictures and on the dataset when given. See docs/packs.md.

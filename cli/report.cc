@@ -12,6 +12,7 @@
 #include "cli/program/result.h"
 #include "core/disk/place.h"
 #include "core/error.h"
+#include "report/compare/comparison.h"
 #include "stages/study/study.h"
 
 namespace mvstudio::cli {
@@ -32,25 +33,31 @@ void Redact(report::Report* page) {
   page->json = JsonText(RedactedJson(numbers));
 }
 
-CommandResult RunReport(report::ReportOptions options, const std::string& run, const std::string& out,
+/// The page of one run, or of several side by side.
+report::Report PageOf(const std::vector<std::string>& runs, const report::ReportOptions& options) {
+  return runs.size() == 1 ? report::BuildReport(runs.front(), options) : report::BuildComparison(runs, options);
+}
+
+CommandResult RunReport(report::ReportOptions options, const std::vector<std::string>& runs, const std::string& out,
                         const std::vector<std::string>& argv) {
   if (options.audience == "client") StartRedacting(argv);
   options.generated_at = UtcNow();
   options.version = MVSTUDIO_VERSION;
-  const std::string html_path = out.empty() ? run + "/report.html" : out;
+  const std::string html_path = out.empty() ? runs.back() + (runs.size() == 1 ? "/report.html" : "/comparison.html") : out;
   const OutputFiles place({html_path, report::NumbersPath(html_path)}, {});
-  report::Report page = report::BuildReport(run, options);
+  report::Report page = PageOf(runs, options);
   if (Redacting()) Redact(&page);
   const std::string json_path = report::WriteReport(page, html_path);
   CommandResult result;
   result.metrics["verdict"] = std::string(report::ToString(page.verdict));
+  result.metrics["sentence"] = page.sentence;
   result.metrics["num_results"] = page.num_stages;
   result.metrics["num_warnings"] = page.warnings.size();
   result.metrics["html_bytes"] = page.html.size();
   result.outputs = {{html_path, "report"}, {json_path, "report"}};
   Append(page.warnings, &result.warnings);
-  result.inputs = Joined({run}, options.with);
-  result.text = "Report: " + PathOnDisk(html_path);
+  result.inputs = Joined(runs, options.with);
+  result.text = (runs.size() == 1 ? "" : page.sentence + "\n") + ("Report: " + PathOnDisk(html_path));
   return result;
 }
 
@@ -59,16 +66,18 @@ CommandResult RunReport(report::ReportOptions options, const std::string& run, c
 void RegisterReport(CLI::App& app, Registry& registry) {
   auto options = std::make_shared<report::ReportOptions>();
   auto study = std::make_shared<stages::StudyArguments>();
-  auto run = std::make_shared<std::string>();
+  auto runs = std::make_shared<std::vector<std::string>>();
   auto out = std::make_shared<std::string>();
   auto anew = std::make_shared<bool>(true);
   CLI::App* sub = app.add_subcommand(
       "report",
-      "One offline HTML page, and the same numbers as JSON, from the saved results of a run; or a page for a "
-      "user study, and the count of its answers");
-  AddOption(sub, "RUN", *run, "folder with the results of other commands, searched four levels deep");
+      "One offline HTML page, and the same numbers as JSON, from the saved results of a run, or of several runs side by "
+      "side; or a page for a user study, and the count of its answers");
+  AddOption(sub, "RUN", *runs,
+            "folder with the results of other commands, searched four levels deep; of several, the earliest first, the last is "
+            "compared with the first: what got better or worse, and what differs");
   AddOutput(sub, "--out", *out, OutputKind::kFile,
-            "the page; the numbers go beside it with the extension .json (default: RUN/report.html)");
+            "the page; the numbers go beside it with the extension .json (default: RUN/report.html, of several LAST/comparison.html)");
   AddOptions(sub, *options);
   AddOption(sub, "--study", study->sides,
             "instead of a report: a page that asks which of two images is closer to the truth; two scored runs, or two "
@@ -82,13 +91,13 @@ void RegisterReport(CLI::App& app, Registry& registry) {
   registry.Add(sub, "report", [=](CommandContext& context) {
     static_cast<void>(anew);  // holds the flag's value while the command line is parsed
     const int asked =
-        static_cast<int>(!run->empty()) + static_cast<int>(!study->sides.empty()) + static_cast<int>(!study->tally.empty());
+        static_cast<int>(!runs->empty()) + static_cast<int>(!study->sides.empty()) + static_cast<int>(!study->tally.empty());
     if (asked != 1) throw UsageError("report needs one of RUN, --study A B and --study-tally ANSWERS");
     study->title = options->title;
     study->follow_links = options->follow_links;
     if (!study->sides.empty()) return stages::RunStudy(*study, *out, context.run.seed);
     if (!study->tally.empty()) return stages::RunStudyTally(*study);
-    return RunReport(*options, *run, *out, context.argv);
+    return RunReport(*options, *runs, *out, context.argv);
   });
 }
 

@@ -75,6 +75,8 @@ macro(mvstudio_package)
     mvstudio_package_set(python python3-mvstudio "python3, python3-numpy, libopencv-imgcodecs${opencv}" "mvstudio from Python"
       "Rigs, triangulation and scores on NumPy's arrays, and the stages of mvstudio as functions.")
     set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
+    set(CPACK_DEBIAN_PYTHON_PACKAGE_RECOMMENDS "python3-matplotlib")
+    set(CPACK_DEBIAN_PYTHON_PACKAGE_SUGGESTS "python3-pandas, python3-torch")
     install(TARGETS mvstudio_python DESTINATION lib/python3/dist-packages/mvstudio COMPONENT python)
     install(DIRECTORY ${CMAKE_BINARY_DIR}/python/mvstudio DESTINATION lib/python3/dist-packages COMPONENT python
       PATTERN __pycache__ EXCLUDE PATTERN *.so EXCLUDE)

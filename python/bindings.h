@@ -10,5 +10,7 @@ void BindRig(pybind11::module_& module);
 void BindTriangulate(pybind11::module_& module);
 void BindStages(pybind11::module_& module);
 void BindImages(pybind11::module_& module);
+void BindSamples(pybind11::module_& module);
+void BindBodies(pybind11::module_& module);
 
 }  // namespace mvstudio::python

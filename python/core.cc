@@ -9,4 +9,6 @@ PYBIND11_MODULE(_core, module) {
   mvstudio::python::BindTriangulate(module);
   mvstudio::python::BindStages(module);
   mvstudio::python::BindImages(module);
+  mvstudio::python::BindSamples(module);
+  mvstudio::python::BindBodies(module);
 }

@@ -124,7 +124,10 @@ void AddSolvers(std::vector<Stage>* all) {
   all->push_back(MakeStage<stages::CalibrateOptions>(
       {"calibrate", "calibrate", "Calibrate cameras from footage of a board, or from its corners."},
       [](auto& visit, auto& o) { VisitFields(visit, o); },
-      [](const auto& o, const Given&, const RunContext& run) { return Describe(stages::RunCalibrate(o, run)); }));
+      [](auto o, const Given& given, const RunContext& run) {
+        o.given = given;
+        return Describe(stages::RunCalibrate(std::move(o), run));
+      }));
   all->push_back(MakeStage<RefineBoth>(
       {"calib_refine",
        "calib refine",

@@ -22,13 +22,15 @@ std::string TitleOf(const std::string& run_folder, const ReportOptions& options)
   return "Capture report: " + fs::path(PathOnDisk(run_folder)).filename().string();
 }
 
-std::string Header(const std::string& title, Verdict verdict, const RunData& data, const ReportOptions& options) {
+std::string Header(const std::string& title, Verdict verdict, const SectionContext& context) {
+  const RunData& data = context.data;
+  const ReportOptions& options = context.options;
   const bool client = ForClient(options);
   std::string line = std::to_string(data.stages.size()) + (data.stages.size() == 1 ? " result" : " results") +
                      (client ? "" : " in " + data.root);
   if (!options.generated_at.empty()) line += ", written " + options.generated_at;
   return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(VerdictSentence(data, !client), "sentence") +
-         ParagraphHtml(line, "muted");
+         (client ? "" : WorstList(context)) + ParagraphHtml(line, "muted");
 }
 
 Value NoticesToValue(const std::vector<Notice>& notices) {
@@ -103,7 +105,7 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
   if (!client && options.audience != "studio") throw UsageError("option 'for' " + options.audience + ": give studio or client");
   RunData data = ScanRun(run_folder, options.follow_links);
   for (const std::string& folder : options.with) AddAvatars(folder, options.follow_links, &data);
-  SectionContext context{data, options, Value::Object(), {}, 0, {}};
+  SectionContext context{data, options, Value::Object(), {}, 0, {}, {}};
   std::vector<Section> sections = client ? ClientSections(&context) : StudioSections(&context);
   // What was not run is told last. A section without a body had nothing to say, not even that.
   std::stable_partition(sections.begin(), sections.end(), [](const Section& section) { return section.has_results; });
@@ -114,17 +116,18 @@ Report BuildReport(const std::string& run_folder, const ReportOptions& options) 
   Report report;
   report.verdict = OverallVerdict(data);
   report.num_stages = static_cast<int>(data.stages.size());
+  report.sentence = VerdictSentence(data, !client);
   report.warnings = data.warnings;
   report.warnings.insert(report.warnings.end(), context.warnings.begin(), context.warnings.end());
   const std::string title = TitleOf(run_folder, options);
   report.html = PageHtml(
-      title, Header(title, report.verdict, data, options), shown,
+      title, Header(title, report.verdict, context), shown,
       "mvstudio" + (options.version.empty() ? "" : " " + options.version) +
           ". RMS is that of 2-D points, sqrt(mean |r|\u00b2), in px. The same numbers are in the .json beside this file.",
       context.script);
   Value json = Value::Object();
   json.Set("schema", "mvstudio.report/1").Set("title", title).Set("verdict", std::string(ToString(report.verdict)));
-  json.Set("sentence", VerdictSentence(data, !client));
+  json.Set("sentence", report.sentence);
   json.Set("generated_at", options.generated_at).Set("version", options.version).Set("stages", StagesToValue(data, client));
   for (const auto& [key, value] : context.json.fields()) json.Set(key, value);
   if (!client) json.Set("warnings", NoticesToValue(report.warnings));

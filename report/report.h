@@ -37,6 +37,7 @@ void VisitFields(Visitor&& visit, ReportOptions& o) {
 struct Report {
   std::string html;                    ///< one self-contained document
   std::string json;                    ///< schema mvstudio.report/1: the same numbers
+  std::string sentence;                ///< the verdict in words, as the page begins
   Verdict verdict = Verdict::kNotRun;  ///< the worst of the stages
   int num_stages = 0;                  ///< results found
   std::vector<Notice> warnings;        ///< files that could not be used

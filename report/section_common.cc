@@ -196,7 +196,8 @@ std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value
   if (content.empty()) return {};
   NeedScript(context, PlayerScript());
   const std::string caption =
-      "The trained Gaussians at instants of the take, moved with the fitted body; drag to turn, wheel to come closer. Colours "
+      "The trained Gaussians at time steps of the take, moved with the fitted body; drag to turn, wheel to come closer. "
+      "Colours "
       "are those of degree 0: what changes with the direction of sight is left out.";
   return FigureHtml(PlayerHtml(content, "Gaussians in motion"), caption);
 }

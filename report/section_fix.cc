@@ -3,6 +3,7 @@
 #include <map>
 #include <set>
 
+#include "core/format.h"
 #include "core/join.h"
 #include "core/statistics.h"
 #include "report/page/format.h"
@@ -138,6 +139,7 @@ struct Measure {
 };
 constexpr Measure kMeasures[] = {
     {"calibrate", "Calibration", "cameras", "board_views", "rms_px", "rms", "px", false},
+    {"triangulate", "3D joints", "holdout.cameras", "", "median_px", "median error when left out", "px", false},
     {"avatar eval", "Avatar", "per_camera", "pictures", "ssim", "SSIM", "", true},
 };
 
@@ -157,32 +159,37 @@ std::string NumberOf(const Value& entry, const Measure& measure) {
   return std::string(", ") + measure.label + " " + FormatWithUnit(entry[measure.key].Number(), measure.unit, 3);
 }
 
-/// "Calibration: worst camera left, rms 0.41 px (median 0.22 px); worst frame 12 of left, rms 0.6 px."
-std::string WorstIn(const Stage& stage, const Measure& measure) {
-  const Value& cameras = stage.metrics()[measure.cameras];
+/// The name of a camera; where the studio in 3D has it, a link to it there.
+std::string CameraHtml(const RunData& data, const std::string& name) {
+  const auto has = [&](const Value& camera) { return camera["name"].Text() == name && camera["cam_from_world"].IsObject(); };
+  if (data.calibrations.empty()) return EscapeHtml(name);
+  const Value& cameras = data.calibrations.front().value["cameras"];
+  if (std::none_of(cameras.items().begin(), cameras.items().end(), has)) return EscapeHtml(name);
+  std::string escaped;
+  for (const char c : name)
+    escaped += std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '-'
+                   ? std::string(1, c)
+                   : Format("%%%02X", static_cast<unsigned char>(c));
+  return "<a href=\"#camera=" + escaped + "\">" + EscapeHtml(name) + "</a>";
+}
+
+/// "Calibration: worst camera left, rms 0.41 px (median 0.22 px); worst frame 12 of left, rms 0.6 px." as a list's entry.
+std::string WorstIn(const RunData& data, const Stage& stage, const Measure& measure) {
+  const Value& cameras = stage.metrics().Path(measure.cameras);
   const Value &camera = WorstOf(cameras, measure), &frame = WorstOf(stage.metrics()[measure.frames], measure);
   std::vector<std::string> parts;
   if (!camera.IsNull() && cameras.items().size() > 1) {
     std::vector<double> all;
     for (const Value& entry : cameras.items()) all.push_back(entry[measure.key].Number());
-    parts.push_back("worst camera " + camera["name"].Text(camera["camera"].Text("?")) + NumberOf(camera, measure) +
-                    " (median " + FormatWithUnit(LinearQuantile(FiniteValues(all), 0.5), measure.unit, 3) + ")");
+    const double median = LinearQuantile(FiniteValues(all), 0.5);
+    parts.push_back("worst camera " + CameraHtml(data, camera["name"].Text(camera["camera"].Text("?"))) +
+                    EscapeHtml(NumberOf(camera, measure) + " (median " + FormatWithUnit(median, measure.unit, 3) + ")"));
   }
   if (frame["frame"].IsNumber()) {
-    parts.push_back("worst frame " + FormatNumber(frame["frame"].Number(), 9) + " of " + frame["camera"].Text("?") +
-                    NumberOf(frame, measure));
+    parts.push_back(EscapeHtml("worst frame " + FormatNumber(frame["frame"].Number(), 9) + " of " + frame["camera"].Text("?") +
+                               NumberOf(frame, measure)));
   }
-  return parts.empty() ? "" : std::string(measure.what) + ": " + Join(parts, "; ") + ". ";
-}
-
-std::string WorstParagraph(const RunData& data) {
-  std::string text;
-  for (const Measure& measure : kMeasures) {
-    const std::vector<const Stage*> stages = data.All(measure.command);
-    if (!stages.empty()) text += WorstIn(*stages.front(), measure);
-  }
-  if (OverallVerdict(data) == Verdict::kPass) text += "No frame failed.";
-  return text.empty() ? "" : ParagraphHtml(text);
+  return parts.empty() ? "" : "<li>" + EscapeHtml(measure.what) + ": " + Join(parts, "; ") + ".</li>\n";
 }
 
 /// At most 160 bytes, cut between words.
@@ -227,12 +234,23 @@ std::string VerdictSentence(const RunData& data, bool with_reason) {
   return sentence + ". First, " + first.from.front() + ": " + Shortened(first.notices.front().text);
 }
 
+std::string WorstList(const SectionContext& context) {
+  std::string items;
+  for (const Measure& measure : kMeasures) {
+    const std::vector<const Stage*> stages = context.data.All(measure.command);
+    if (!stages.empty()) items += WorstIn(context.data, *stages.front(), measure);
+  }
+  if (!context.worst_step.empty()) items += "<li>Time steps: " + context.worst_step + ".</li>\n";
+  return items.empty() ? "" : "<ul class=\"worst\">" + items + "</ul>\n";
+}
+
 std::string WhatToFix(const SectionContext& context) {
   const std::vector<Finding> findings = FindingsOf(context.data, context.warnings);
   constexpr size_t kShown = 12;
   std::string shown, hidden;
   for (size_t i = 0; i < findings.size(); ++i) (i < kShown ? shown : hidden) += LineOf(findings[i]);
-  std::string html = "<h3>What to fix first</h3>\n" + WorstParagraph(context.data);
+  std::string html = "<h3>What to fix first</h3>\n";
+  if (OverallVerdict(context.data) == Verdict::kPass) html += ParagraphHtml("No frame failed.");
   html += findings.empty() ? ParagraphHtml("No warnings.") : "<ol class=\"fix\">" + shown + "</ol>\n";
   if (!hidden.empty())
     html += DetailsHtml(std::to_string(findings.size() - kShown) + " more", "<ol class=\"fix\">" + hidden + "</ol>\n");

@@ -122,13 +122,6 @@ std::string MethodTable(const std::vector<Method>& methods) {
   return table.Html() + ParagraphHtml("Bold: the best of methods and baselines.", "muted");
 }
 
-/// "eval/KIND/NAME" of a run, as an output; null where the run does not hold it.
-Value ImageOf(const SectionContext& context, const Stage& stage, const char* kind, const std::string& name) {
-  const fs::path path = fs::path(stage.folder) / "eval" / kind / name;
-  const std::string file = FileOfRun(stage, path.string(), context.options.follow_links);
-  return file.empty() ? Value() : Value::Object().Set("path", fs::absolute(file).string());
-}
-
 /// File names of the images that every run kept, with their captions: the first of each camera, then the others.
 std::vector<std::pair<std::string, std::string>> SharedImages(const SectionContext& context,
                                                               const std::vector<Method>& methods) {
@@ -137,7 +130,7 @@ std::vector<std::pair<std::string, std::string>> SharedImages(const SectionConte
   for (const Value& picture : methods.front().stage->metrics()["pictures"].items()) {
     const std::string name = fs::path(picture["path"].Text()).filename().string(), camera = picture["camera"].Text();
     const bool all = std::all_of(methods.begin(), methods.end(), [&](const Method& method) {
-      return !ImageOf(context, *method.stage, "render", name).IsNull();
+      return !ImageOfEval(context, *method.stage, "render", name).IsNull();
     });
     if (name.empty() || !all) continue;
     const std::string caption = "camera " + camera + ", frame " + FormatNumber(picture["frame"].Number(), 9);
@@ -153,7 +146,7 @@ std::string Strips(SectionContext* context, const std::vector<Method>& methods) 
   for (const auto& [name, caption] : SharedImages(*context, methods)) {
     std::vector<std::string> figures;
     const Stage& first = *methods.front().stage;
-    const Value truth = ImageOf(*context, first, "truth", name);
+    const Value truth = ImageOfEval(*context, first, "truth", name);
     if (!truth.IsNull()) figures.push_back(EmbedOutput(context, first, truth, "truth"));
     for (const Method& method : methods) {
       const Value& holdout = method.stage->metrics();
@@ -162,7 +155,7 @@ std::string Strips(SectionContext* context, const std::vector<Method>& methods) 
         if (fs::path(picture["path"].Text()).filename() == name && picture["ssim"].IsNumber())
           score = ", SSIM " + FormatFixed(picture["ssim"].Number(), 3);
       }
-      const Value image = ImageOf(*context, *method.stage, "render", name);
+      const Value image = ImageOfEval(*context, *method.stage, "render", name);
       figures.push_back(EmbedOutput(context, *method.stage, image, method.name + score));
     }
     html += ParagraphHtml(caption, "muted") + GridHtml(figures, "grid methods");
@@ -171,6 +164,12 @@ std::string Strips(SectionContext* context, const std::vector<Method>& methods) 
 }
 
 }  // namespace
+
+Value ImageOfEval(const SectionContext& context, const Stage& stage, const char* kind, const std::string& name) {
+  const fs::path path = fs::path(stage.folder) / "eval" / kind / name;
+  const std::string file = FileOfRun(stage, path.string(), context.options.follow_links);
+  return file.empty() ? Value() : Value::Object().Set("path", fs::absolute(file).string());
+}
 
 std::string MethodsSideBySide(SectionContext* context) {
   std::string html;

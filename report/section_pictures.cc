@@ -56,12 +56,6 @@ std::string Caption(const Value& metrics, const Value& output) {
   return caption;
 }
 
-std::vector<std::string> Legend(const Value& metrics) {
-  std::vector<std::string> legend;
-  for (const Value& item : metrics["picture_panels"].items()) legend.push_back(item.Text());
-  return legend.empty() ? std::vector<std::string>{"truth", "render", "error", "nearest pose"} : legend;
-}
-
 /// Outputs of a role; those with the lowest SSIM first, those without one last.
 std::vector<Value> OutputsOf(const Stage& stage, const std::string& role) {
   std::vector<std::pair<double, Value>> found;
@@ -111,7 +105,8 @@ Section HeldOutSection(SectionContext* context) {
   Section section{"heldout", "Held-out images", ""};
   const std::vector<const Stage*> stages = context->data.All("avatar eval");
   for (const Stage* stage : stages) {
-    const std::string pictures = PicturesOf(context, *stage, {"heldout-picture", "", Legend(stage->metrics()), true});
+    const std::string pictures =
+        PicturesOf(context, *stage, {"heldout-picture", "", {"truth", "render", "error", "nearest pose"}, true});
     if (pictures.empty()) continue;
     if (stages.size() > 1 && !ForClient(context->options)) section.body_html += StageHeading(*stage, true);
     section.body_html += pictures;

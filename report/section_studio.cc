@@ -12,6 +12,7 @@
 #include "report/page/format.h"
 #include "report/page/inside.h"
 #include "report/page/picture.h"
+#include "report/page/player.h"
 #include "report/scene/scene.h"
 #include "report/sections.h"
 #include "report/svg/rig_view.h"
@@ -22,7 +23,7 @@ namespace mvstudio::report {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr size_t kMaxCells = 1'200'000, kMaxBoards = 1500, kMaxSpans = 480, kChunkCells = 16'000, kMaxNotes = 6, kWorst = 5;
+constexpr size_t kMaxCells = 1'200'000, kMaxBoards = 1500, kMaxSpans = 480, kChunkCells = 16'000, kMaxNotes = 6;
 
 /// Bytes of a file of the run, or nothing.
 std::string ReadBeside(const SectionContext& context, const std::string& folder, const std::string& name) {
@@ -281,19 +282,32 @@ double FloorOf(const std::vector<ViewCamera>& cameras, const Value& boards, cons
   return heights.empty() ? 0 : LinearQuantile(heights, 0);
 }
 
-/// Links to the time steps of the largest residuals.
-std::string WorstFrames(const ScenePeople& people) {
-  std::vector<SceneSpan> spans = SpansOf(people, kMaxSpans);
-  spans.erase(std::remove_if(spans.begin(), spans.end(), [](const SceneSpan& s) { return !std::isfinite(s.rms_px); }),
-              spans.end());
-  std::stable_sort(spans.begin(), spans.end(), [](const SceneSpan& a, const SceneSpan& b) { return a.rms_px > b.rms_px; });
-  std::string links;
-  for (size_t i = 0; i < std::min(kWorst, spans.size()); ++i) {
-    const std::string frame = std::to_string(people.frames[spans[i].worst]);
-    links += (i > 0 ? ", " : "") + ("<a href=\"#frame=" + frame + "\">frame " + frame + "</a> (" +
-                                    EscapeHtml(FormatWithUnit(spans[i].rms_px, "px", 3)) + ")");
+/// The fitted body over time as an element; empty where no run has one. Where there is a player of Gaussians, the viewer takes
+/// the body from there.
+std::string BodyOverTime(SectionContext* context) {
+  std::string bytes;
+  for (const Stage& stage : context->data.stages) {
+    for (const Value& output : stage.result["outputs"].items()) {
+      const std::string role = output["role"].Text();
+      if (role == "gaussians-player") return {};
+      if (role == "body-motion" && bytes.empty())
+        bytes = ReadOutput(context, stage, output, IsPlayerFile, "no file of a body in motion");
+    }
   }
-  return links.empty() ? "" : "<p>Largest residuals: " + links + ".</p>\n";
+  return bytes.empty() ? "" : "<i data-body=\"" + Base64(bytes) + "\"></i>";
+}
+
+/// The worst time steps below the viewer, the very worst for the top of the page.
+std::string TimeStepLinks(SectionContext* context, const ScenePeople& people) {
+  constexpr size_t kShown = 5;
+  if (ForClient(context->options) || context->data.points.empty()) return {};
+  const TableFile& table = context->data.points.front().table;
+  const WorstTimeSteps all = FindWorstTimeSteps(people, table, kShown), first = FindWorstTimeSteps(people, table, 1);
+  if (!first.residuals.empty()) context->worst_step = "largest residuals at " + first.residuals;
+  if (!first.missing.empty())
+    context->worst_step += (first.residuals.empty() ? "" : "; ") + ("most joints without a position at " + first.missing);
+  return (all.residuals.empty() ? "" : "<p>Largest residuals: " + all.residuals + ".</p>\n") +
+         (all.missing.empty() ? "" : "<p>Most joints without a position: " + all.missing + ".</p>\n");
 }
 
 }  // namespace
@@ -330,7 +344,7 @@ Section StudioSection(SectionContext* context) {
       ParagraphHtml(
           "The view in 3D needs WebGL and scripts, which are not at hand here. The drawn figures of the rig show the same.",
           "muted") +
-      "<div hidden>" + chunks + "</div></div>\n" + (ForClient(context->options) ? "" : WorstFrames(people));
+      "<div hidden>" + chunks + BodyOverTime(context) + "</div></div>\n" + TimeStepLinks(context, people);
   return section;
 }
 

@@ -1,41 +1,11 @@
 #include <cmath>
 
+#include "report/figures.h"
 #include "report/page/format.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {
 namespace {
-
-struct KeyFigure {
-  const char* command;
-  const char* label;
-  std::vector<std::string> keys;  ///< first that is a number
-  const char* unit;
-  double scale = 1;  ///< of the unit
-};
-
-/// The two or three numbers that tell most about a stage.
-const std::vector<KeyFigure>& KeyFigures() {
-  static const std::vector<KeyFigure> figures = {
-      {"calibrate", "rms", {"rms_px"}, "px"},
-      {"calibrate", "held-out rms", {"holdout_rms_px"}, "px"},
-      {"calibrate", "baseline", {"baseline_mm"}, "mm"},
-      {"triangulate", "median rms", {"median_rms_px"}, "px"},
-      {"triangulate", "median \u03c3", {"median_sigma_mm"}, "mm"},
-      {"triangulate", "off the reference", {"truth.median_mm", "reference.median_mm", "trc.median_mm"}, "mm"},
-      {"triangulate", "joints", {"num_points"}, ""},
-      {"pose2d", "camera left out", {"agreement.median_px"}, "px"},
-      {"mask", "images", {"pictures"}, ""},
-      {"mask", "pixels that flicker", {"flicker"}, "%", 100},
-      {"avatar eval", "SSIM", {"holdout.ssim"}, ""},
-      {"avatar eval", "PSNR", {"holdout.psnr_db"}, "dB"},
-      {"avatar eval", "mask IoU", {"holdout.mask_iou"}, ""},
-      {"demo", "rig rotation", {"truth.rig_rotation_deg"}, "\u00b0"},
-      {"demo", "rig position", {"truth.rig_translation_mm"}, "mm"},
-      {"demo", "joints, median", {"truth.joints_median_mm"}, "mm"},
-  };
-  return figures;
-}
 
 std::string Pairs(const std::vector<std::pair<std::string, std::string>>& pairs) {
   std::string html = "<dl>";
@@ -73,10 +43,10 @@ std::string CardNumber(double number, const std::string& unit) {
 std::string StageCard(const Stage& stage, bool with_folder, bool with_errors) {
   std::vector<std::pair<std::string, std::string>> pairs;
   const Value& metrics = stage.metrics();
-  for (const KeyFigure& figure : KeyFigures()) {
-    const double number = metrics.FirstNumber(figure.keys);
-    if (stage.command == figure.command && std::isfinite(number))
-      pairs.emplace_back(figure.label, CardNumber(figure.scale * number, figure.unit));
+  for (const Figure& figure : Figures()) {
+    if (!figure.on_card || stage.command != figure.command) continue;
+    const double number = FigureNumber(figure, metrics);
+    if (std::isfinite(number)) pairs.emplace_back(figure.label, CardNumber(number, figure.unit));
   }
   if (pairs.empty()) {
     for (const auto& [key, value] : metrics.fields()) {

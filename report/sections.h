@@ -10,6 +10,7 @@
 #include "report/page/value.h"
 #include "report/report.h"
 #include "report/run_data.h"
+#include "report/scene/scene.h"
 #include "report/svg/rig_view.h"
 
 /// The parts of the page. Each reads the run, returns its HTML, and adds the same numbers to `json` and unusable files to
@@ -23,6 +24,7 @@ struct SectionContext {
   std::vector<Notice> warnings;
   int64_t picture_bytes = 0;  ///< embedded so far
   std::string script;         ///< that the embedded parts need
+  std::string worst_step;     ///< HTML: the take's worst time steps, as the studio in 3D found them
 };
 
 /// Adds a script to those that the page needs, once.
@@ -35,6 +37,12 @@ bool ForClient(const ReportOptions& options);
 Section PreviewSection(SectionContext* context);
 /// Cameras, boards and people in the page's viewer; without a body when there are none.
 Section StudioSection(SectionContext* context);
+/// Links to the time steps of the largest residuals and of most joints without a position, with the worst joint and the
+/// reasons: at most `most` of each as HTML; empty without any.
+struct WorstTimeSteps {
+  std::string residuals, missing;
+};
+WorstTimeSteps FindWorstTimeSteps(const ScenePeople& people, const TableFile& table, size_t most);
 Section CalibrationSection(SectionContext* context);
 Section TriangulationSection(SectionContext* context);
 /// Sessions, time offsets, keypoints, masks; without a body when none of them was run.
@@ -54,8 +62,10 @@ std::string StageCards(const RunData& data, bool for_studio);
 Verdict OverallVerdict(const RunData& data);
 /// "Nothing failed; 3 of 8 results have warnings. First, calibrate: …"; the last part only `with_reason`.
 std::string VerdictSentence(const RunData& data, bool with_reason);
-/// Failures before warnings, causes before what follows from them; one line a code with its cameras. Names the worst camera and
-/// frame.
+/// A line for each stage with its worst camera and frame, and one for the take's time steps; links where the studio in 3D has
+/// them.
+std::string WorstList(const SectionContext& context);
+/// Failures before warnings, causes before what follows from them; one line a code with its cameras.
 std::string WhatToFix(const SectionContext& context);
 
 // Helpers shared by the sections.
@@ -91,6 +101,8 @@ struct PictureRole {
 };
 /// Those images of a result, the worst by SSIM first, with camera, frame and scores as captions; empty without.
 std::string PicturesOf(SectionContext* context, const Stage& stage, const PictureRole& role);
+/// RUN/eval/KIND/NAME of a scored run ("render", "truth") as an output; null where the run does not hold it.
+Value ImageOfEval(const SectionContext& context, const Stage& stage, const char* kind, const std::string& name);
 /// "cam_01.sheet.png" -> "cam 01"
 std::string WordsOf(const std::string& file_name);
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Images that documents name: they exist, have an alt text, are small, and a script makes them.
+"""Images that documents name: they exist, have an alt text, are small, and a script makes them (scripts/pictures, growth, notebooks).
 
 Usage: images_test.py ROOT. Prints FILE:LINE: REASON for every finding, exits 1 when there is one.
 """
@@ -12,7 +12,7 @@ import tempfile
 
 IMAGE = re.compile(r"!\[([^\]]*)\]\(([^)\s]+)\)")
 MAKERS = ("pictures", "growth")
-MAX_BYTES, MAX_ALL_BYTES = 250_000, 1_500_000
+MAX_BYTES, MAX_ALL_BYTES, MAX_NOTEBOOK_BYTES = 250_000, 1_500_000, 150_000
 
 
 def findings(root):
@@ -32,12 +32,23 @@ def findings(root):
                     yield f"{place}: no image {target}"
                 elif path.stat().st_size > MAX_BYTES:
                     yield f"{place}: {target} has {path.stat().st_size} bytes, more than {MAX_BYTES}"
-                if f'"{path.name}"' not in made:
+                if path.parent == root / "docs/notebooks":
+                    yield from (f"{place}: {reason}" for reason in of_notebook(root, path))
+                elif f'"{path.name}"' not in made:
                     yield f"{place}: neither scripts/pictures nor scripts/growth makes {target}"
     kept = [path.resolve() for path in sorted((root / "docs/img").glob("*"))]
-    yield from (f"docs/img/{path.name}:1: no document shows it" for path in kept if path not in named)
+    pictures = [path.resolve() for path in sorted((root / "docs/notebooks").glob("*.png"))]
+    yield from (f"{path.relative_to(root)}:1: no document shows it" for path in kept + pictures if path not in named)
     if sum(path.stat().st_size for path in kept) > MAX_ALL_BYTES:
         yield f"docs/img:1: more than {MAX_ALL_BYTES} bytes together"
+
+
+def of_notebook(root, path):
+    """What is wrong with a picture that scripts/notebooks should have made."""
+    if not (root / "python/notebooks" / (path.stem.rsplit("-", 1)[0] + ".ipynb")).is_file():
+        yield f"no notebook makes {path.name}"
+    if path.is_file() and path.stat().st_size > MAX_NOTEBOOK_BYTES:
+        yield f"{path.name} has {path.stat().st_size} bytes, more than {MAX_NOTEBOOK_BYTES}"
 
 
 def check_self():
@@ -54,9 +65,14 @@ def check_self():
             (root / "docs/img" / image).write_bytes(b"x" * size)
         (root / "docs/page.md").write_text("![](img/a.webp) ![one two three](img/big.webp)\n![one two three](img/gone.webp)\n"
                                            '![one two three](img/foreign.webp) <img src="img/a.webp">\n')
+        (root / "docs/notebooks").mkdir()
+        (root / "docs/notebooks/gone.md").write_text("![one two three](gone-1.png)\n")
+        (root / "docs/notebooks/gone-1.png").write_bytes(b"x" * (MAX_NOTEBOOK_BYTES + 1))
+        (root / "docs/notebooks/gone-2.png").write_bytes(b"x")
         found = "\n".join(findings(root))
         expected = ("no alt text", "more than 250000", "no image img/gone", "makes img/foreign", "in place of <img>",
-                    "unused.webp:1: no document", "bytes together")
+                    "unused.webp:1: no document", "bytes together", "no notebook makes gone-1.png", "more than 150000",
+                    "notebooks/gone-2.png:1: no document")
         assert len(found.splitlines()) == len(expected) and all(text in found for text in expected), found
 
 

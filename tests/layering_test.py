@@ -134,11 +134,12 @@ MAY_INCLUDE = {
     "report/study": CORE | {"report/page"},
     "report/viewer": set(),
     "report": CORE | {"report/page", "report/scene", "report/svg", "report/viewer"},
+    "report/compare": CORE | {"report", "report/page", "report/svg"},
 }
 LIBRARIES = set(MAY_INCLUDE)
 STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth"}
 WITHOUT_TORCH = {f for f in STAGE_LIBRARIES if not needs_torch(f)}
-NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/input", "stages/nets"}
+NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/budget", "stages/input", "stages/nets"}
 MAY_INCLUDE |= {
     "stages": {"core", "core/text"},
     "stages/input": WITHOUT_TORCH | {"stages", "dataset/exports/read"},
@@ -147,9 +148,15 @@ MAY_INCLUDE |= {
     "stages/click": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve"},
     "stages/dataset": WITHOUT_TORCH | {"stages"},
     "stages/people": WITHOUT_TORCH | {"stages", "stages/input"},
-    "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
+    "stages/calibrate": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/calib", "stages/people"},
     "stages/align": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/people"},
     "stages/avatar_compare": WITHOUT_TORCH | {"stages", "stages/study"},
+    "stages/body_mesh": WITHOUT_TORCH | {"stages"},
+    "stages/body_template": WITHOUT_TORCH | {"stages"},
+    "stages/demo": WITHOUT_TORCH | {"stages", "stages/input", "stages/pipeline"},
+    "stages/doctor": WITHOUT_TORCH | {"stages", "stages/dataset"},
+    "stages/pack_speed": WITHOUT_TORCH | {"stages"},
+    "stages/synth": WITHOUT_TORCH | {"stages", "synth"},
     "stages/board": WITHOUT_TORCH | {"stages"},
     "stages/calib_files": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "dataset/exports"},
     "stages/compare": WITHOUT_TORCH | {"stages", "stages/input"},
@@ -169,7 +176,8 @@ MAY_INCLUDE |= {
     "stages/budget": CORE | {"stages"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/calib", "stages/people"},
     "stages/tradeoff": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/people", "stages/study"},
-    "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/input"},
+    "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input"},
+    "stages/plan": WITHOUT_TORCH | {"stages", "stages/input", "stages/pipeline"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/view": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve"},
     "stages/overlay": WITHOUT_TORCH | {"stages", "stages/input", "stages/view"},
@@ -180,7 +188,10 @@ MAY_INCLUDE |= {
     "stages/nets/mask": NET_ROOM,
     "stages/nets/pose2d": NET_ROOM | {"stages/people"},
     "stages/nets/render": NET_ROOM,
-    "stages/nets/texture": STAGE_LIBRARIES | {"stages", "stages/input"},
+    "stages/nets/texture": NET_ROOM,
+    "stages/nets/info": NET_ROOM,
+    "stages/nets/models": {"core", "dataset/detect/models", "stages"},
+    "stages/nets/trials": NET_ROOM | {"stages/study"},
     "stages/nets/train": NET_ROOM,
 }
 COMMANDS = {"cli/calib", "cli/dataset", "cli/people", "cli/avatar", "cli/tradeoff"}
@@ -226,7 +237,9 @@ FLAGS_ALLOWED = {
     "calib/points/colmap_program.cc",  # COLMAP's command line
     "dataset/detect/models/npm.cc",  # npm's
     "dataset/session/write.cc",  # comments in a session's mvstudio.toml
-    "stages/pipeline/engines.cc",  # those of sbatch and snakemake
+    "stages/plan/engines.cc",  # those of sbatch and snakemake
+    "stages/stage_call.cc",  # command lines that stages call
+    "stages/nets/train/rank_processes.cc",  # this program's, for the other ranks
     "report/section_avatar.cc",  # this and those below: what the page shows, style sheets too
     "report/section_calibration.cc",
     "report/section_common.cc",

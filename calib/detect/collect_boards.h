@@ -23,6 +23,8 @@ struct CameraResults {
   std::optional<std::string> digest;
   bool cached = false;
   std::string failure;
+  int64_t num_read = 0;
+  double read_s = 0, search_s = 0;
 };
 
 /// Empty for a frame that belongs to no time step.

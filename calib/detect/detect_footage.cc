@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -18,6 +19,10 @@
 
 namespace mvstudio::calib {
 namespace {
+
+using SearchClock = std::chrono::steady_clock;
+
+double SecondsSince(SearchClock::time_point start) { return std::chrono::duration<double>(SearchClock::now() - start).count(); }
 
 constexpr size_t kMirrorChecks = 20;  // images of a camera that are also looked at in a mirror when no marker is found
 
@@ -137,8 +142,9 @@ class FrameQueue {
   void Stop() { done_ = true; }
   bool done() const { return done_; }
 
-  void Keep(size_t position, Searched searched) {
+  void Keep(size_t position, Searched searched, double search_s) {
     const std::lock_guard<std::mutex> lock(results_mutex_);
+    search_s_ += search_s;
     if (results_.size() <= position) results_.resize(position + 1);
     results_[position] = std::move(searched);
   }
@@ -146,11 +152,21 @@ class FrameQueue {
   const CameraInput& camera() const { return camera_; }
   const std::string& name() const { return footage_->camera; }
   const std::string& failure() const { return failure_; }
+  int64_t num_read() const { return num_read_; }
+  double read_s() const { return read_s_; }
+  double search_s() const { return search_s_; }
 
  private:
+  std::optional<FootageFrame> Read() {
+    const SearchClock::time_point start = SearchClock::now();
+    std::optional<FootageFrame> frame = footage_->next();
+    read_s_ += SecondsSince(start), num_read_ += frame.has_value();
+    return frame;
+  }
+
   std::optional<Frame> Next() {
     while (!done_) {
-      auto frame = footage_->next();
+      auto frame = Read();
       if (!frame) break;
       CheckFrame(*footage_, *frame, &seen_, &camera_);
       if (!IsSearched(*footage_, frame->frame_idx, stride_)) continue;
@@ -169,6 +185,8 @@ class FrameQueue {
   CameraInput camera_;
   std::atomic<bool> done_{false};
   size_t num_taken_ = 0;
+  int64_t num_read_ = 0;
+  double read_s_ = 0, search_s_ = 0;
   std::vector<Searched> results_;
 };
 
@@ -194,7 +212,9 @@ void SearchAll(const std::vector<Board>& boards, std::vector<std::unique_ptr<Fra
         auto& [queue, frame] = *taken;
         DetectOptions detect = options;
         detect.check_mirror = options.check_mirror && frame.position < kMirrorChecks;
-        queue->Keep(frame.position, {frame.frame.frame_idx, DetectBoards(boards, frame.frame.image, detect)});
+        const SearchClock::time_point start = SearchClock::now();
+        Searched searched{frame.frame.frame_idx, DetectBoards(boards, frame.frame.image, detect)};
+        queue->Keep(frame.position, std::move(searched), SecondsSince(start));
         stage->Advance(1, queue->name());
       }
     } catch (...) {
@@ -259,6 +279,7 @@ std::vector<CameraResults> LoadOrSearch(const std::vector<Board>& boards, std::v
     CameraResults& camera = results[camera_of[q]];
     camera.camera = queues[q]->camera();
     camera.failure = queues[q]->failure();
+    camera.num_read = queues[q]->num_read(), camera.read_s = queues[q]->read_s(), camera.search_s = queues[q]->search_s();
     if (camera.failure.empty()) camera.pictures = queues[q]->TakeResults();
     if (camera.digest && camera.failure.empty()) StoreCamera(cache, boards, options.detect, stride, camera);
   }
@@ -291,7 +312,8 @@ std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, s
     found[c].camera = results[c].camera;
     found[c].camera.name = footage[c].camera;
     found[c].num_images = static_cast<int>(results[c].pictures.size());
-    found[c].cached = results[c].cached;
+    found[c].cached = results[c].cached, found[c].num_read = results[c].num_read;
+    found[c].read_s = results[c].read_s, found[c].search_s = results[c].search_s;
     DropUsed(&found[c]);
     std::stable_sort(found[c].detections.begin(), found[c].detections.end(),
                      [](const Detection& a, const Detection& d) { return a.frame_idx < d.frame_idx; });

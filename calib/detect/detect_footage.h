@@ -73,8 +73,10 @@ struct FootageDetections {
                                                        ///< board's reason
   std::vector<std::string> notes;                      ///< one line each: a layout that was determined, a board never seen
   std::vector<SoftBoards> soft;                        ///< at most one a board
-  std::string failure;  ///< why there are no detections (FootageOptions::all_cameras); empty: there are some
-  bool cached = false;  ///< read from the cache without a search
+  std::string failure;              ///< why there are no detections (FootageOptions::all_cameras); empty: there are some
+  bool cached = false;              ///< read from the cache without a search
+  int64_t num_read = 0;             ///< frames that were read, searched or not; 0 where `cached`
+  double read_s = 0, search_s = 0;  ///< seconds of all threads together
 };
 
 /// Detects the boards in all footage, images in parallel; the result does not depend on the number of threads. An

@@ -1,56 +1,44 @@
-#include "cli/avatar/ranks.h"
 #include "cli/program/commands.h"
 #include "cli/program/options.h"
 #include "cli/program/redact.h"
 #include "stages/dataset/studio_names.h"
 #include "stages/nets/train/describe.h"
+#include "stages/nets/train/rank_processes.h"
 #include "stages/nets/train/run.h"
 
 namespace mvstudio::cli {
 namespace {
 
-/// The processes that `arguments` ask for, with their files in `folder`.
-stages::RankOptions RanksOf(const RankArguments& arguments, const CommandContext& context, const std::string& folder) {
-  const auto start = [&, folder](int before) {
-    RankArguments asked = arguments;
-    if (asked.ranks == 0) asked.ranks = asked.world_size > 1 || asked.rank > 0 ? 1 : before;
-    const auto ranks = std::make_shared<RankProcesses>(asked, context, folder);
-    return stages::RankTeam{ranks->place().rank, ranks->place().size, ranks->threads(), [ranks] { return ranks->Join(); },
-                            [ranks] { ranks->Finish(); }};
-  };
-  return {arguments.rank, start};
-}
-
 void RegisterTrain(CLI::App& avatar, Registry& registry) {
   auto options = std::make_shared<stages::AvatarTrainOptions>();
-  auto ranks = std::make_shared<RankArguments>();
+  auto ranks = std::make_shared<stages::RankArguments>();
   CLI::App* sub = avatar.add_subcommand("train", "Train an avatar on a Panoptic-style dataset with masks");
   StartGroup(sub, "Data");
   AddOption(sub, "dataset", options->dataset, "dataset folder")->required();
   AddOptions(sub, *options);
   sub->get_option("--out")->required();
   StartGroup(sub, "Machine");
-  AddRankOptions(sub, *ranks);
+  AddOptions(sub, *ranks);
   registry.Add(sub, "avatar train", [options, ranks, sub](CommandContext& context) {
     context.camera_names = stages::StudioNames(options->dataset);
     options->given = GivenOptions(sub), options->relative_paths = Redacting();
-    options->ranks = RanksOf(*ranks, context, options->out);
+    options->ranks = RanksOf(*ranks, context.argv, context.run, options->out);
     return Describe(stages::RunAvatarTrain(*options, context.run));
   });
 }
 
 void RegisterResume(CLI::App& avatar, Registry& registry) {
   auto options = std::make_shared<stages::AvatarResumeOptions>();
-  auto ranks = std::make_shared<RankArguments>();
+  auto ranks = std::make_shared<stages::RankArguments>();
   ranks->ranks = 0;  // as many as before
   CLI::App* sub = avatar.add_subcommand("resume", "Continue an interrupted or finished training run");
   AddOutput(sub, "run", options->run, OutputKind::kFolder, "folder of the run")->required();
   AddOptions(sub, *options);
-  AddRankOptions(sub, *ranks);
+  AddOptions(sub, *ranks);
   sub->get_option("--ranks")->description("processes on this machine, as in `avatar train`; 0: as many as before");
   registry.Add(sub, "avatar resume", [options, ranks](CommandContext& context) {
     context.camera_names = stages::StudioNames(avatar::ReadRunConfig(options->run + "/" + avatar::kRunConfigFile).dataset);
-    options->ranks = RanksOf(*ranks, context, options->run);
+    options->ranks = RanksOf(*ranks, context.argv, context.run, options->run);
     return Describe(stages::RunAvatarResume(*options, context.run));
   });
 }

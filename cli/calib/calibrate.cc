@@ -9,8 +9,10 @@ void RegisterCalibrate(CLI::App& app, Registry& registry) {
   CLI::App* sub = app.add_subcommand("calibrate", "Calibrate cameras from footage of a board, or from its corners");
   VisitFields(OptionAdder{sub}, *options);  // --overwrite joins the last subject
   sub->get_option("--lenses")->excludes("--start");
-  registry.Add(sub, "calibrate",
-               [options](CommandContext& context) { return Describe(stages::RunCalibrate(*options, context.run)); });
+  registry.Add(sub, "calibrate", [options, sub](CommandContext& context) {
+    options->given = GivenOptions(sub);
+    return Describe(stages::RunCalibrate(*options, context.run));
+  });
 }
 
 }  // namespace mvstudio::cli

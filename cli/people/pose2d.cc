@@ -11,8 +11,10 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   sub->get_option("--trial-frames")->check(CLI::Range(4, 10000));
   sub->get_option("--overlays")->check(CLI::Range(0, 1000));
   sub->get_option("--every")->check(CLI::Range(1, 1000000));
-  registry.Add(sub, "pose2d",
-               [options](CommandContext& context) { return Describe(stages::RunPose2d(*options, context.run)); });
+  registry.Add(sub, "pose2d", [options, sub](CommandContext& context) {
+    options->given = GivenOptions(sub);
+    return Describe(stages::RunPose2d(*options, context.run));
+  });
 }
 
 }  // namespace mvstudio::cli

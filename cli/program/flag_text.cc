@@ -24,12 +24,13 @@ std::string WithFlags(const std::string& text) {
   return ShortNumbers(std::regex_replace(text, option, "--$1"));
 }
 
-void NameFlags(CommandResult* result) {
-  for (std::vector<Notice>* notices : {&result->warnings, &result->errors}) {
+CommandResult NamedFlags(CommandResult result) {
+  for (std::vector<Notice>* notices : {&result.warnings, &result.errors}) {
     for (Notice& notice : *notices) notice.text = WithFlags(notice.text), notice.hint = WithFlags(notice.hint);
   }
-  result->text = WithFlags(result->text);
-  NameFlagsIn(&result->metrics);
+  result.text = WithFlags(result.text);
+  NameFlagsIn(&result.metrics);
+  return result;
 }
 
 }  // namespace mvstudio::cli

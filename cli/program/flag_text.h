@@ -10,6 +10,6 @@ namespace mvstudio::cli {
 /// `text` with flags in place of options' names, and with short forms of absurdly long numbers.
 std::string WithFlags(const std::string& text);
 /// The same in everything that a result says.
-void NameFlags(CommandResult* result);
+CommandResult NamedFlags(CommandResult result);
 
 }  // namespace mvstudio::cli

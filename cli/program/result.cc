@@ -134,18 +134,19 @@ Json ProvenanceLine(const std::string& command, const CommandResult& result, con
 
 /// A failure to record a result: the result itself stays what it is, but for a full disk, or where the record is all that there
 /// is.
-void NoteUnrecorded(CommandResult* result) {
+CommandResult Unrecorded(CommandResult result) {
   const CommandResult failure = ResultOfCurrentException();
   const Notice& why = failure.errors.front();
   if (failure.exit == kExitResources) {
-    result->exit = kExitResources;
-    result->errors.push_back({why.code, "the outputs are complete, but not the record of them: " + why.text, why.hint});
-  } else if (result->outputs.empty()) {
-    result->exit = failure.exit;
-    result->errors.push_back(why);
+    result.exit = kExitResources;
+    result.errors.push_back({why.code, "the outputs are complete, but not the record of them: " + why.text, why.hint});
+  } else if (result.outputs.empty()) {
+    result.exit = failure.exit;
+    result.errors.push_back(why);
   } else {
-    result->warnings.push_back({"CLI-PROVENANCE", "the result is not recorded in its folder: " + why.text, why.hint});
+    result.warnings.push_back({"CLI-PROVENANCE", "the result is not recorded in its folder: " + why.text, why.hint});
   }
+  return result;
 }
 
 CommandResult OutOfMemoryResult() {
@@ -177,24 +178,25 @@ CommandResult PathResult(const std::string& text) {
 
 std::string JsonText(const Json& json) { return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n"; }
 
-void KeepResult(const std::string& command, CommandResult* result, const Json& json, const std::vector<std::string>& argv,
-                const Json& record) {
-  if (result->folder.empty()) return;
+CommandResult Kept(const std::string& command, CommandResult result, const Json& json, const std::vector<std::string>& argv,
+                   const Json& record) {
+  if (result.folder.empty()) return result;
   std::string name = command;
   std::replace(name.begin(), name.end(), ' ', '_');
-  const size_t errors = result->errors.size();
+  const size_t errors = result.errors.size();
   const auto keep = [&](const std::function<void()>& write) {
     try {
       write();
     } catch (...) {
-      if (result->errors.size() == errors) NoteUnrecorded(result);  // one error line tells it
+      if (result.errors.size() == errors) result = Unrecorded(std::move(result));  // one error line tells it
     }
   };
   keep([&] {
-    const Json line = RedactedJson(ProvenanceLine(command, *result, json, argv, record));
-    AppendLine(result->folder + "/provenance.jsonl", line.dump(-1, ' ', false, Json::error_handler_t::replace));
+    const Json line = RedactedJson(ProvenanceLine(command, result, json, argv, record));
+    AppendLine(result.folder + "/provenance.jsonl", line.dump(-1, ' ', false, Json::error_handler_t::replace));
   });
-  keep([&] { WriteFileAtomic(result->folder + "/" + name + ".result.json", JsonText(RedactedJson(json))); });
+  keep([&] { WriteFileAtomic(result.folder + "/" + name + ".result.json", JsonText(RedactedJson(json))); });
+  return result;
 }
 
 CommandResult InterruptedResult(int signal, const std::string& text) {

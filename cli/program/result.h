@@ -18,10 +18,10 @@ CommandResult ResultFromJson(const nlohmann::ordered_json& json, int exit);
 std::string JsonText(const nlohmann::ordered_json& json);
 
 /// Keeps `<folder>/<command>.result.json` and appends a line to `<folder>/provenance.jsonl` (argv, version, hashes, time),
-/// redacted when that was asked for. `record`: of RecordOfLine. Where that fails, the result gets a warning and stays what it
-/// is, but for a full disk.
-void KeepResult(const std::string& command, CommandResult* result, const nlohmann::ordered_json& json,
-                const std::vector<std::string>& argv, const nlohmann::ordered_json& record);
+/// redacted when that was asked for. `record`: of RecordOfLine. Returns the result; where that fails, with a warning, and for a
+/// full disk as a failure.
+CommandResult Kept(const std::string& command, CommandResult result, const nlohmann::ordered_json& json,
+                   const std::vector<std::string>& argv, const nlohmann::ordered_json& record);
 
 /// Turns the exception being handled into an error result with the exit code of its type.
 CommandResult ResultOfCurrentException();

@@ -134,10 +134,9 @@ void SeeFlags(const std::vector<std::string>& words, const std::vector<std::stri
 void FinishOutcome(LineOutcome& outcome, const CommandContext& context, double wall_s, const std::vector<std::string>& argv) {
   const WriterScope writer(outcome.command);
   if (outcome.result.partial && outcome.result.exit == kExitOk) outcome.result.exit = kExitPartial;
-  NameFlags(&outcome.result);
-  stages::NameCameras(context.camera_names, &outcome.result);
+  outcome.result = stages::NamedCameras(NamedFlags(std::move(outcome.result)), context.camera_names);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
-  KeepResult(outcome.command, &outcome.result, outcome.json, argv, outcome.record);
+  outcome.result = Kept(outcome.command, std::move(outcome.result), outcome.json, argv, outcome.record);
   outcome.json = ResultToJson(outcome.command, outcome.result, wall_s, argv);
 }
 

@@ -1,5 +1,7 @@
 #include "cli/program/stage.h"
 
+#include <cmath>
+
 #include "cli/program/result.h"
 #include "core/disk/files.h"
 #include "core/disk/lock.h"
@@ -45,10 +47,31 @@ LineOutcome RunChild(const std::vector<std::string>& words, const StageOptions& 
   return outcome;
 }
 
+stages::CallOutcome OutcomeOf(LineOutcome outcome) {
+  const auto number = [&](const char* key) {
+    const StageJson* timing = outcome.json.is_object() && outcome.json.contains("timing") ? &outcome.json["timing"] : nullptr;
+    return timing && timing->contains(key) && (*timing)[key].is_number() ? (*timing)[key].get<double>() : NAN;
+  };
+  stages::CallOutcome called;
+  called.seconds = number("wall_s"), called.peak_rss_mb = number("peak_rss_mb");
+  called.result = std::move(outcome.result);
+  return called;
+}
+
 }  // namespace
 
 LineOutcome RunStage(const std::vector<std::string>& words, const CommandContext& context, const StageOptions& options) {
   return options.mode == StageMode::kHere ? RunHere(words, context) : RunChild(words, options);
+}
+
+stages::StageCall CallsIn(const CommandContext& context) {
+  return [&context](const stages::CommandLine& line) { return OutcomeOf(RunStage(line.Words(), context)); };
+}
+
+stages::ChildCall ChildCallsIn(const CommandContext& context) {
+  return [&context](const stages::CommandLine& line, const std::string& folder, const std::function<void()>& poll) {
+    return OutcomeOf(RunStage(line.Words(), context, {StageMode::kChild, folder, poll}));
+  };
 }
 
 }  // namespace mvstudio::cli

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "cli/program/run_line.h"
+#include "stages/stage_call.h"
 
 /// Stages of a longer command: each does what `mvstudio WORDS…` does, and keeps a result of its own in its folder.
 namespace mvstudio::cli {
@@ -28,5 +29,9 @@ struct StageOptions {
 /// errors. With kChild throws what `poll` throws, IoError when the child cannot be started or awaited, FormatError when it
 /// prints no result.
 LineOutcome RunStage(const std::vector<std::string>& words, const CommandContext& context, const StageOptions& options = {});
+
+/// How the stages of `context`'s command do others: here, or as children.
+stages::StageCall CallsIn(const CommandContext& context);
+stages::ChildCall ChildCallsIn(const CommandContext& context);
 
 }  // namespace mvstudio::cli

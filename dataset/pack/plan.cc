@@ -10,10 +10,10 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
-#include "core/statistics.h"
 #include "dataset/json/json_file.h"
 #include "dataset/pack/shard.h"
 #include "dataset/panoptic/in_view.h"
+#include "dataset/views/person_extents.h"
 #include "dataset/views/split.h"
 #include "geometry/rig/rig_io.h"
 
@@ -52,40 +52,11 @@ std::set<int> ChooseFrames(PackPlan* plan) {
   return {chosen.begin(), chosen.end()};
 }
 
-// The person whose joints go with whole pictures.
-int MostSeenPerson(const PanopticDataset& dataset) {
-  std::map<int, int> count;
-  int best = -1;
-  for (const auto& [frame, people] : dataset.poses) {
-    for (const auto& [id, pose] : people) ++count[id];
-  }
-  for (const auto& [id, n] : count) {
-    if (best < 0 || n > count[best]) best = id;
-  }
-  return best;
-}
-
 void RequirePerson(const PanopticDataset& dataset, int person) {
   for (const auto& [frame, people] : dataset.poses) {
     if (people.count(person)) return;
   }
   throw UsageError("option 'person' " + std::to_string(person) + " is in no frame of " + dataset.root);
-}
-
-// Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.
-std::map<int, double> LargeExtents(const PanopticDataset& dataset) {
-  std::map<int, std::vector<double>> extents;
-  for (const auto& [frame, people] : dataset.poses) {
-    for (const auto& [id, pose] : people) {
-      for (const geometry::RigCamera& camera : dataset.rig.cameras) {
-        const auto extent = MeasurePerson(pose, camera);
-        if (extent) extents[id].push_back(extent->half_extent_m);
-      }
-    }
-  }
-  std::map<int, double> large;
-  for (const auto& [id, values] : extents) large[id] = LowerQuantile(values, 0.98);
-  return large;
 }
 
 std::vector<PackTarget> TargetsOf(const PackPlan& plan, int camera_idx, int frame) {
@@ -101,17 +72,6 @@ std::vector<PackTarget> TargetsOf(const PackPlan& plan, int camera_idx, int fram
     if (extent) targets.push_back({id, *extent});
   }
   return targets;
-}
-
-PartOfSplit PartOf(const Split& split, const std::string& camera, int frame) {
-  const auto holds = [&](const SplitPart& part) {
-    return std::binary_search(part.cameras.begin(), part.cameras.end(), camera) &&
-           std::binary_search(part.frames.begin(), part.frames.end(), frame);
-  };
-  return holds(split.train)        ? PartOfSplit::kTrain
-         : holds(split.validation) ? PartOfSplit::kValidation
-         : holds(split.test)       ? PartOfSplit::kTest
-                                   : PartOfSplit::kNone;
 }
 
 int64_t PictureBytes(const PackPlan& plan) {
@@ -256,6 +216,7 @@ void CheckPictureSizes(const PanopticDataset& dataset) {
 void ChoosePerson(PackPlan* plan) {
   PackOptions& options = plan->options;
   if (options.person >= 0) RequirePerson(plan->dataset, options.person);
+  // The person whose joints go with whole pictures.
   if (options.full && options.person < 0) options.person = MostSeenPerson(plan->dataset);
   if (plan->view != PackView::kCrop) return;
   plan->half_extent_m = LargeExtents(plan->dataset);

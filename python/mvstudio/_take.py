@@ -28,6 +28,13 @@ def _number(text: str) -> float:
     return float(text) if text else float("nan")
 
 
+def _bones(about: dict[str, Any]) -> list[tuple[str, str]]:
+    """Of a skeleton's definition (docs/formats.md): pairs of joints, or tables with such a pair."""
+    bones = about.get("definition", {}).get("bones", [])
+    pairs = [bone["joints"] if isinstance(bone, dict) else bone for bone in bones]
+    return [(str(pair[0]), str(pair[1])) for pair in pairs]
+
+
 class Take:
     """3D joints as ``triangulate`` writes them.
 
@@ -51,6 +58,8 @@ class Take:
         NaN where nobody stated it.
     world : str
         What the world's axes are, in words.
+    bones : list of (str, str)
+        The joints between which the skeleton has a bone; empty where the take states none.
 
     Parameters
     ----------
@@ -77,6 +86,7 @@ class Take:
         self.frame_rate_hz = float(about.get("frame_rate_hz") or "nan")
         self.world = str(about.get("world", ""))
         self.skeleton = str(about.get("skeleton", ""))
+        self.bones = _bones(about)
 
     def _at(self, row: dict[str, str]) -> tuple[int, int, int]:
         return self._frame[int(row["frame"])], self._person[int(row["person"])], self._joint[row["joint"]]
@@ -144,11 +154,16 @@ class Take:
         Returns
         -------
         dict of str to ndarray
-            The columns of the table of angles: frames, seconds, degrees and their deviations (docs/joint-angles.md).
+            The columns of the table of angles, a row for each frame and angle: ``frame`` and ``time_s``, the name ``angle``,
+            ``value_deg`` and ``sigma_deg``, NaN where there is none, and ``status``, which says why (docs/joint-angles.md).
+            ``pandas.DataFrame(take.angles())`` is that table.
         """
         with tempfile.TemporaryDirectory(prefix="mvstudio-") as folder:
             out = os.path.join(folder, "angles")
             stages.markers_angles(self.folder, out=out, **options)
             path = pathlib.Path(out) / f"person{person}.angles.csv"
             rows = list(_rows(path))
-        return {key: np.array([_number(row[key]) for row in rows]) for key in (rows[0] if rows else {})}
+        texts = {key: np.array([row[key] for row in rows], dtype=object) for key in ("angle", "status")}
+        numbers = {key: np.array([_number(row[key]) for row in rows]) for key in ("time_s", "value_deg", "sigma_deg")}
+        frames = np.array([int(row["frame"]) for row in rows], dtype=int)
+        return {"frame": frames, "time_s": numbers.pop("time_s"), "angle": texts["angle"], **numbers, "status": texts["status"]}

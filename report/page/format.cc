@@ -78,6 +78,7 @@ KeyLabel LabelOfKey(const std::string& key) {
   }
   if (result.label.rfind("num_", 0) == 0) result.label = result.label.substr(4);
   ReplaceAll(&result.label, "holdout", "held-out");
+  ReplaceAll(&result.label, "picture", "image");
   std::replace(result.label.begin(), result.label.end(), '_', ' ');
   return result;
 }

@@ -103,10 +103,19 @@ void Table::AddRow(std::vector<Cell> cells, bool highlight) {
 }
 
 std::string Table::Html() const {
-  std::string html = "<div class=\"scroll\"><table>";
+  // A wide table scrolls in its box, which the keyboard must reach.
+  constexpr size_t kWide = 2, kLongText = 32;
+  const std::string name = caption_.empty() ? "Table" : "Table: " + caption_;
+  const std::string reached =
+      columns_.size() <= kWide ? "" : " tabindex=\"0\" role=\"group\" aria-label=\"" + EscapeHtml(name) + "\"";
+  std::string html = "<div class=\"scroll\"" + reached + "><table>";
   if (!caption_.empty()) html += "<caption>" + EscapeHtml(caption_) + "</caption>";
   html += "<thead><tr>";
   for (const Column& column : columns_) {
+    if (column.title.empty() && column.unit.empty()) {
+      html += "<td></td>";  // no header without text
+      continue;
+    }
     html += std::string("<th scope=\"col\"") + (column.numeric ? " class=\"num\">" : ">") + EscapeHtml(column.title);
     if (!column.unit.empty()) html += " <span class=\"unit\">" + EscapeHtml(column.unit) + "</span>";
     html += "</th>";
@@ -118,8 +127,11 @@ std::string Table::Html() const {
       const bool numeric = columns_[i].numeric;
       const Cell& cell = row.cells[i];
       const std::string text = cell.html.empty() ? EscapeHtml(cell.text) : cell.html;
-      html += std::string(numeric ? "<td class=\"num\">" : "<td>") + (cell.strong ? "<strong>" + text + "</strong>" : text) +
-              "</td>";
+      const bool is_long = cell.text.size() > kLongText;  // wraps
+      html += std::string(!numeric  ? "<td>"
+                          : is_long ? "<td class=\"num long\">"
+                                    : "<td class=\"num\">") +
+              (cell.strong ? "<strong>" + text + "</strong>" : text) + "</td>";
     }
     html += "</tr>\n";
   }
@@ -131,7 +143,8 @@ std::string PageHtml(const std::string& title, const std::string& header_html, c
   std::string html =
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; media-src data:; style-src 'unsafe-inline'" +
+      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; media-src data:; style-src "
+      "'unsafe-inline'" +
       (script.empty() ? "" : "; script-src " + ScriptSource(script)) +
       "\">\n"
       "<meta name=\"color-scheme\" content=\"light dark\">\n<title>" +

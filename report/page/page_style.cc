@@ -23,11 +23,11 @@ font:15px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans
 h1{font-size:1.6rem;line-height:1.2;margin:0 0 .3rem}h2{font-size:1.25rem;margin:0 0 .8rem}
 h3{font-size:1rem;margin:1.6rem 0 .5rem}
 p{margin:.4rem 0 .8rem;max-width:60rem}.muted,figcaption,.unit{color:var(--muted)}.unit{font-weight:400}
-header{display:flex;flex-wrap:wrap;gap:.5rem 1rem;align-items:baseline;margin-bottom:.8rem}header p{flex-basis:100%;margin:0}
-h1,h3,header p,.card,.fix li{overflow-wrap:anywhere}.sentence{font-weight:600}
+header{display:flex;flex-wrap:wrap;gap:.5rem 1rem;align-items:baseline;margin-bottom:.8rem}header p,header ul{flex-basis:100%;margin:0}
+h1,h3,header p,header li,.card,.fix li{overflow-wrap:anywhere}.sentence{font-weight:600}
 nav{display:flex;flex-wrap:wrap;gap:.3rem 1.1rem;padding:.5rem 0;border-top:1px solid var(--rule);border-bottom:1px solid var(--rule);
 margin-bottom:1.2rem;font-size:.92em}
-a{color:var(--c0);text-decoration:none}a:hover{text-decoration:underline}
+a{color:var(--c0);text-decoration:none}a:hover,p a,li a{text-decoration:underline}
 section{padding:1.4rem 0 .6rem;border-top:1px solid var(--rule)}section:first-child{border-top:0;padding-top:.3rem}
 .badge{display:inline-block;padding:.05rem .55rem;border-radius:.7rem;font-size:.82em;font-weight:650;white-space:nowrap;
 border:1px solid currentColor}
@@ -42,6 +42,7 @@ border:1px solid currentColor}
 .card dl{display:grid;grid-template-columns:minmax(0,1fr) auto;margin:0;gap:.05rem .8rem;font-size:.9em}.card dt{color:var(--muted)}
 .card dd{margin:0;text-align:right;font-variant-numeric:tabular-nums;font-weight:600;white-space:nowrap}
 .card p{margin:.1rem 0 0;font-size:.88em}
+.worst{margin:.4rem 0 .8rem;padding-left:1.2rem}
 .fix{padding-left:0;list-style:none;max-width:66rem}
 .fix li{margin:.35rem 0;padding:.45rem .8rem;border-left:4px solid var(--warn);background:var(--card);border-radius:0 .3rem .3rem 0}
 .fix li.fail{border-left-color:var(--fail)}.fix .hint{display:block}.fix .from{color:var(--muted);font-size:.86em}
@@ -50,7 +51,8 @@ code{font:.86em ui-monospace,"DejaVu Sans Mono",Consolas,monospace;overflow-wrap
 table{border-collapse:collapse;font-size:.92em;font-variant-numeric:tabular-nums}
 caption{text-align:left;white-space:nowrap;font-weight:600;padding-bottom:.35rem}
 th,td{padding:.26rem .7rem;text-align:left;border-bottom:1px solid var(--rule);vertical-align:top}
-thead th{border-bottom:2px solid var(--rule);vertical-align:bottom}th.num,td.num{text-align:right;white-space:nowrap}
+thead th,thead td{border-bottom:2px solid var(--rule);vertical-align:bottom}th.num,td.num{text-align:right;white-space:nowrap}
+td.long{white-space:normal;overflow-wrap:anywhere}
 tr.look td{background:var(--look)}td code{white-space:pre-wrap}
 figure{margin:.4rem 0 1.2rem;min-width:0;overflow-wrap:anywhere}figcaption{font-size:.86em;margin-top:.3rem;max-width:60rem}
 .grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,31rem),1fr));gap:.4rem 1.6rem;align-items:start}

@@ -36,7 +36,7 @@ std::string PlayerHtml(std::string_view bytes, const std::string& label) {
   return "<div class=\"player\" data-file=\"data:application/octet-stream;base64," + Base64(bytes) +
          "\"><canvas role=\"img\" aria-label=\"" + EscapeHtml(label) +
          "\"></canvas><div><button type=\"button\">Play</button> <input type=\"range\" min=\"0\" value=\"0\" "
-         "aria-label=\"instant\"> <output></output></div></div>";
+         "aria-label=\"time step\"> <output></output></div></div>";
 }
 
 }  // namespace mvstudio::report

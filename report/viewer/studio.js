@@ -1,6 +1,7 @@
 // The view, its controls and its state in the address.
 import { AmbientLight, DirectionalLight, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from 'three/build/three.module.js';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
+import { BodyView } from './body.js';
 import { People } from './data.js';
 import { element } from './element.js';
 import { cameraPanel, jointPanel } from './panel.js';
@@ -45,9 +46,10 @@ export class Studio {
     this.view.up.copy(upOf(this.scene));
     this.rig = new Rig(this.scene, this.bounds);
     this.bodies = new PeopleView(this.people, this.bounds);
+    this.body = new BodyView(this.root, this.bounds);
     const light = new DirectionalLight(0xffffff, 0.6);
     light.position.copy(upOf(this.scene)).add(new Vector3(0.3, 0.2, 0.1));
-    this.world.add(this.rig.group, this.bodies.group, light, new AmbientLight(0xffffff, 0.62));
+    this.world.add(this.rig.group, this.bodies.group, this.body.group, light, new AmbientLight(0xffffff, 0.62));
     this.turn = new OrbitControls(this.view, canvas);
     this.turn.enableKeys = false;
     this.turn.enableZoom = false;  // until it is clicked: the wheel scrolls the page
@@ -98,6 +100,8 @@ export class Studio {
     const parts = [this.chooser, element('button', { type: 'button', onclick: () => { this.home(); this.keepAddress(); } }, 'Whole rig'), this.imagesSwitch, flip('floor', true, (on) => { this.rig.floor.visible = on; })];
     if ((scene.boards || []).length > 0) parts.push(flip('boards', this.rig.boards.visible, (on) => { this.rig.boards.visible = on; }));
     if (people.frames.length > 0) parts.push(flip('ellipsoids of 2\u03c3', true, (on) => { this.bodies.ellipsoids = on; }), element('label', {}, scale, ' ', scaleText));
+    if (this.body.motion) parts.push(flip('fitted body', true, (on) => { this.body.mesh.visible = on; }));
+    if (this.body.points) parts.push(flip('Gaussians', false, (on) => { this.body.points.visible = on; }));
     return element('div', { class: 'bar' }, ...parts);
   }
 
@@ -126,6 +130,7 @@ export class Studio {
   theme() {
     this.colours = readTheme(this.root);
     this.bodies.colour(this.colours);
+    this.body.colour(this.colours);
     if (this.strip) this.strip.colour(this.colours);
     this.update();
   }
@@ -271,6 +276,7 @@ export class Studio {
     this.rig.colour(this.colours, this.camera);
     if (people.frames.length > 0) {
       this.bodies.show(this.step, this.joint);
+      this.body.show(people.frames[this.step]);
       this.slider.value = String(this.step);
       this.told.textContent = 'frame ' + people.frames[this.step];
       if (this.strip) this.strip.show(this.step);

@@ -36,16 +36,14 @@ struct BudgetOptions {
   double NowSeconds() const;
 };
 
+/// `target_help`: what an error means to the command.
 template <class Visitor>
-void VisitFields(Visitor&& visit, BudgetOptions& o) {
+void VisitBudget(Visitor&& visit, BudgetOptions& o, const std::string& target_help) {
   StartGroup(visit, "Budget");
   visit("budget", o.budget,
         "time that the command may take, e.g. 90s, 5min, 1h30min: a trial on part of the data chooses among the settings that "
         "were not given");
-  visit(
-      "target", o.target,
-      "error that is enough, e.g. 0.5px (held-out) or 2mm (stated sigma, as far as held-out cameras confirm it): the cheapest "
-      "setting that a trial predicts to reach it");
+  visit("target", o.target, target_help);
 }
 
 }  // namespace mvstudio::stages

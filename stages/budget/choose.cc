@@ -28,25 +28,6 @@ int FirstBy(const std::vector<SettingTrial>& trials, const Suits& suits, const L
 
 }  // namespace
 
-TimeModel FitTime(const std::vector<SizedTiming>& timings) {
-  if (timings.empty()) return {std::nan(""), std::nan("")};
-  double size = 0, seconds = 0, size_squared = 0, product = 0;
-  const double count = static_cast<double>(timings.size());
-  for (const SizedTiming& timing : timings) size += timing.size / count, seconds += timing.seconds / count;
-  for (const SizedTiming& timing : timings) {
-    size_squared += (timing.size - size) * (timing.size - size);
-    product += (timing.size - size) * (timing.seconds - seconds);
-  }
-  TimeModel model{0, 0};
-  if (size_squared > 0) model.per_unit_s = std::max(product / size_squared, 0.0);
-  model.fixed_s = seconds - model.per_unit_s * size;
-  if (size_squared > 0 && model.fixed_s >= 0) return model;
-  double squares = 0, products = 0;  // through the origin
-  for (const SizedTiming& timing : timings) squares += timing.size * timing.size, products += timing.size * timing.seconds;
-  if (squares > 0) model = {0, products / squares};
-  return model;
-}
-
 std::string SettingTrial::Name() const {
   std::string text;
   for (const auto& [option, value] : flags) text += (text.empty() ? "option '" : " option '") + option + "' " + value;
@@ -56,7 +37,7 @@ std::string SettingTrial::Name() const {
 SettingChoice ChooseSetting(const std::vector<SettingTrial>& trials, double budget_s, double target) {
   const auto cheaper = [](const SettingTrial& a, const SettingTrial& b) { return a.predicted_s < b.predicted_s; };
   const auto better = [](const SettingTrial& a, const SettingTrial& b) { return JudgedError(a) < JudgedError(b); };
-  const auto fits = [&](const SettingTrial& trial) { return trial.predicted_s <= budget_s; };
+  const auto fits = [&](const SettingTrial& trial) { return trial.predicted_s + trial.predicted_sigma_s <= budget_s; };
   const auto tried = [](const SettingTrial& trial) { return std::isfinite(trial.predicted_s); };
   using Outcome = SettingChoice::Outcome;
   const int best = FirstBy(trials, fits, better);

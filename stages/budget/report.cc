@@ -21,9 +21,17 @@ std::string BudgetErrorText(const BudgetReport& report, double error) {
   return Format("%.3g %s", error, std::string(ToString(report.unit)).c_str());
 }
 
+/// "12s (give or take 0.8s)".
+std::string TimeText(const SettingTrial& trial) {
+  const std::string seconds = SecondsText(trial.predicted_s);
+  if (!(trial.predicted_sigma_s > 0)) return seconds;
+  return seconds + " (give or take " + SecondsText(trial.predicted_sigma_s) + ")";
+}
+
 std::string TrialText(const BudgetReport& report, const SettingTrial& trial) {
-  if (trial.timings.empty()) return trial.Name() + ": not tried, " + trial.why_not;
-  return trial.Name() + ": " + SecondsText(trial.predicted_s) + ", " + BudgetErrorText(report, trial.error);
+  const std::string what = trial.Name() + (trial.what.empty() ? "" : " (" + trial.what + ")");
+  if (!trial.IsTried()) return what + ": not tried, " + trial.why_not;
+  return what + ": " + TimeText(trial) + ", " + BudgetErrorText(report, trial.error);
 }
 
 std::string ReasonOf(const BudgetReport& report) {
@@ -33,9 +41,8 @@ std::string ReasonOf(const BudgetReport& report) {
     return what + "the best of what was tried within the budget; none reaches " + report.asked.target;
   if (!report.asked.target.empty()) return what + "the cheapest of what was tried that reaches " + report.asked.target;
   const bool all =
-      std::none_of(report.trials.begin(), report.trials.end(), [](const SettingTrial& trial) { return trial.timings.empty(); });
-  return what + (all ? "nothing" : "nothing that was tried") +
-         " within the budget is better on held-out data by more than a standard error";
+      std::none_of(report.trials.begin(), report.trials.end(), [](const SettingTrial& trial) { return !trial.IsTried(); });
+  return what + (all ? "nothing" : "nothing that was tried") + " within the budget is better by more than a standard error";
 }
 
 ordered_json SettingJson(const SettingTrial& trial) {
@@ -46,13 +53,20 @@ ordered_json SettingJson(const SettingTrial& trial) {
 
 ordered_json TrialJson(const SettingTrial& trial) {
   ordered_json json = {{"settings", SettingJson(trial)}};
-  if (trial.timings.empty()) {
+  if (!trial.what.empty()) json["what"] = trial.what;
+  if (!trial.IsTried()) {
     json["not_tried"] = trial.why_not;
     return json;
   }
-  for (const SizedTiming& timing : trial.timings)
-    json["sizes"].push_back(timing.size), json["seconds"].push_back(timing.seconds);
+  for (const WorkPart& part : trial.parts) {
+    ordered_json row = {{"part", part.name}, {"grows_until", FiniteOrNull(part.most_size)}};
+    for (const SizedTiming& timing : part.timings)
+      row["sizes"].push_back(timing.size), row["seconds"].push_back(timing.seconds);
+    json["timings"].push_back(row);
+  }
+  json["size"] = FiniteOrNull(trial.size);
   json["predicted_seconds"] = FiniteOrNull(trial.predicted_s);
+  json["predicted_seconds_sigma"] = FiniteOrNull(trial.predicted_sigma_s);
   json["error"] = FiniteOrNull(trial.error), json["error_sigma"] = FiniteOrNull(trial.error_sigma);
   return json;
 }
@@ -63,6 +77,7 @@ ordered_json PredictionJson(const BudgetReport& report) {
   json["asked"] = {{"budget", report.asked.budget}, {"target", report.asked.target}};
   json["trial_seconds"] = report.trial_s;
   json["predicted_seconds"] = FiniteOrNull(report.Chosen().predicted_s);
+  json["predicted_seconds_sigma"] = FiniteOrNull(report.Chosen().predicted_sigma_s);
   json["predicted_error"] = FiniteOrNull(report.Chosen().error);
   json["actual_seconds"] = FiniteOrNull(report.actual_s);
   json["actual_error"] = FiniteOrNull(report.actual_error);
@@ -89,18 +104,19 @@ ordered_json MachineJson() {
 
 void Choose(double elapsed_s, BudgetReport* report) {
   for (SettingTrial& trial : report->trials) {
-    if (!trial.timings.empty()) trial.predicted_s = elapsed_s + FitTime(trial.timings).At(report->size);
+    if (!trial.IsTried()) continue;
+    const Foretold seconds = ForetellSeconds(trial.parts, trial.size);
+    trial.predicted_s = elapsed_s + seconds.value, trial.predicted_sigma_s = seconds.sigma;
   }
   const std::optional<ErrorTarget> target = report->asked.Target();
   report->choice = ChooseSetting(report->trials, report->asked.BudgetSeconds(), target ? target->value : std::nan(""));
   const SettingTrial& chosen = report->Chosen();
   if (report->choice.outcome == SettingChoice::Outcome::kNothingFits) {
     throw UsageError("option 'budget' " + report->asked.budget + ": the cheapest setting, " + chosen.Name() +
-                     ", is predicted to take " + SecondsText(chosen.predicted_s) +
-                     "; give more time, or fewer frames (option 'frames')");
+                     ", is predicted to take " + TimeText(chosen) + "; give more time, or " + report->less_work);
   }
-  Log(LogLevel::kInfo, "budget: " + ReasonOf(*report) + "; predicted " + SecondsText(chosen.predicted_s) + ", " +
-                           BudgetErrorText(*report, chosen.error));
+  Log(LogLevel::kInfo,
+      "budget: " + ReasonOf(*report) + "; predicted " + TimeText(chosen) + ", " + BudgetErrorText(*report, chosen.error));
   if (report->choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
     Log(LogLevel::kWarning,
         "option 'target' " + report->asked.target + " is out of reach: the best is " + BudgetErrorText(*report, chosen.error));
@@ -110,20 +126,22 @@ CommandResult Describe(const BudgetReport& report) {
   CommandResult result;
   ordered_json& json = result.metrics["budget"] = PredictionJson(report);
   json["reasons"].push_back(ReasonOf(report));
+  for (const std::string& reason : report.reasons) json["reasons"].push_back(reason);
   for (const SettingTrial& trial : report.trials) json["reasons"].push_back(TrialText(report, trial));
   for (const SettingTrial& trial : report.trials) json["trials"].push_back(TrialJson(trial));
   const SettingTrial& chosen = report.Chosen();
   result.text = "chosen by a trial of " + SecondsText(report.trial_s) + ": " + ReasonOf(report) + "\npredicted " +
                 SecondsText(chosen.predicted_s) + ", " + BudgetErrorText(report, chosen.error) + "; came out " +
                 SecondsText(report.actual_s) + ", " + BudgetErrorText(report, report.actual_error) + "\n";
+  for (const std::string& reason : report.reasons) result.text += "  " + reason + "\n";
   const bool reached = !report.asked.target.empty() && report.actual_error <= ParseTarget(report.asked.target, "target").value;
   if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget && !reached) {
     result.warnings.push_back({"BUD-TARGET",
                                "option 'target' " + report.asked.target + " was out of reach: the best setting was predicted " +
                                    BudgetErrorText(report, chosen.error) + " and came out at " +
                                    BudgetErrorText(report, report.actual_error),
-                               report.asked.budget.empty() ? "better calibration or detections are needed, not more time"
-                                                           : "give more time, or better calibration and detections"});
+                               report.asked.budget.empty() ? report.better_data + " would lower it, more time would not"
+                                                           : "give more time, or " + report.better_data});
   }
   return result;
 }

@@ -16,9 +16,11 @@ struct BudgetReport {
   BudgetOptions asked;
   ErrorUnit unit = ErrorUnit::kPx;
   std::vector<std::pair<std::string, double>> sizes;  ///< of the whole input: "frames", "cameras"
-  double size = 0;                                    ///< the one with which time is taken to grow
   int threads = 0;
+  std::string less_work = "fewer frames (option 'frames')";      ///< what would make it cheaper still
+  std::string better_data = "better calibration or detections";  ///< what would bring a target into reach
   std::vector<SettingTrial> trials;
+  std::vector<std::string> reasons;  ///< a sentence for each setting that was chosen among
   SettingChoice choice;
   double trial_s = 0;
   double actual_s = std::nan(""), actual_error = std::nan("");

@@ -189,6 +189,7 @@ CommandResult Describe(const CalibrateReport& report) {
   if (unsolved_boards) result.inputs.clear();
   if (!report.library_lenses.empty() && !unsolved_boards) result.metrics["lenses_from_library"] = report.library_lenses;
   result.Add(std::visit([&](const auto& found) { return DescribeFound(report, found); }, report.found));
+  if (report.budget && !report.path.empty()) result.Add(Describe(*report.budget));
   if (!report.path.empty()) result.folder = report.options.out;
   return result;
 }

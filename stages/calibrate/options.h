@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include "calib/points/point_resection.h"
 #include "core/choice/option_group.h"
 #include "core/choice/option_style.h"
+#include "stages/budget/ask.h"
 #include "stages/input/corner_input.h"
 #include "stages/input/session_input.h"
 
@@ -52,6 +54,8 @@ struct CalibrateOptions {
   SceneOptions scene;
   std::string start;   ///< a calibration to start from; may be empty
   std::string lenses;  ///< a library of lenses, instead; may be empty
+  BudgetOptions budget;
+  std::set<std::string> given;  ///< names of options that a budget must leave alone though they have their defaults
 };
 
 /// Those that concern a board.
@@ -73,6 +77,9 @@ void VisitFields(Visitor&& visit, CalibrateOptions& o) {
   visit("start", o.start, "a calibration to start from; its cameras keep their lens models");
   visit("lenses", o.lenses,
         "library of mvstudio calib lenses: lenses of the session's cameras, by their serial; they are held");
+  VisitBudget(visit, o.budget,
+              "uncertainty that is enough, e.g. 0.2px (of projections at the image's sides) or 1mm (of points where boards "
+              "were): the cheapest setting that a trial predicts to reach it");
 }
 
 }  // namespace mvstudio::stages

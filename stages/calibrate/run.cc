@@ -14,6 +14,7 @@
 #include "stages/calib/board_places.h"
 #include "stages/calib/board_poses.h"
 #include "stages/calib/lens_library.h"
+#include "stages/calibrate/budget.h"
 #include "stages/calibrate/scene.h"
 #include "stages/input/calib_read.h"
 
@@ -169,7 +170,25 @@ void WriteBoardFiles(const RunContext& run, BoardCalibration* found, CalibrateRe
   found->views = WriteBoardViews(report->options.corners, solved, found->solved.kept, out, run);
 }
 
-void CalibrateOnBoards(const RunContext& run, CalibrateReport* report) {
+/// What is done with corners before they are solved.
+void PrepareBoards(CalibrateReport* report, CornerInput* corners, std::vector<int>* front_of) {
+  const CalibrateOptions& options = report->options;
+  RequireSizes(*corners, FindsLenses(options) ? options.scene.scene_points[0] : options.corners.corners);
+  if (!options.save_corners.empty()) SaveCorners(*corners, options.save_corners, report->notes);
+  *front_of = calib::PartSides(&corners->input);
+  FillStart(report, &corners->input);
+}
+
+void ChooseOnBoards(double started_s, const RunContext& run, CalibrateReport* report) {
+  const auto prepare = [](CalibrateReport* trial, CornerInput* corners) {
+    std::vector<int> ignored;
+    trial->options.save_corners.clear();
+    PrepareBoards(trial, corners, &ignored);
+  };
+  ChooseCalibration(started_s, prepare, run, report);
+}
+
+void CalibrateOnBoards(double started_s, const RunContext& run, CalibrateReport* report) {
   CalibrateOptions& options = report->options;
   BoardCalibration& found = std::get<BoardCalibration>(report->found);
   const bool from_points = FindsLenses(options);
@@ -177,13 +196,11 @@ void CalibrateOnBoards(const RunContext& run, CalibrateReport* report) {
   if (!from_points) FillCorners(options.session, &options.corners, &report->notes);
   FillTimeline(&options.corners, &report->notes);
   options.corners.footage.all_cameras = false;
+  if (options.budget.Asked()) ChooseOnBoards(started_s, run, report);
   const auto start = std::chrono::steady_clock::now();
   CornerInput& corners = found.corners;
   corners = from_points ? PointsAsCorners(report) : ReadCornerInput(options.corners, run, &report->notes);
-  RequireSizes(corners, from_points ? options.scene.scene_points[0] : options.corners.corners);
-  if (!options.save_corners.empty()) SaveCorners(corners, options.save_corners, report->notes);
-  found.front_of = calib::PartSides(&corners.input);
-  FillStart(report, &corners.input);
+  PrepareBoards(report, &corners, &found.front_of);
   found.earlier_world = FillWorld(corners, &options);
   found.solved = CalibrateSolvable(corners.input, options.solve, run);
   geometry::RigGauge& gauge = found.solved.report.rig.gauge;
@@ -198,11 +215,19 @@ void CalibrateOnBoards(const RunContext& run, CalibrateReport* report) {
   found.behind_sigmas_mm = BehindSigmasMm(found.solved.report, corners.input.boards);
 }
 
+void CheckBudget(const CalibrateOptions& options) {
+  (void)options.budget.BudgetSeconds(), (void)options.budget.Target();  // what they cannot be must not cost the run
+  if (options.budget.Asked() && UsesScene(options.scene))
+    throw UsageError("option 'budget' and option 'target' choose among settings for boards: leave them out without a board");
+}
+
 }  // namespace
 
 CalibrateReport RunCalibrate(CalibrateOptions options, const RunContext& run) {
+  const double started_s = options.budget.NowSeconds();
   if (options.out.empty() && !options.session.session.empty()) options.out = options.session.session + "/calib";
   if (options.out.empty()) throw UsageError("option 'out' is required, or a option 'session' to write to");
+  CheckBudget(options);
   std::vector<std::string> names = {"calibration.json", kBoardPosesFile, kBoardViewsFolder};
   if (!options.scene.from_scene.empty()) names.push_back("colmap");
   std::vector<std::string> inputs = CornerPaths(options.corners);
@@ -213,8 +238,9 @@ CalibrateReport RunCalibrate(CalibrateOptions options, const RunContext& run) {
   if (UsesScene(report.options.scene) && !FindsLenses(report.options)) {
     CalibrateWithoutBoard(run, &report);
   } else {
-    CalibrateOnBoards(run, &report);
+    CalibrateOnBoards(started_s, run, &report);
   }
+  if (report.budget) KeepCalibrationOutcome(started_s, &report);
   return report;
 }
 

@@ -11,6 +11,7 @@
 #include "calib/points/scene_points.h"
 #include "calib/points/stated_length.h"
 #include "core/progress.h"
+#include "stages/budget/report.h"
 #include "stages/calib/board_views.h"
 #include "stages/calib/earlier_world.h"
 #include "stages/calib/film_gain.h"
@@ -44,6 +45,7 @@ struct CalibrateReport {
   std::vector<std::string> library_lenses;  ///< cameras whose lens the library has
   std::variant<BoardCalibration, MarkedCalibration, calib::SceneResectionReport, calib::FromSceneReport> found;
   std::string path;  ///< of calibration.json; empty: nothing was solved, and it is not written
+  std::optional<BudgetReport> budget;
 };
 
 /// Why a camera is left out that the take with the board does not show.

@@ -60,13 +60,14 @@ std::map<std::string, std::string> StudioNames(const std::string& dataset_folder
   return names;
 }
 
-void NameCameras(const Names& names, CommandResult* result) {
-  if (names.empty()) return;
-  result->metrics = WithNames(result->metrics, names);
-  result->text = WithNames(result->text, names);
-  for (auto* notices : {&result->warnings, &result->errors}) {
+CommandResult NamedCameras(CommandResult result, const Names& names) {
+  if (names.empty()) return result;
+  result.metrics = WithNames(result.metrics, names);
+  result.text = WithNames(result.text, names);
+  for (auto* notices : {&result.warnings, &result.errors}) {
     for (Notice& notice : *notices) notice.text = WithNames(notice.text, names), notice.hint = WithNames(notice.hint, names);
   }
+  return result;
 }
 
 }  // namespace mvstudio::stages

@@ -12,7 +12,7 @@ namespace mvstudio::stages {
 std::map<std::string, std::string> StudioNames(const std::string& dataset_folder);
 
 /// Calls the cameras by these names in all that a result says. Parts of paths and file names stay.
-void NameCameras(const std::map<std::string, std::string>& names, CommandResult* result);
+CommandResult NamedCameras(CommandResult result, const std::map<std::string, std::string>& names);
 
 /// `text` with each of `names`, where it stands as a word of its own, replaced by what it maps to.
 std::string WithNames(const std::string& text, const std::map<std::string, std::string>& names);

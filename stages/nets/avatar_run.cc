@@ -20,6 +20,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/footage/image_io.h"
+#include "stages/nets/body_motion.h"
 #include "stages/nets/pretrain_input.h"
 
 namespace mvstudio::stages {
@@ -61,6 +62,7 @@ std::vector<std::string> AvatarRun::Names() {
   return {avatar::kCheckpointFile,
           avatar::kRunConfigFile,
           body::kPersonFileName,
+          kBodyMotionFile,
           avatar::kReferencesFile,
           avatar::kGaussiansFile,
           "gaussians.ply",
@@ -173,6 +175,7 @@ std::vector<CommandResult::Output> AvatarRun::Outputs() const {
     if (fs::exists(Path(splats::kPlayerFileName))) outputs.push_back({Path(splats::kPlayerFileName), "gaussians-player"});
   }
   if (fs::exists(Path(avatar::kReferencesFile))) outputs.push_back({Path(avatar::kReferencesFile), "references"});
+  if (fs::exists(Path(kBodyMotionFile))) outputs.push_back({Path(kBodyMotionFile), "body-motion"});
   outputs.push_back({Path(avatar::kRunConfigFile), "configuration"});
   outputs.push_back({Path("history.csv"), "history"});
   if (fs::exists(Path("textures.png"))) outputs.push_back({Path("textures.png"), "textures"});

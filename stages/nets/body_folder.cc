@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "stages/nets/avatar_fit_picture.h"
+#include "stages/nets/body_motion.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -24,7 +25,9 @@ BodyFolder::BodyFolder(const std::string& path, bool overwrite) : path_(path) {
                             "option 'out' " + path + " holds a fitted body: choose another folder, or give option 'overwrite'");
 }
 
-std::vector<std::string> BodyFolder::Names() { return {body::kPersonFileName, kGlbFile, kTextureFile, kPictureFile}; }
+std::vector<std::string> BodyFolder::Names() {
+  return {body::kPersonFileName, kGlbFile, kTextureFile, kPictureFile, kBodyMotionFile};
+}
 
 std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& person, double frame_rate_hz) const {
   const std::string texture_path = path_ + "/" + kTextureFile, picture_path = path_ + "/" + kPictureFile;
@@ -34,6 +37,8 @@ std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& perso
   const body::AtlasPng atlas{dataset::EncodeImage(body::AtlasImage(person.textures), kTextureFile), person.textures[0].width};
   body::WriteBodyGlb(path_ + "/" + kGlbFile, person.person.body, atlas, person.person.seen, frame_rate_hz);
   WriteFileAtomic(texture_path, atlas.bytes);
+  const std::string motion = BodyMotion(person.person), motion_path = path_ + "/" + kBodyMotionFile;
+  if (!motion.empty()) WriteFileAtomic(motion_path, motion);
   if (person.offset_sigma_m.size() > 0) {
     const SurfaceMaps maps = MapSurface(person);
     WriteFileAtomic(picture_path, dataset::EncodeImage(maps.picture, picture_path));
@@ -41,6 +46,7 @@ std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& perso
   }
   together.Commit();
   if (!surface) RemoveOurs({picture_path});  // of an older body
+  if (motion.empty()) RemoveOurs({motion_path});
   return surface;
 }
 
@@ -49,6 +55,8 @@ CommandResult DescribeBodyFolder(const std::string& path, const std::optional<Su
   result.outputs = {{path + "/" + body::kPersonFileName, "body"},
                     {path + "/" + kGlbFile, "body-glb"},
                     {path + "/" + kTextureFile, "texture"}};
+  if (std::filesystem::exists(path + "/" + kBodyMotionFile))
+    result.outputs.push_back({path + "/" + kBodyMotionFile, "body-motion"});
   if (!surface) return result;
   result.outputs.push_back({path + "/" + kPictureFile, "surface-maps"});
   result.metrics["surface_maps"] = {{"offset_limit_mm", surface->offset_mm}, {"sigma_limit_mm", surface->sigma_mm}};

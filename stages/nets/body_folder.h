@@ -14,8 +14,8 @@ struct SurfaceLimits {
   double offset_mm = 0, sigma_mm = 0;
 };
 
-/// A folder with a fitted body: body.npz, body.glb, texture.png (the atlas of its charts) and, where the fit tells how well the
-/// surface is known, surface.png.
+/// A folder with a fitted body: body.npz, body.glb, texture.png (the atlas of its charts); where it was posed, its mesh over
+/// time (stages/nets/body_motion.h); and, where the fit tells how well the surface is known, surface.png.
 class BodyFolder {
  public:
   /// Throws UsageError when a body is there and `overwrite` is off.

@@ -57,6 +57,7 @@ struct PipelineOptions {
   bool dry_run = false;
   bool again = false;  ///< stages that are up to date are done again
   bool allow_outside = false;
+  std::string budget;  ///< time for all of it, as ParseSeconds reads it; empty: not asked for
 };
 
 /// Which stages of which takes.
@@ -79,6 +80,9 @@ void VisitFields(Visitor&& visit, PipelineOptions& o) {
   VisitStageChoice(visit, o);
   visit("dry-run", o.dry_run, "print what would be done and why, and do nothing");
   visit("again", o.again, "do the chosen stages again, also those that are up to date");
+  visit("budget", o.budget,
+        "time that all stages may take together, e.g. 30min: it is split among calibrate, pose2d and triangulate, as option "
+        "'budget' of each");
 }
 
 }  // namespace mvstudio::stages

@@ -49,14 +49,14 @@ class PipelineBuilder {
     return o_.session + "/" + kind + "/" + dataset::Slug(take.name) + end;
   }
 
-  using Settings = std::vector<dataset::SessionSetting>;
+  using Settings = std::vector<LineOption>;
 
   PipelineStage& Add(StageKind kind, const std::string& take, std::vector<std::string> command, Settings options,
                      std::string output) {
-    PipelineStage stage{kind, take, std::move(command), std::move(options), {}, std::move(output), "", false};
+    PipelineStage stage{kind, o_.session, take, std::move(command), std::move(options), {}, std::move(output), "", false};
     const auto settings = session_.settings.find(std::string(ToString(kind)));
     if (settings != session_.settings.end())
-      stage.options.insert(stage.options.end(), settings->second.begin(), settings->second.end());
+      for (const dataset::SessionSetting& setting : settings->second) stage.options.push_back({setting.key, setting.values});
     stages_.push_back(std::move(stage));
     return stages_.back();
   }
@@ -189,15 +189,6 @@ void FromString(const std::string& text, StageKind* kind) {
   std::vector<std::string> words;
   for (const auto& [known, word] : kStageWords) words.emplace_back(word);
   *kind = KnownChoice(kStageWords, text, "stage " + text + ": expected " + Join(words, ", "));
-}
-
-std::vector<std::string> PipelineStage::Words(const std::string& dashes) const {
-  std::vector<std::string> words = command;
-  for (const dataset::SessionSetting& option : options) {
-    if (option.values.empty()) words.push_back(dashes + option.key);
-    for (const std::string& value : option.values) words.insert(words.end(), {dashes + option.key, value});
-  }
-  return words;
 }
 
 std::string PipelineStage::name() const { return std::string(ToString(kind)) + (take.empty() ? "" : " " + take); }

@@ -6,6 +6,7 @@
 
 #include "dataset/session/session.h"
 #include "stages/pipeline/options.h"
+#include "stages/stage_call.h"
 
 namespace mvstudio::stages {
 
@@ -18,17 +19,17 @@ struct StageNeed {
 /// One stage of one session: the command line that does it, what it reads and what it writes. Paths begin as the session's.
 struct PipelineStage {
   StageKind kind = StageKind::kCalibrate;
-  std::string take;                              ///< empty: of the whole session
-  std::vector<std::string> command;              ///< its words and what it is given without an option
-  std::vector<dataset::SessionSetting> options;  ///< of the command line
-  std::vector<std::string> inputs;               ///< files, folders and patterns; one that is missing is no input
-  std::string output;                            ///< a file or a folder
-  std::string left_out;                          ///< why this session does not need it; empty: it does
-  bool may_fail = false;                         ///< the others go on without its result
-  StageNeed need = {};                           ///< of a machine; filled by PredictNeeds
+  std::string session;               ///< its folder
+  std::string take;                  ///< empty: of the whole session
+  std::vector<std::string> command;  ///< its words and what it is given without an option
+  std::vector<LineOption> options;   ///< of the command line
+  std::vector<std::string> inputs;   ///< files, folders and patterns; one that is missing is no input
+  std::string output;                ///< a file or a folder
+  std::string left_out;              ///< why this session does not need it; empty: it does
+  bool may_fail = false;             ///< the others go on without its result
+  StageNeed need = {};               ///< of a machine; filled by PredictNeeds
 
-  /// The command line without the program's name; `dashes` stand before the names of options.
-  std::vector<std::string> Words(const std::string& dashes = "") const;
+  CommandLine line() const { return {command, options}; }
   std::string name() const;  ///< "calibrate", "triangulate take1"
 };
 

@@ -43,13 +43,15 @@ StageJson RecordJson(const std::string& name, const StageRecord& record) {
                     {"found", record.found}};
   for (const Notice& error : record.errors)
     json["errors"].push_back({{"code", error.code}, {"text", error.text}, {"hint", error.hint}});
+  if (!record.told.empty()) json["told"] = record.told;
   json["inputs"] = StageJson::array();
   for (const Fingerprint& input : record.inputs) json["inputs"].push_back(PrintJson(input));
   json["output"] = PrintJson(record.output);
   return json;
 }
 
-StageRecord RecordFrom(const StageJson& json) {
+/// `session`: the folder of a file whose earlier versions named paths as the caller did.
+StageRecord RecordFrom(const StageJson& json, const std::string& session) {
   StageRecord record;
   record.version = json.at("version").get<std::string>();
   record.words = json.at("words").get<std::vector<std::string>>();
@@ -59,8 +61,12 @@ StageRecord RecordFrom(const StageJson& json) {
   record.found = json.at("found").get<bool>();
   for (const StageJson& error : json.value("errors", StageJson::array()))
     record.errors.push_back({error.at("code"), error.at("text"), error.at("hint"), true});
+  record.told = json.value("told", std::vector<std::string>());
   for (const StageJson& input : json.at("inputs")) record.inputs.push_back(PrintFrom(input));
   record.output = PrintFrom(json.at("output"));
+  for (std::string& word : record.words) word = InSession(word, session);
+  for (Fingerprint& input : record.inputs) input.path = InSession(input.path, session);
+  record.output.path = InSession(record.output.path, session);
   return record;
 }
 
@@ -132,10 +138,11 @@ bool IsSettled(const PipelineStage& stage, const StageRecord& record) {
 StageRecords ReadStageRecords(const std::string& path) {
   StageRecords records;
   if (!fs::exists(path)) return records;
+  const std::string session = fs::path(path).parent_path().string();
   try {
     const StageJson json = StageJson::parse(ReadFile(path));
     if (json.at("schema") != kRunSchema) throw FormatError(path, "schema", std::string("must be \"") + kRunSchema + "\"");
-    for (const StageJson& stage : json.at("stages")) records[stage.at("stage").get<std::string>()] = RecordFrom(stage);
+    for (const StageJson& stage : json.at("stages")) records[stage.at("stage").get<std::string>()] = RecordFrom(stage, session);
   } catch (const StageJson::exception& e) {
     throw FormatError(path, "", std::string("is no record of `mvstudio run`: ") + e.what() + "; remove it to begin anew");
   }
@@ -148,13 +155,49 @@ void WriteStageRecords(const std::string& path, const StageRecords& records) {
   WriteFileAtomic(path, json.dump(1, ' ', false, StageJson::error_handler_t::replace) + "\n");
 }
 
+std::string InSession(const std::string& path, const std::string& session) {
+  if (session.empty()) return path;
+  if (path == session) return ".";
+  const std::string folder = session.back() == '/' ? session : session + "/";
+  if (path.rfind(folder, 0) != 0) return path;
+  return path.substr(std::min(path.find_first_not_of('/', folder.size()), path.size()));
+}
+
+namespace {
+
+/// The command line as records keep it, options by their names.
+std::vector<std::string> WordsOf(const PipelineStage& stage) {
+  std::vector<std::string> words;
+  const auto add = [&](const std::string& word) { words.push_back(InSession(word, stage.session)); };
+  for (const std::string& word : stage.command) add(word);
+  for (const LineOption& option : stage.options) {
+    if (option.values.empty()) words.push_back(option.name);
+    for (const std::string& value : option.values) words.push_back(option.name), add(value);
+  }
+  return words;
+}
+
+}  // namespace
+
+std::vector<std::string> FailuresIn(const StageRecords& records) {
+  std::vector<std::string> failures;
+  for (const auto& [name, record] : records)
+    for (const Notice& error : record.errors) failures.push_back(name + ": " + error.code + " " + error.text);
+  return failures;
+}
+
 StageRecord RecordOf(const PipelineStage& stage, const std::string& version, const StageRecord* earlier) {
   StageRecord record;
   record.version = version;
-  record.words = stage.Words();
+  record.words = WordsOf(stage);
+  const auto print = [&](const std::string& path, const Fingerprint* before) {
+    Fingerprint now = FingerprintOf(path, before);
+    now.path = InSession(path, stage.session);
+    return now;
+  };
   for (const std::string& input : stage.inputs)
-    record.inputs.push_back(FingerprintOf(input, earlier ? FindPrint(earlier->inputs, input) : nullptr));
-  record.output = FingerprintOf(stage.output, earlier ? &earlier->output : nullptr);
+    record.inputs.push_back(print(input, earlier ? FindPrint(earlier->inputs, InSession(input, stage.session)) : nullptr));
+  record.output = print(stage.output, earlier ? &earlier->output : nullptr);
   return record;
 }
 
@@ -166,6 +209,7 @@ std::string WhyStale(const PipelineStage& stage, const StageRecord& now, const S
   if (earlier->words != now.words) return ChangedWords(earlier->words, now.words);
   const std::string inputs = ChangedInputs(earlier->inputs, now.inputs);
   if (!inputs.empty()) return inputs;
+  if (earlier->told != now.told) return "it does not tell what failed since";
   if (now.output.files == 0 && earlier->output.files > 0) return stage.output + " is gone";
   return "";
 }
@@ -175,6 +219,22 @@ bool IsNewerThanInputs(const PipelineStage& stage) {
   if (output == fs::file_time_type::min()) return false;
   return std::all_of(stage.inputs.begin(), stage.inputs.end(),
                      [&](const std::string& input) { return LatestChange(input) <= output; });
+}
+
+Judgement JudgeStage(const PipelineStage& stage, const std::string& version, const StageRecord* earlier,
+                     const std::vector<std::string>& failures) {
+  Judgement judged;
+  judged.now = RecordOf(stage, version, earlier);
+  if (stage.kind == StageKind::kReport) judged.now.told = failures;
+  judged.stale = WhyStale(stage, judged.now, earlier);
+  // A report that others made need not tell of failures: they are in run.json, which is none of its inputs.
+  judged.now.found = !earlier && judged.now.told.empty() && IsNewerThanInputs(stage);
+  if (judged.now.found) judged.stale = "found, newer than what it is made of";
+  return judged;
+}
+
+double SecondsOf(const StageRecord* earlier) {
+  return earlier && !earlier->found && earlier->exit != kBegun ? earlier->seconds : NAN;
 }
 
 }  // namespace mvstudio::stages

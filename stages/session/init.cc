@@ -6,6 +6,7 @@
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"
 #include "core/disk/new_folders.h"
+#include "core/disk/output.h"
 #include "core/disk/paths.h"
 #include "core/disk/place.h"
 #include "core/error.h"

@@ -8,6 +8,7 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
+#include "report/page/difference.h"
 #include "stages/dataset/studio_names.h"
 
 namespace mvstudio::stages {
@@ -32,27 +33,8 @@ std::string Brief(const Value& value, const ScoreProtocol& of) {
   return text.size() > 60 ? text.substr(0, 57) + "..." : text;
 }
 
-struct Difference {
-  std::string field;
-  Value own, first;
-};
-
-std::optional<Difference> Differ(const Value& own, const Value& first, const std::string& field) {
-  const std::string prefix = field.empty() ? "" : field + ".";
-  if (own.IsObject() && first.IsObject()) {
-    for (const auto* side : {&first, &own}) {
-      for (const auto& [key, unused] : side->fields()) {
-        if (auto found = Differ(own[key], first[key], prefix + key)) return found;
-      }
-    }
-    return std::nullopt;
-  }
-  if (own.Dump() == first.Dump()) return std::nullopt;
-  return Difference{field, own, first};
-}
-
-std::string Told(const Difference& difference, const ScoreProtocol& own, const ScoreProtocol& first) {
-  return "is " + Brief(difference.own, own) + ", in " + first.path + " it is " + Brief(difference.first, first);
+std::string Told(const report::ValueDifference& difference, const ScoreProtocol& own, const ScoreProtocol& first) {
+  return "is " + Brief(difference.own, own) + ", in " + first.path + " it is " + Brief(difference.other, first);
 }
 
 /// By the dataset of the run, as long as it is where it was.
@@ -84,12 +66,12 @@ ScoreProtocol ReadScoreProtocol(const std::string& run_folder) {
 }
 
 std::string FirstDifference(const ScoreProtocol& own, const ScoreProtocol& first) {
-  const auto difference = Differ(own.body, first.body, "");
+  const auto difference = report::FirstDifference(own.body, first.body);
   return difference ? difference->field + " " + Told(*difference, own, first) : "";
 }
 
 void RequireSameProtocol(const ScoreProtocol& own, const ScoreProtocol& first) {
-  const auto difference = Differ(own.body, first.body, "");
+  const auto difference = report::FirstDifference(own.body, first.body);
   if (!difference) return;
   throw FormatError(own.path, difference->field,
                     Told(*difference, own, first) +

@@ -10,6 +10,7 @@
 #include "core/parallel.h"
 #include "core/random.h"
 #include "stages/triangulate/solve.h"
+#include "triangulate/take/cause.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -66,20 +67,30 @@ std::pair<double, double> JudgedTake(const TriangulateReport& report, ErrorUnit 
   return {error_mm, error_mm * figures.median_error_px / figures.median_px};
 }
 
+/// What was tried on a part of the take: the result, and the seconds of points and of checks.
+struct TriedTake {
+  TriangulateReport report;
+  double points_s = 0, checks_s = 0;
+};
+
 /// All that is done with the take after it was read, on a part of it, into a folder that does not stay.
-TriangulateReport TryTake(const PoseInput& input, const TriangulateReport& report, const BudgetSetting& setting,
-                          const RunContext& run) {
-  TriangulateReport trial;
+TriedTake TryTake(const PoseInput& input, const TriangulateReport& report, const BudgetSetting& setting,
+                  const RunContext& run) {
+  TriedTake tried;
+  TriangulateReport& trial = tried.report;
   trial.options = report.options, trial.rig = report.rig, trial.skeleton = report.skeleton, trial.cameras = report.cameras;
   trial.options.trc.clear(), trial.options.truth.clear();
   setting.apply(&trial.options);
   const AtomicFolder scratch(report.options.out + "/budget-trial", false);
   trial.options.out = scratch.work_path();
   PointStatistics statistics(static_cast<int>(input.skeleton.joints.size()), input.limbs);
+  const double begin_s = report.options.budget.NowSeconds();
   SolveWhole(input, run, &statistics, &trial);
+  const double solved_s = report.options.budget.NowSeconds();
   JudgeTake(
       input, statistics, [&] { return input.frames; }, run, &trial);
-  return trial;
+  tried.points_s = solved_s - begin_s, tried.checks_s = report.options.budget.NowSeconds() - solved_s;
+  return tried;
 }
 
 /// The parts of the take on which settings are tried.
@@ -88,8 +99,9 @@ std::vector<PoseInput> TrialParts(const PoseInput& input, uint64_t seed) {
   const size_t count = input.frames.size();
   const size_t large = std::min(std::max(count / 4, std::min(count, kFewestFrames)), kMostFrames);
   const size_t small = std::max(large / 4, std::min(kChoiceFrames, large / 2));
+  const size_t middle = static_cast<size_t>(std::sqrt(static_cast<double>(small) * static_cast<double>(large)));
   std::vector<PoseInput> parts;
-  for (const size_t size : {small, large}) {
+  for (const size_t size : {small, middle, large}) {
     PoseInput& part = parts.emplace_back();
     part.rig = input.rig, part.skeleton = input.skeleton, part.limbs = input.limbs, part.cameras = input.cameras;
     part.frames = StretchesOf(input.frames, size, seed);
@@ -119,8 +131,8 @@ void ChooseWithinBudget(const PoseInput& input, double started_s, const RunConte
   BudgetReport& budget = report->budget.emplace();
   budget.stage = "triangulate", budget.asked = report->options.budget;
   if (const auto target = budget.asked.Target()) budget.unit = target->unit;
-  budget.size = static_cast<double>(input.frames.size());
-  budget.sizes = {{"frames", budget.size}, {"cameras", static_cast<double>(input.cameras.size())}};
+  const double num_frames = static_cast<double>(input.frames.size());
+  budget.sizes = {{"frames", num_frames}, {"cameras", static_cast<double>(input.cameras.size())}};
   budget.threads = ResolveThreads(run.num_threads);
   const std::vector<BudgetSetting> settings = FreeSettings(report->options);
   const std::vector<PoseInput> parts = TrialParts(input, run.seed);
@@ -130,16 +142,17 @@ void ChooseWithinBudget(const PoseInput& input, double started_s, const RunConte
   ProgressStage stage(run, "trial for the budget", static_cast<int64_t>(settings.size() * parts.size()));
   for (const BudgetSetting& setting : settings) {
     SettingTrial& trial = budget.trials.emplace_back();
-    trial.flags = setting.flags;
+    trial.flags = setting.flags, trial.size = num_frames;
     if (budget.trials.size() > 1 && budget.asked.NowSeconds() - begin_s > most_s) {
       trial.why_not = "a fifth of the budget had gone into the trial";
       continue;
     }
+    trial.parts = {{"points"}, {"checks", static_cast<double>(triangulate::kMostClockFrames)}};
     for (const PoseInput& part : parts) {
-      const double before_s = budget.asked.NowSeconds();
-      const TriangulateReport tried = TryTake(part, *report, setting, silent);
-      trial.timings.push_back({static_cast<double>(part.frames.size()), budget.asked.NowSeconds() - before_s});
-      std::tie(trial.error, trial.error_sigma) = JudgedTake(tried, budget.unit);
+      const TriedTake tried = TryTake(part, *report, setting, silent);
+      const double frames = static_cast<double>(part.frames.size());
+      trial.parts[0].timings.push_back({frames, tried.points_s}), trial.parts[1].timings.push_back({frames, tried.checks_s});
+      std::tie(trial.error, trial.error_sigma) = JudgedTake(tried.report, budget.unit);
       stage.Advance();
     }
   }

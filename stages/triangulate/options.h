@@ -70,7 +70,9 @@ void VisitFields(Visitor&& visit, TriangulateOptions& o) {
   visit("chunk-frames", o.chunk_frames,
         "for takes longer than memory: frames of option 'pose2d' processed at a time (a table is held whole); noise and method "
         "come from frames spread over the take; 0: all at once");
-  VisitFields(visit, o.budget);
+  VisitBudget(visit, o.budget,
+              "error that is enough, e.g. 0.5px (held-out) or 2mm (stated sigma, as far as held-out cameras confirm it): the "
+              "cheapest setting that a trial predicts to reach it");
   StartGroup(visit, "Marker files");
   VisitFields(visit, o.markers);
   StartGroup(visit, "Comparison");

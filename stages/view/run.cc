@@ -65,6 +65,7 @@ class ViewSite {
     if (path.empty()) return {200, html, ViewPageHtml(), kShellPolicy};
     if (path == "report" && !page_.empty()) return {200, html, page_, kReportPolicy};
     if (path == "view.css") return {200, "text/css; charset=utf-8", ViewPageStyle()};
+    if (path == "icon.svg") return {200, "image/svg+xml", ViewPageIcon()};
     if (path == "view.js") return {200, "text/javascript; charset=utf-8", ViewPageScript()};
     if (path == "scene.json") return {200, "application/json", ViewSceneJson(report_.scene, !page_.empty())};
     if (path == "alive" || path == "bye") return {200, "text/plain; charset=utf-8", ""};

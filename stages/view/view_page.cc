@@ -9,6 +9,7 @@ const char* ViewPageHtml() {
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>mvstudio view</title>
+<link rel="icon" href="icon.svg">
 <link rel="stylesheet" href="view.css">
 </head>
 <body>
@@ -18,7 +19,7 @@ const char* ViewPageHtml() {
 <p id="tabs" hidden><button id="tab-report" type="button">Report</button> <button id="tab-frames" type="button">Frames</button></p>
 </header>
 <iframe id="report" title="Report" sandbox="allow-scripts allow-downloads" hidden></iframe>
-<div id="frames">
+<main id="frames">
 <form id="controls">
 <button id="before" type="button" aria-label="Step back">&#9664;</button>
 <button id="play" type="button" aria-pressed="false">Play</button>
@@ -32,12 +33,13 @@ const char* ViewPageHtml() {
 <label><input id="arrows" type="checkbox" checked> residuals</label>
 </form>
 <canvas id="time" height="44" tabindex="0" aria-label="Error over time; click to go there"></canvas>
+<p id="scale" hidden></p>
 <nav id="strip" aria-label="Frames over time"></nav>
-<main id="views"></main>
+<div id="views"></div>
 <details><summary>Keys</summary><p>Arrow keys: one step back or on; with Shift ten. Home, End: the first and the last. Space: play.
 Click an image, or Enter on it: that camera alone; Escape: all of them. The address holds what you see: send it to point at a
 frame.</p></details>
-</div>
+</main>
 <script src="view.js"></script>
 </body>
 </html>
@@ -59,6 +61,7 @@ button[aria-pressed="true"] { outline: 2px solid #2a7de1; }
 button, select, input { font: inherit; }
 button { min-width: 2.4rem; min-height: 2.2rem; }
 #time { display: block; width: 100%; height: 44px; border: 1px solid #8886; cursor: pointer; touch-action: none; }
+#scale { margin: 0.1rem 0; font-size: 0.8rem; }
 #strip { display: flex; gap: 4px; overflow: hidden; margin: 0.4rem 0; height: 78px; }
 #strip button { flex: 0 0 auto; width: 100px; height: 76px; padding: 0; border: 2px solid transparent; background: #8883; position: relative;
   font-size: 0.75rem; overflow: hidden; cursor: pointer; }
@@ -83,6 +86,12 @@ figcaption { font-size: 0.85rem; overflow-wrap: anywhere; padding: 0.15rem 0; }
 .arrow { fill: none; stroke: #ff4d3a; vector-effect: non-scaling-stroke; stroke-width: 2; }
 summary { cursor: pointer; margin-top: 0.8rem; }
 )css";
+}
+
+const char* ViewPageIcon() {
+  return R"svg(<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16"><rect width="16" height="16" rx="3" fill="#0072b2"/>
+<path d="M8 3v5l-4 5M8 8l4 5M4 6h8" stroke="#fff" stroke-width="1.6" fill="none"/></svg>
+)svg";
 }
 
 }  // namespace mvstudio::stages

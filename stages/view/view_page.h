@@ -4,11 +4,12 @@
 
 #include "stages/view/scene.h"
 
-/// The page that shows frames: three files that name nothing else, and what they ask for.
+/// The page that shows frames: four files that name nothing else, and what they ask for.
 namespace mvstudio::stages {
 
-const char* ViewPageHtml();    ///< loads view.css and view.js from beside it
+const char* ViewPageHtml();    ///< loads view.css, view.js and icon.svg from beside it
 const char* ViewPageStyle();   ///< view.css
+const char* ViewPageIcon();    ///< icon.svg
 const char* ViewPageScript();  ///< view.js; asks for scene.json, step/N.json, image/C/N.jpg and thumb/C/N.jpg
 
 /// {"title", "kind", "fps_hz", "has_report", "cameras": [{name, width, height, has_footage}], "bones", "detected_bones",

@@ -13,11 +13,14 @@ constexpr char kViewScript[] = R"js('use strict';
   const stepAt = function (i) { return scene.steps[order[i]]; };
   const most = function () { return scene.steps.reduce(function (m, s) { return Math.max(m, s[2]); }, 0); };
 
-  // Green to red by the share of the largest error; grey where nothing is known.
+  // Median errors in px that are good and bad in every take: green up to the first, red from the second.
+  const GOOD_PX = 2, BAD_PX = 10;
+
+  // Grey where nothing is known.
   function colour(step) {
-    const worst = scene.worst;
     if (step[1] === null) return step[2] > 0 || !scene.most ? '#8a939d' : '#00000000';
-    return 'hsl(' + Math.round(130 * (1 - Math.min(1, step[1] / worst))) + ' 75% 45%)';
+    const bad = Math.min(1, Math.max(0, (step[1] - GOOD_PX) / (BAD_PX - GOOD_PX)));
+    return 'hsl(' + Math.round(130 * (1 - bad)) + ' 75% 45%)';
   }
 
   function sorted(how) {
@@ -271,7 +274,9 @@ constexpr char kViewScript[] = R"js('use strict';
     scene = data;
     scene.most = most();
     const errors = scene.steps.map(function (s) { return s[1]; }).filter(function (e) { return e !== null; }).sort(function (a, b) { return a - b; });
-    scene.worst = errors.length ? Math.max(0.01, errors[Math.min(errors.length - 1, Math.floor(errors.length * 0.98))]) : 1;
+    scene.worst = errors.length ? Math.max(GOOD_PX, errors[Math.min(errors.length - 1, Math.floor(errors.length * 0.98))]) : 1;
+    el('scale').textContent = 'Green: a median error up to ' + GOOD_PX + ' px. Red: from ' + BAD_PX + ' px. Grey: none known.';
+    el('scale').hidden = !errors.length;
     el('title').textContent = document.title = scene.title;
     el('tabs').hidden = !scene.has_report;
     el('tab-report').onclick = function () { location.hash = '#report'; };

@@ -14,8 +14,8 @@ TEST(Demo, QuickOneRunsTheWholeRoad) {
   EXPECT_LT(truth["rig_rotation_deg"].get<double>(), 0.2);
   EXPECT_LT(truth["rig_translation_mm"].get<double>(), 8);
   EXPECT_LT(truth["joints_median_mm"].get<double>(), 10);
-  for (const char* file : {"report.html", "report.json", "calibration.json", "pose3d/points.csv", "dataset/dataset.json",
-                           "avatar/checkpoint.safetensors", "provenance.jsonl"}) {
+  for (const char* file : {"report.html", "report.json", "mvstudio.toml", "calib/calibration.json", "pose3d/take1/points.csv",
+                           "dataset/take1/dataset.json", "avatar/take1/checkpoint.safetensors", "provenance.jsonl"}) {
     EXPECT_TRUE(std::filesystem::exists(work / "demo/" + file)) << file;
   }
   for (const nlohmann::json& warning : json["warnings"]) {

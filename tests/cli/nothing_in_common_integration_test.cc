@@ -122,6 +122,7 @@ const Row kRows[] = {
     {"jobs status", 2, "none", "holds no plan.jsonl"},
     {"jobs retry", 2, "none", "holds no plan.jsonl"},
     {"report", 3, "studio --with none --out new", "nothing to report here"},
+    {"report", 3, "studio none", "nothing to report here"},
     {"report", 3, "--study a b --truth a --out new", "no file name in common"},
     {"session show", 3, "none", "holds no mvstudio.toml"},
     {"session trust", 3, "none", "holds no mvstudio.toml"},

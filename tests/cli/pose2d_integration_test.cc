@@ -1,6 +1,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 
@@ -98,6 +99,77 @@ TEST_F(Pose2dCommand, AnOnnxNetOfHeatMapsIsUsed) {
   const CliRun again = RunCli(OnnxWords("out"));
   EXPECT_EQ(again.exit, 0) << again.err;
   EXPECT_TRUE(again.Json().contains("unchanged_since"));
+}
+
+/// Three cameras side by side, 0.5 m apart, and the two spots 5 m before them.
+class Pose2dBudget : public Pose2dCommand {
+ protected:
+  static constexpr int kFrames = 16;
+
+  void SetUp() override {
+    WriteText(folder_ / "net.onnx", TinyOnnx(17, 9));
+    std::string cameras;
+    for (const int c : {-1, 0, 1}) {
+      const std::string name = Format("cam%d", c + 1);
+      for (int f = 0; f < kFrames; ++f) {
+        const Spot red = RedAt(f), green = GreenAt(f);
+        dataset::WriteImage(Spots({red.x - 10 * c, red.y}, {green.x - 10 * c, green.y}),
+                            folder_ / (name + Format("/%04d.png", f)));
+      }
+      cameras += (cameras.empty() ? "" : ",") +
+                 Format(R"({"name": "cam%d", "size_px": [120, 100], "model": "pinhole",)", c + 1) +
+                 R"("intrinsics": {"fx": 100, "fy": 100, "cx": 59.5, "cy": 49.5},)" +
+                 Format(R"("cam_from_world": {"rotation_xyzw": [0, 0, 0, 1], "translation": [%g, 0, 0]}})", -0.5 * c);
+    }
+    WriteText(folder_ / "calib.json", R"({"schema": "mvstudio.calibration/1", "unit": "m", "cameras": [)" + cameras + "]}");
+  }
+  CliRun Run(const std::string& out, const std::vector<std::string>& more) const {
+    std::vector<std::string> words = {"pose2d", "--backend", "onnx:" + (folder_ / "net.onnx"), "--models", folder_ / "none"};
+    for (const char* word : {"--onnx-width", "48", "--onnx-height", "64", "--onnx-normalization", "unit", "--json"})
+      words.push_back(word);
+    for (const char* camera : {"cam0", "cam1", "cam2"})
+      words.insert(words.end(), {"--images", std::string(camera) + "=" + (folder_ / camera)});
+    words.insert(words.end(), {"--out", folder_ / out});
+    words.insert(words.end(), more.begin(), more.end());
+    return RunCli(words);
+  }
+};
+
+/// What a budget chose gives the keypoints of the same flags by hand; predictions of both runs stay.
+TEST_F(Pose2dBudget, ChoosesWhatCanBeRepeatedByHand) {
+  const std::vector<std::string> asked = {"--calib", folder_ / "calib.json", "--budget", "1h", "--overwrite"};
+  const CliRun run = Run("out", asked);
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  const nlohmann::json budget = run.Json()["metrics"]["budget"];
+  ASSERT_EQ(budget["trials"].size(), 3u) << "fast, balanced and exact";
+  ASSERT_EQ(budget["chosen"].size(), 1u) << budget["chosen"] << ": every frame is looked at, by the net that was given";
+  const std::string quality = budget["chosen"]["quality"];
+  EXPECT_LT(budget["actual_error"], 1) << "px";
+  EXPECT_LT(budget["predicted_error"], 1);
+  EXPECT_GT(budget["predicted_seconds"], 0);
+  ASSERT_EQ(Run("hand", {"--calib", folder_ / "calib.json", "--quality", quality}).exit, 0);
+  for (int f = 0; f < kFrames; ++f) {
+    const std::string name = Format("/cam1/%012d_keypoints.json", f);
+    EXPECT_EQ(Slurp(folder_ / ("out" + name)), Slurp(folder_ / ("hand" + name))) << name;
+  }
+  std::vector<std::string> again = asked;
+  again[3] = "2h";
+  ASSERT_EQ(Run("out", again).exit, 0);
+  const std::string kept = Slurp(folder_ / "out/predictions.jsonl");
+  EXPECT_EQ(std::count(kept.begin(), kept.end(), '\n'), 2);
+}
+
+TEST_F(Pose2dBudget, WhatCannotBeJudgedOrKeptIsRefused) {
+  const CliRun blind = Run("out", {"--budget", "1h"});
+  EXPECT_EQ(blind.exit, 2);
+  EXPECT_THAT(blind.out, HasSubstr("--calib"));
+  const CliRun length = Run("out", {"--calib", folder_ / "calib.json", "--target", "1mm"});
+  EXPECT_EQ(length.exit, 2);
+  EXPECT_THAT(length.out, HasSubstr("keypoints have errors in px"));
+  const CliRun hasty = Run("out", {"--calib", folder_ / "calib.json", "--budget", "1ms"});
+  EXPECT_EQ(hasty.exit, 2);
+  EXPECT_THAT(hasty.out, HasSubstr("is predicted to take"));
+  EXPECT_FALSE(fs::exists(folder_ / "out"));
 }
 
 TEST_F(Pose2dCommand, NobodyIsAQualityGateAndSaysSo) {

@@ -1,9 +1,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "tests/support/run_cli.h"
 
@@ -23,6 +25,14 @@ States StatesOf(const CliRun& run) {
   if (!json.is_object()) return states;
   for (const nlohmann::json& row : json["metrics"]["stages"]) states[row["stage"]] = row["state"];
   return states;
+}
+
+std::string ReasonOf(const CliRun& run, const std::string& stage) {
+  const nlohmann::json json = run.Json();
+  for (const nlohmann::json& row : json["metrics"]["stages"]) {
+    if (row["stage"] == stage) return row["reason"];
+  }
+  return "";
 }
 
 std::vector<std::string> StagesThatAre(const std::string& state, const CliRun& run) {
@@ -59,6 +69,13 @@ TEST_F(RunCommand, DoesWhatIsNotUpToDate) {
   EXPECT_EQ(StatesOf(plan)["report"], "to do");
   EXPECT_FALSE(fs::exists(Path("calib"))) << "a dry run does nothing";
   EXPECT_FALSE(fs::exists(Path("run.json")));
+  const CliRun parts = Run({"--dry-run", "--to", "triangulate", "--budget", "605s"});
+  ASSERT_EQ(parts.exit, 0) << parts.err << parts.out;
+  EXPECT_THAT(ReasonOf(parts, "calibrate"), HasSubstr("its part of the budget: 5min 0s")) << "half of it, but 5 s for sync";
+  const CliRun unknown = Run({"--budget", "1h"});
+  EXPECT_EQ(unknown.exit, 2) << unknown.out;
+  EXPECT_THAT(unknown.out, HasSubstr("how long mask take1 takes"));
+  EXPECT_FALSE(fs::exists(Path("calib"))) << "refused before anything is done";
 
   const CliRun first = Run({});
   ASSERT_THAT(first.exit, ::testing::AnyOf(0, 6)) << first.err << first.out;
@@ -81,6 +98,13 @@ TEST_F(RunCommand, DoesWhatIsNotUpToDate) {
   EXPECT_EQ(StatesOf(mended)["calibrate"], "up to date") << mended.out;
   EXPECT_EQ(StatesOf(mended)["triangulate take1"], "done") << mended.out;
   EXPECT_EQ(StatesOf(mended)["avatar take1"], "up to date") << mended.out;
+
+  // With a budget the stage chooses its settings, and what it made is up to date without one.
+  fs::remove_all(Path("pose3d/take1"));
+  const CliRun budget = Run({"--to", "triangulate", "--budget", "10min"});
+  EXPECT_EQ(StatesOf(budget)["triangulate take1"], "done") << budget.out;
+  EXPECT_TRUE(fs::exists(Path("pose3d/take1/predictions.jsonl")));
+  EXPECT_EQ(StatesOf(Run({"--to", "triangulate"}))["triangulate take1"], "up to date");
 }
 
 TEST_F(RunCommand, AFailureStopsItAndTheReportShowsIt) {
@@ -91,6 +115,15 @@ TEST_F(RunCommand, AFailureStopsItAndTheReportShowsIt) {
   EXPECT_EQ(StatesOf(failed)["dataset take1"], "not reached");
   EXPECT_THAT(failed.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("calibrate: "));
   EXPECT_TRUE(fs::exists(Path("report.html")));
+  auto records = nlohmann::ordered_json::parse(Slurp(Path("run.json")));
+  auto& known = records["stages"];
+  known.erase(std::remove_if(known.begin(), known.end(), [](const auto& stage) { return stage["stage"] == "report"; }),
+              known.end());
+  std::ofstream(Path("run.json")) << records.dump();
+  ASSERT_EQ(RunCli({"report", Path("")}).exit, 0);
+  EXPECT_EQ(StatesOf(Run({"--only", "report"}))["report"], "done")
+      << "made by hand: whether it tells of the failure is not known";
+  EXPECT_EQ(StatesOf(Run({"--only", "report"}))["report"], "up to date");
   const CliRun older = Run({"--only", "triangulate", "--dry-run"});
   ASSERT_FALSE(older.Json()["warnings"].empty()) << older.out;
   EXPECT_EQ(older.Json()["warnings"][0]["code"], "RUN-OLDER");

@@ -60,6 +60,8 @@ TEST_F(View, ATakeIsShownUntilItsPageCloses) {
   Start(data / "t.trc");
   EXPECT_THAT(Get(base_), HasSubstr("mvstudio view"));
   EXPECT_THAT(Get(base_ + "view.js"), HasSubstr("text/javascript"));
+  EXPECT_THAT(Get(base_), HasSubstr("<link rel=\"icon\" href=\"icon.svg\">")) << "else browsers ask for one that is not there";
+  EXPECT_THAT(Get(base_ + "icon.svg"), HasSubstr("image/svg+xml"));
   const std::string scene = Get(base_ + "scene.json");
   EXPECT_THAT(scene, HasSubstr("\"kind\":\"points\""));
   EXPECT_THAT(scene, HasSubstr("application/json")) << "a hostile marker's name is data";

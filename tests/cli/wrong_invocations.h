@@ -369,6 +369,8 @@ inline const Invocation kInvocations[] = {
     {3, "report none", "none"},
     {3, "report nothing", "nothing"},
     {2, "report folder --out ''", "is empty"},
+    {3, "report folder none", "none"},
+    {2, "report folder folder", "is given twice"},
     {2, "report --study folder", "--study"},
     {3, "report --study-tally garbage.json", "garbage.json"},
     {2, "tradeoff calibrate --out new --views -3", "must be 0 or more"},

@@ -10,6 +10,9 @@ import pytest
 sys.path.insert(0, os.environ.get("MVSTUDIO_PYTHON", str(pathlib.Path(__file__).resolve().parents[2] / "build/release/python")))
 import mvstudio  # noqa: E402
 
+ROOT = pathlib.Path(os.environ.get("MVSTUDIO_SOURCE", pathlib.Path(__file__).resolve().parents[2]))
+os.environ.setdefault("MVSTUDIO_BIN", str(ROOT / "build/release/bin/mvstudio"))
+
 LENSES = {
     "brown5": [-0.12, 0.06, 6e-4, -4e-4, -0.01],
     "kannala4": [0.02, -0.006, 0.001, 0.0],
@@ -59,6 +62,18 @@ def rig():
 @pytest.fixture(scope="session")
 def points():
     return np.random.default_rng(4).uniform(-0.8, 0.8, (200, 3)) * [1, 1, 1.1]
+
+
+@pytest.fixture(scope="session")
+def dataset(tmp_path_factory):
+    """A dataset of a synthetic person: 4 cameras of 160 x 120 px, 6 frames, images without loss, masks of the truth."""
+    folder = tmp_path_factory.mktemp("studio")
+    mvstudio.command("synth", out=folder / "studio", cameras=4, size="160x120", board_frames=0, take_frames=6, samples=1, texture_px=64,
+                     format="png")
+    truth = folder / "studio/truth"
+    mvstudio.stages.dataset_build(session=folder / "studio", take="take1", calib=truth / "calibration.json", pose3d=truth / "pose3d",
+                                  masks=truth / "masks/take1", png=True, out=folder / "data")
+    return folder / "data"
 
 
 def numpy_project(rig, points, name):

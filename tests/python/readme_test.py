@@ -9,9 +9,12 @@ import subprocess
 import sys
 
 import conftest
+import matplotlib
 import mvstudio
 import mvstudio._calibrate
+import pytest
 
+matplotlib.use("Agg")
 ROOT = pathlib.Path(os.environ.get("MVSTUDIO_SOURCE", pathlib.Path(__file__).resolve().parents[2]))
 
 
@@ -30,14 +33,29 @@ def test_readme(rig, tmp_path, monkeypatch):
         exec(compile(code, "README.md", "exec"), names)
     assert abs(names["x"] - names["points"]).max() < 1e-6 and (names["status"] == mvstudio.Status.Ok).all()
     assert abs(names["speed_m_s"] - 5).max() < 1e-9 and "cam_03" in said.getvalue()
+    assert (tmp_path / "uncertainty.png").stat().st_size > 5000
 
 
 def test_help():
     assert doctest.testmod(mvstudio._calibrate, extraglobs={"mvstudio": mvstudio}).failed == 0
 
 
-def test_import_does_without_libtorch():
+def in_a_fresh_process(script):
     package = os.path.dirname(os.path.dirname(mvstudio.__file__))
-    script = f"import sys; sys.path.insert(0, {package!r}); import mvstudio; print(open('/proc/self/maps').read())"
-    loaded = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True).stdout
+    done = subprocess.run([sys.executable, "-c", f"import sys; sys.path.insert(0, {package!r}); import mvstudio\n{script}"],
+                          capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+def test_import_loads_little():
+    loaded = in_a_fresh_process("print(*sys.modules)").split()
+    assert "mvstudio" in loaded and "mvstudio._core" not in loaded and "numpy" not in loaded
+
+
+def test_everything_is_there_and_loads_no_libtorch():
+    loaded = in_a_fresh_process("for name in mvstudio.__all__: getattr(mvstudio, name)\n"
+                                "from mvstudio import *\nassert {*mvstudio.__all__} <= {*dir(mvstudio)} & {*globals()}\n"
+                                "print(mvstudio.__version__, open('/proc/self/maps').read())")
     assert "mvstudio/_core" in loaded and not re.search(r"libtorch|matplotlib|pandas", loaded)
+    with pytest.raises(AttributeError, match="no attribute 'rigs'"):
+        mvstudio.rigs

@@ -54,6 +54,15 @@ TEST(MapTexts, ChangesWhatPeopleReadAndNothingElse) {
   EXPECT_EQ(MapTexts(page, [](const std::string& text) { return text; }), page);
 }
 
+TEST(Table, IsReachedByTheKeyboardWhereItIsWideAndHasNoEmptyHeader) {
+  Table narrow(""), wide("Cameras");
+  for (const char* title : {"", "a"}) narrow.AddColumn(title), wide.AddColumn(title);
+  wide.AddColumn("d");
+  EXPECT_THAT(narrow.Html(),
+              HasSubstr("<div class=\"scroll\"><table><thead><tr><td></td><th scope=\"col\" class=\"num\">a</th>"));
+  EXPECT_THAT(wide.Html(), HasSubstr("<div class=\"scroll\" tabindex=\"0\" role=\"group\" aria-label=\"Table: Cameras\">"));
+}
+
 TEST(Verdict, WorseAndWords) {
   EXPECT_EQ(Worse(Verdict::kNotRun, Verdict::kPass), Verdict::kPass);
   EXPECT_EQ(Worse(Verdict::kWarn, Verdict::kPass), Verdict::kWarn);

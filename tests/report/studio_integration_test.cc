@@ -81,6 +81,47 @@ TEST(StudioPage, HoldsTheSceneAndItsScriptAlone) {
   EXPECT_THAT(for_client, Not(HasSubstr("few places")));
 }
 
+template <class T>
+void AddNumbers(const std::vector<T>& values, std::string* out) {
+  out->append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+}
+
+/// A result whose body is one triangle of a metre in front of both cameras at frames 10 and 11, with `gaussians` (0 or 1) on
+/// it.
+void SaveBody(const TempDir& folder, const std::string& role, uint32_t gaussians) {
+  std::string bytes = "MVGPLAY1";
+  AddNumbers<uint32_t>({gaussians, 1, 3, 2, 0}, &bytes);
+  AddNumbers<float>({0, -1, 3, 1, 1, 3, 0, -1, 0}, &bytes);
+  AddNumbers<int32_t>({10, 11}, &bytes);
+  AddNumbers<uint32_t>({0, 1, 2}, &bytes);
+  if (gaussians > 0) AddNumbers<uint32_t>({0}, &bytes);
+  for (int step = 0; step < 2; ++step) AddNumbers<uint16_t>({0, 0, 0, 0, 65535, 0, 65535, 65535, 0}, &bytes);
+  if (gaussians > 0) AddNumbers<uint16_t>({16384, 16384, 32768}, &bytes);
+  if (gaussians > 0) AddNumbers<uint8_t>({230, 230, 230, 128, 128, 128, 255, 255, 255, 0, 0}, &bytes);
+  WriteFileAtomic(folder / "motion.bin", bytes);
+  const Json result = {{"schema", "mvstudio.result/1"},
+                       {"command", "avatar train"},
+                       {"status", "ok"},
+                       {"outputs", {{{"path", "motion.bin"}, {"role", role}}}}};
+  WriteFileAtomic(folder / "avatar_train.result.json", result.dump());
+}
+
+TEST(StudioPage, AFittedBodyIsThereOnce) {
+  const TempDir folder;
+  SaveRun(folder);
+  EXPECT_THAT(BuildReport(folder.path()).html, Not(HasSubstr("<i data-body=\"")));
+  SaveBody(folder, "body-motion", 0);
+  EXPECT_THAT(BuildReport(folder.path()).html, HasSubstr("<i data-body=\"TVZHUExBWTEAAAAA"));
+  SaveBody(folder, "gaussians-player", 1);
+  EXPECT_THAT(BuildReport(folder.path()).html, Not(HasSubstr("<i data-body=\""))) << "the player holds it";
+  SaveBody(folder, "body-motion", 0);
+  WriteFileAtomic(folder / "motion.bin", "MVGPLAY1 cut");
+  const Report cut = BuildReport(folder.path());
+  EXPECT_THAT(cut.html, Not(HasSubstr("<i data-body=\"")));
+  ASSERT_EQ(cut.warnings.size(), 1u);
+  EXPECT_EQ(cut.warnings[0].code, "REP-PICTURE");
+}
+
 TEST(StudioPage, ShowsWhatIsThere) {
   const TempDir cameras, people;
   SaveRun(cameras), SaveRun(people);
@@ -123,8 +164,8 @@ class StudioInBrowser : public ::testing::Test {
       });
     )js";
     std::string html = BuildReport(folder_.path()).html;
-    const std::string own = ScriptSource(ViewerScript());
-    html.replace(html.find(own), own.size(), own + " " + ScriptSource(probe));
+    const std::string policy = "script-src ";
+    html.insert(html.find(policy) + policy.size(), ScriptSource(probe) + " ");
     html.insert(html.find("<title>"), "<script>" + probe + "</script>");
     WriteFileAtomic(folder_ / "page.html", html);
     const std::string line = "cd " + folder_.path() +
@@ -191,6 +232,54 @@ TEST_F(StudioInBrowser, DrawsMovesPicksAndKeepsItsStateInTheAddress) {
   EXPECT_THAT(told, HasSubstr("wide true"));
   EXPECT_THAT(told, Not(HasSubstr("error ")));
   EXPECT_THAT(told, Not(HasSubstr("policy ")));
+}
+
+/// Counts of pixels that differ between a switch on and off, at a frame of the body and at one three frames behind its last.
+constexpr char kSwitchProbe[] = R"js(
+    if (root.dataset.state !== 'ready') { tell('without'); return; }
+    const canvas = root.querySelector('.stage canvas'), gl = canvas.getContext('webgl2') || canvas.getContext('webgl');
+    const box = (name) => Array.from(root.querySelectorAll('label')).find((label) => label.textContent.trim() === name).querySelector('input');
+    const pixels = () => {
+      root.dispatchEvent(new Event('paint'));
+      const bytes = new Uint8Array(4 * canvas.width * canvas.height);
+      gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+      return bytes;
+    };
+    const change = (name) => {
+      const before = pixels();
+      box(name).click();
+      const after = pixels();
+      box(name).click();
+      let count = 0;
+      for (let i = 0; i < before.length; i += 4) if (before[i] !== after[i] || before[i + 1] !== after[i + 1] || before[i + 2] !== after[i + 2]) ++count;
+      return count;
+    };
+    await pause();
+    for (const name of names) tell(name + ' drawn ' + (change(name) > (name === 'Gaussians' ? 0 : 20)));
+    location.hash = '#frame=14';
+    await pause();
+    for (const name of names) tell(name + ' elsewhere ' + change(name));
+)js";
+
+TEST_F(StudioInBrowser, AFittedBodyIsDrawnAtItsFramesAlone) {
+  SaveRun(folder_);
+  SaveBody(folder_, "body-motion", 0);
+  const std::string told = Run("#frame=10", std::string("const names = ['fitted body'];") + kSwitchProbe);
+  if (told.find("without") != std::string::npos) GTEST_SKIP() << "this chromium has no WebGL";
+  EXPECT_THAT(told, HasSubstr("fitted body drawn true"));
+  EXPECT_THAT(told, HasSubstr("fitted body elsewhere 0"));
+  EXPECT_THAT(told, Not(HasSubstr("error ")));
+}
+
+TEST_F(StudioInBrowser, GaussiansAreDrawnAsPoints) {
+  SaveRun(folder_);
+  SaveBody(folder_, "gaussians-player", 1);
+  const std::string told = Run("#frame=11", std::string("const names = ['fitted body', 'Gaussians'];") + kSwitchProbe);
+  if (told.find("without") != std::string::npos) GTEST_SKIP() << "this chromium has no WebGL";
+  EXPECT_THAT(told, HasSubstr("fitted body drawn true"));
+  EXPECT_THAT(told, HasSubstr("Gaussians drawn true"));
+  EXPECT_THAT(told, HasSubstr("Gaussians elsewhere 0"));
+  EXPECT_THAT(told, Not(HasSubstr("error ")));
 }
 
 TEST_F(StudioInBrowser, SaysInOneLineThatThereIsNoWebGl) {

@@ -5,7 +5,9 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/random.h"
 #include "stages/budget/report.h"
+#include "stages/pipeline/split_budget.h"
 #include "stages/tradeoff/predictions.h"
 #include "tests/support/message_of.h"
 
@@ -40,23 +42,68 @@ TEST(Budget, TargetsHaveUnits) {
     EXPECT_THROW(ParseTarget(hostile, "target"), UsageError) << hostile;
 }
 
-/// Closed forms: a line through two points; never a negative part of it.
+/// Closed forms: a line through two points; never a negative part of it. Residuals are relative.
 TEST(Budget, TimeIsALineInSize) {
-  const TimeModel line = FitTime({{100, 2}, {300, 3}});
-  EXPECT_NEAR(line.fixed_s, 1.5, 1e-12);
-  EXPECT_NEAR(line.per_unit_s, 0.005, 1e-12);
-  EXPECT_NEAR(line.At(1000), 6.5, 1e-12);
-  EXPECT_NEAR(FitTime({{1, 1}, {2, 2}, {3, 4}}).per_unit_s, 17.0 / 14, 1e-12) << "below 0 at 0, so through the origin";
-  const TimeModel falling = FitTime({{100, 3}, {300, 2}});
-  EXPECT_DOUBLE_EQ(falling.per_unit_s, 0);
-  EXPECT_DOUBLE_EQ(falling.At(1e6), 2.5);
-  EXPECT_DOUBLE_EQ(FitTime({{50, 2}}).At(100), 4);
-  EXPECT_TRUE(std::isnan(FitTime({}).At(100)));
+  const auto at = [](const std::vector<SizedTiming>& timings, double size) {
+    return ForetellSeconds({{"", kInfinity, timings}}, size).value;
+  };
+  EXPECT_NEAR(at({{100, 2}, {300, 3}}, 0), 1.5, 1e-9);
+  EXPECT_NEAR(at({{100, 2}, {300, 3}}, 1000), 6.5, 1e-9);
+  EXPECT_NEAR(at({{1, 1}, {2, 2}, {3, 4}}, 1), 2.75 / 2.5625, 1e-9) << "below 0 at 0, so through the origin";
+  EXPECT_NEAR(at({{100, 3}, {300, 2}}, 1e6), (1.0 / 3 + 1.0 / 2) / (1.0 / 9 + 1.0 / 4), 1e-9) << "time does not fall";
+  EXPECT_NEAR(at({{50, 2}}, 100), 4, 1e-9);
+  EXPECT_TRUE(std::isnan(at({}, 100)));
+}
+
+/// 0.4 s and 0.5 ms a frame of points, 0.2 s and 2 ms a frame of checks on 600 frames at most: both parts are found again from
+/// stretches of half a thousand frames, of which a line through the sums makes three times too much.
+TEST(Budget, PartsThatStopGrowingAreForetold) {
+  WorkPart points{"points"}, checks{"checks", 600}, sum;
+  for (const double frames : {130, 260, 520}) {
+    points.timings.push_back({frames, 0.4 + 5e-4 * frames}), checks.timings.push_back({frames, 0.2 + 2e-3 * frames});
+    sum.timings.push_back({frames, points.timings.back().seconds + checks.timings.back().seconds});
+  }
+  const double truth_s = 0.4 + 5e-4 * 10000 + 0.2 + 2e-3 * 600;
+  const Foretold seconds = ForetellSeconds({points, checks}, 10000);
+  EXPECT_NEAR(seconds.value, truth_s, 1e-9 * truth_s);
+  EXPECT_GT(seconds.sigma, 0);
+  EXPECT_LT(seconds.sigma, 0.2 * truth_s);
+  EXPECT_GT(ForetellSeconds({sum}, 10000).value, 3 * truth_s);
+}
+
+/// Timings of a known line with 5 % of noise: the errors of what is foretold are as large as is said of them.
+TEST(Budget, TheSpreadOfATimeIsWhatItComesOutWith) {
+  constexpr int kDraws = 2000;
+  constexpr double kTruth = 1 + 0.01 * 4000;
+  Rng rng(7);
+  double squares = 0, within = 0;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    WorkPart part;
+    for (const double size : {100, 200, 400}) part.timings.push_back({size, (1 + 0.01 * size) * (1 + 0.05 * rng.Normal())});
+    const Foretold seconds = ForetellSeconds({part}, 4000);
+    const double sigmas = (seconds.value - kTruth) / seconds.sigma;
+    squares += sigmas * sigmas, within += std::abs(sigmas) < 1;
+  }
+  EXPECT_NEAR(std::sqrt(squares / kDraws), 1, 0.25);
+  EXPECT_NEAR(within / kDraws, 0.68, 0.08);
+}
+
+/// 0.03 px that more boards do not lower, and 0.8 px over the root of their number.
+TEST(Budget, AnErrorFallsWithTheDataToWhatItCannotLower) {
+  std::vector<SizedError> errors;
+  const auto truth = [](double size) { return std::sqrt(0.03 * 0.03 + 0.8 * 0.8 / size); };
+  for (const double size : {8, 16, 32}) errors.push_back({size, truth(size)});
+  EXPECT_NEAR(ForetellError(errors, 200).value, truth(200), 1e-9);
+  EXPECT_GT(ForetellError(errors, 200).sigma, 0);
+  errors[1].error = 0.25;
+  EXPECT_EQ(ForetellError(errors, 16).value, 0.25) << "measured there";
+  EXPECT_NEAR(ForetellError({{10, 0.2}}, 40).value, 0.1, 1e-12) << "one size: what the root of the number says";
+  EXPECT_TRUE(std::isnan(ForetellError({{10, std::nan("")}}, 40).value));
 }
 
 SettingTrial TrialOf(double predicted_s, double error, double sigma) {
   SettingTrial trial;
-  trial.timings = {{1, predicted_s}}, trial.predicted_s = predicted_s, trial.error = error, trial.error_sigma = sigma;
+  trial.parts.emplace_back(), trial.predicted_s = predicted_s, trial.error = error, trial.error_sigma = sigma;
   return trial;
 }
 
@@ -78,6 +125,14 @@ TEST(Budget, TheChoiceOnASmallFront) {
   expect(kInfinity, 1.0, Outcome::kBestWithinBudget, 2);
 }
 
+/// Of two settings, the better one may turn out too long.
+TEST(Budget, ASpreadBeyondTheBudgetDoesNotFit) {
+  std::vector<SettingTrial> trials = {TrialOf(5, 2, 0), TrialOf(9, 1, 0)};
+  EXPECT_EQ(ChooseSetting(trials, 10, std::nan("")).index, 1);
+  trials[1].predicted_sigma_s = 1.5;
+  EXPECT_EQ(ChooseSetting(trials, 10, std::nan("")).index, 0);
+}
+
 TEST(Budget, WithoutAJudgeTheCheapestIsTaken) {
   const double unknown = std::nan("");
   EXPECT_EQ(ChooseSetting({TrialOf(2, unknown, 0), TrialOf(1, unknown, 0)}, 10, unknown).index, 1);
@@ -85,10 +140,34 @@ TEST(Budget, WithoutAJudgeTheCheapestIsTaken) {
 
 TEST(Budget, WhatNoSettingKeepsIsRefusedWithItsTime) {
   BudgetReport report;
-  report.asked.budget = "1s", report.size = 100;
-  report.trials.emplace_back().timings = {{10, 1}, {20, 1.5}};
+  report.asked.budget = "1s";
+  SettingTrial& trial = report.trials.emplace_back();
+  trial.size = 100, trial.parts = {{"", kInfinity, {{10, 1}, {20, 1.5}}}};
   EXPECT_THAT(MessageOf<UsageError>([&] { Choose(2, &report); }), HasSubstr("predicted to take 7.5s"))
       << "2 + 0.5 + 0.05 * 100";
+}
+
+/// 100 s, of which a timeline and a mask take 5 and 15: the rest as 10, 60 and 10 s were shared before.
+TEST(SplitBudget, StagesShareWhatOthersLeave) {
+  const double unknown = std::nan("");
+  std::vector<StageTime> to_do = {{StageKind::kCalibrate, "calibrate", 10, false},
+                                  {StageKind::kTimeline, "timeline walk", unknown, false},
+                                  {StageKind::kPose2d, "pose2d walk", 60, false},
+                                  {StageKind::kTriangulate, "triangulate walk", 10, false},
+                                  {StageKind::kMask, "mask walk", 15, false}};
+  EXPECT_DOUBLE_EQ(StageBudget(to_do, 100, "100s"), 10);
+  to_do[0].seconds = unknown;
+  EXPECT_DOUBLE_EQ(StageBudget(to_do, 100, "100s"), 80.0 / 8) << "one to six to one";
+  to_do[2].has_own_budget = true;
+  EXPECT_DOUBLE_EQ(StageBudget(to_do, 100, "100s"), 20.0 / 2) << "60 s of its own";
+  to_do.erase(to_do.begin());
+  EXPECT_TRUE(std::isnan(StageBudget(to_do, 90, "100s"))) << "a timeline takes no budget";
+  to_do = {to_do[2], to_do[3]};
+  EXPECT_DOUBLE_EQ(StageBudget(to_do, 30, "100s"), 15) << "the last one gets all that is left";
+  EXPECT_THAT(MessageOf<UsageError>([&] { StageBudget(to_do, 10, "100s"); }),
+              HasSubstr("nothing is left for triangulate walk"));
+  to_do[1].seconds = unknown;
+  EXPECT_THAT(MessageOf<UsageError>([&] { StageBudget(to_do, 30, "100s"); }), HasSubstr("how long mask walk takes"));
 }
 
 TEST(Predictions, TheWorstRatioIsFarthestFromOne) {

@@ -1,9 +1,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstring>
 #include <filesystem>
 
+#include "core/disk/files.h"
 #include "core/error.h"
+#include "report/page/player.h"
 #include "stages/nets/fit/describe.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
@@ -48,6 +51,14 @@ TEST(AvatarFitStage, TheMannequinLiesOnItsOwnSilhouettes) {
   EXPECT_EQ(report.notes.warnings[0].code, "CLI-FRAMES");
   EXPECT_TRUE(std::filesystem::exists(folder / "body/body.glb"));
   EXPECT_EQ(std::filesystem::exists(folder / "body/surface.png"), report.surface.has_value());
+  const std::string motion = ReadFile(folder / "body/body_motion.bin");
+  ASSERT_TRUE(report::IsPlayerFile(motion)) << "what the report's studio shows";
+  uint32_t counts[4];
+  std::memcpy(counts, motion.data() + 8, sizeof counts);
+  EXPECT_EQ(counts[0], 0u) << "no Gaussians";
+  EXPECT_EQ(counts[2], kept.person.body.vertices.cols());
+  EXPECT_EQ(counts[3], kept.person.seen.size());
+  EXPECT_EQ(RolesOf(Describe(report))[3], "body-motion");
   EXPECT_THAT(MessageOf<UsageError>([&] { RunAvatarFit(options); }), HasSubstr("option 'overwrite'"));
 }
 

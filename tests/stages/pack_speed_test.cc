@@ -1,4 +1,4 @@
-#include "stages/dataset/pack_speed.h"
+#include "stages/pack_speed/measure.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -68,7 +68,7 @@ TEST(Pipeline, EachStageComesAfterThoseThatItReads) {
             << stages[i].name() << " reads what " << stages[later].name() << " writes";
     }
   }
-  EXPECT_THAT(Find(stages, StageKind::kTriangulate).Words("--"),
+  EXPECT_THAT(Find(stages, StageKind::kTriangulate).line().Words(),
               ElementsAre("triangulate", "--session", folder.path(), "--take", "walk"));
   EXPECT_THAT(Find(stages, StageKind::kTriangulate).inputs, ::testing::Contains(folder / "calib/calibration.json"));
   EXPECT_THAT(Find(stages, StageKind::kCalibrate).inputs, ElementsAre(folder / "raw/board/a.mp4", folder / "raw/board/b.mp4"));
@@ -92,7 +92,7 @@ TEST(Pipeline, SettingsOfTheSessionAreFlags) {
   const TempDir folder;
   const std::string settings = "\n[run.avatar]\nsteps = 20\nraw = true\nother = false\nnames = [\"x\", \"y\"]\n[run.pack]\n";
   const std::vector<PipelineStage> stages = Stages(folder, std::string(kHead) + kBoard + kPeople + settings);
-  const std::vector<std::string> words = Find(stages, StageKind::kAvatar).Words("--");
+  const std::vector<std::string> words = Find(stages, StageKind::kAvatar).line().Words();
   EXPECT_THAT(std::vector<std::string>(words.end() - 7, words.end()),
               ElementsAre("--names", "x", "--names", "y", "--raw", "--steps", "20"));
   EXPECT_THAT(Find(stages, StageKind::kPack).left_out, IsEmpty());
@@ -101,7 +101,7 @@ TEST(Pipeline, SettingsOfTheSessionAreFlags) {
   Put(folder / "mvstudio.toml", dataset::SessionText(session));
   PipelineOptions options;
   options.session = folder.path();
-  EXPECT_EQ(Find(PipelineOf(dataset::ReadSession(folder.path()), options), StageKind::kAvatar).Words("--"), words);
+  EXPECT_EQ(Find(PipelineOf(dataset::ReadSession(folder.path()), options), StageKind::kAvatar).line().Words(), words);
   EXPECT_THROW(Stages(folder, std::string(kHead) + kBoard + kPeople + "\n[run.calibrat]\n"), FormatError);
 }
 
@@ -148,6 +148,21 @@ TEST_F(StageOnDisk, IsUpToDateUntilSomethingCounts) {
   EXPECT_EQ(Why(), "");
 }
 
+TEST_F(StageOnDisk, AReportThatDoesNotTellOfAFailureIsNotUpToDate) {
+  StageRecord failed;
+  failed.errors = {{"CAL-UNSOLVED", "no camera", "", true}};
+  StageRecord now = RecordOf(stage, "1", &before);
+  now.told = FailuresIn({{"calibrate", failed}, {"sync", StageRecord()}});
+  EXPECT_EQ(now.told, std::vector<std::string>{"calibrate: CAL-UNSOLVED no camera"});
+  EXPECT_EQ(WhyStale(stage, now, &before), "it does not tell what failed since");
+  before.told = now.told;
+  EXPECT_EQ(WhyStale(stage, now, &before), "");
+  WriteStageRecords(folder / "run.json", {{"report", now}});
+  EXPECT_EQ(ReadStageRecords(folder / "run.json").at("report").told, now.told);
+  now.told.clear();
+  EXPECT_NE(WhyStale(stage, now, &before), "") << "the failure is mended, and still on the page";
+}
+
 TEST_F(StageOnDisk, TellsWhyItHasToBeDone) {
   EXPECT_EQ(WhyStale(stage, before, nullptr), "not done yet");
   EXPECT_EQ(WhyStale(stage, RecordOf(stage, "2", &before), &before), "done by version 1");
@@ -183,6 +198,9 @@ TEST_F(StageOnDisk, ContentsDecideWhereTheStampDiffers) {
 }
 
 TEST_F(StageOnDisk, RecordsAreReadBack) {
+  stage.session = folder.path();
+  before = RecordOf(stage, "1", nullptr);
+  EXPECT_EQ(before.inputs[0].path, "in") << "from the session's folder";
   before.accepted = {"CAL-FOLD"};
   before.seconds = 1.5;
   WriteStageRecords(folder / "run.json", {{"calibrate", before}});

@@ -1,4 +1,4 @@
-#include "stages/pipeline/plan.h"
+#include "stages/plan/plan.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
-#include "stages/pipeline/engines.h"
+#include "stages/plan/engines.h"
 #include "tests/support/temp_dir.h"
 
 namespace mvstudio::stages {
@@ -48,8 +48,15 @@ struct PlanFolder : ::testing::Test {
     for (const char* file : {"raw/board/a.mp4", "raw/run/a.mp4", "raw/walk/a.mp4"}) Put(file, file);
     options.session = folder.path();
     options.to = StageKind::kTriangulate;
-    plan = PlanOf(options, PipelineOf(dataset::ReadSession(folder.path()), options), {});
+    plan = MakePlan();
     plan.folder = folder.path();
+  }
+  Plan MakePlan() const {
+    const std::vector<PipelineStage> stages = PipelineOf(dataset::ReadSession(folder.path()), options);
+    std::vector<const PipelineStage*> chosen;
+    for (const PipelineStage& stage : stages)
+      if (IsAskedFor(stage, options) && stage.left_out.empty()) chosen.push_back(&stage);
+    return PlanOf(options, chosen, {});
   }
   void Put(const std::string& name, const std::string& text) const {
     const std::string path = folder / name;
@@ -199,7 +206,7 @@ TEST_F(PlanFolder, SlurmIsAskedForTwiceTheMemory) {
 
 TEST_F(PlanFolder, TheReportIsMadeAfterFailures) {
   options.to = StageKind::kReport;
-  plan = PlanOf(options, PipelineOf(dataset::ReadSession(folder.path()), options), {});
+  plan = MakePlan();
   std::vector<int> ids;
   for (const PlanTask& task : plan.tasks) ids.push_back(task.id);
   EXPECT_EQ(plan.tasks.back().after.size(), plan.tasks.size() - 1);

@@ -23,7 +23,7 @@ TEST(StudioNames, ResultsBearThem) {
   result.metrics = {{"cameras", {{"00_01", {{"iou", 0.5}}}}}, {"views", {"00_01", "00_03"}}, {"n", 3}};
   result.text = "00_01  0.9\n";
   result.errors.push_back({"A", "camera 00_01", "look at 00_01"});
-  NameCameras(StudioNames(folder.path()), &result);
+  result = NamedCameras(std::move(result), StudioNames(folder.path()));
   EXPECT_EQ(result.metrics.dump(), R"({"cameras":{"gopro2":{"iou":0.5}},"views":["gopro2","00_03"],"n":3})");
   EXPECT_EQ(result.text, "gopro2  0.9\n");
   EXPECT_EQ(result.errors[0].text + "; " + result.errors[0].hint, "camera gopro2; look at gopro2");

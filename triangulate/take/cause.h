@@ -33,6 +33,9 @@ enum class Cause {
 /// "as-given", "normalized", …
 std::string_view ToString(Cause cause);
 
+/// The offsets of the cameras' clocks are looked for in this many frames in the middle of a take.
+inline constexpr size_t kMostClockFrames = 600;
+
 struct CauseOptions {
   double min_score = 0.3;       ///< detections below are left out
   int max_persons = 1;          ///< persons kept

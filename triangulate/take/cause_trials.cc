@@ -335,8 +335,7 @@ std::vector<Assumption> Assumptions(const Rig& rig, const std::vector<DetectedFr
 
 std::vector<Clock> ClocksAskedFor(const Rig& rig, const std::vector<DetectedFrame>& frames, const CauseOptions& options,
                                   bool find_rates, const RunContext& run) {
-  constexpr size_t kMaxFrames = 600;
-  const size_t count = std::min(frames.size(), kMaxFrames), left = frames.size() - count;
+  const size_t count = std::min(frames.size(), kMostClockFrames), left = frames.size() - count;
   const auto found_in = [&](size_t first, bool rates) {
     SyncOptions sync;
     sync.min_score = options.min_score, sync.max_offset_frames = options.max_offset_frames, sync.find_rates = rates;

@@ -21,10 +21,10 @@
 #include "core/error.h"
 #include "core/join.h"
 #include "core/parallel.h"
-#include "core/statistics.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/studio_names.h"
 #include "dataset/views/crop.h"
+#include "dataset/views/person_extents.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -71,17 +71,12 @@ struct Plan {
   dataset::MissingPictures missing;
 };
 
-// Extent that nearly all poses stay inside; the few larger ones lose a little at the border instead of shrinking all others.
 double LargeExtent(const dataset::PanopticDataset& data, int person) {
-  std::vector<double> extents;
-  for (const int frame : FramesOfPerson(data, person)) {
-    for (const geometry::RigCamera& camera : data.rig.cameras) {
-      const auto extent = dataset::MeasurePerson(data.poses.at(frame).at(person), camera);
-      if (extent) extents.push_back(extent->half_extent_m);
-    }
-  }
-  if (extents.empty()) throw FormatError(data.root, "", "no camera has person " + std::to_string(person) + " in front of it");
-  return LowerQuantile(std::move(extents), 0.98);
+  const std::map<int, double> extents = dataset::LargeExtents(data);
+  const auto found = extents.find(person);
+  if (found == extents.end())
+    throw FormatError(data.root, "", "no camera has person " + std::to_string(person) + " in front of it");
+  return found->second;
 }
 
 Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) {

@@ -152,6 +152,9 @@ CommandResult Describe(const Pose2dReport& report) {
   result.Add(JudgePoses(report));
   result.folder = report.out;
   result.text = PoseSummary(report);
+  if (!report.budget) return result;
+  result.text += "\n";
+  result.Add(Describe(*report.budget));
   return result;
 }
 

@@ -57,7 +57,11 @@ void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, c
   const std::unique_ptr<dataset::FrameSource> source = dataset::OpenFrames(footage.path, {true, false, true});
   detect::PoseTracker tracker(*backend.net, backend.finder.get(), job.options, backend.plan);
   const int64_t between = std::max<int64_t>(1, source->num_frames() / std::max(1, job.overlays));
+  const auto seconds_since = [](std::chrono::steady_clock::time_point start) {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
   for (int64_t position = 0;; ++position) {
+    const auto reading = std::chrono::steady_clock::now();
     std::optional<dataset::FrameSource::Frame> frame = source->Advance();
     if (!frame || (job.max_frames > 0 && camera->frames >= job.max_frames)) break;
     std::vector<int> numbers = instants.Of(frame->number);
@@ -68,11 +72,12 @@ void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, c
       const auto other = [&](int number) { return !std::binary_search(job.frames.begin(), job.frames.end(), number); };
       numbers.erase(std::remove_if(numbers.begin(), numbers.end(), other), numbers.end());
     }
-    if (position % job.every != 0 || numbers.empty()) continue;
+    if (position < job.first || position % job.every != 0 || numbers.empty()) continue;
     const Image rgb = source->Picture();
+    camera->read_s += seconds_since(reading);
     const auto start = std::chrono::steady_clock::now();
     const std::vector<Person2d> people = Poses(tracker.Next(rgb));
-    camera->seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    camera->seconds += seconds_since(start);
     for (const int number : numbers) camera->track.frames[number] = people;
     camera->width = rgb.width, camera->height = rgb.height;
     camera->frames += 1;

@@ -42,6 +42,7 @@ struct CameraPoses {
   std::vector<int> numbers = {};  ///< with DetectJob::frames: those of the footage, up to the last that was asked for
   int width = 0, height = 0;
   double seconds = 0;  ///< of detection, without decoding
+  double read_s = 0;   ///< of decoding the frames that were looked at
 };
 
 struct DetectJob {
@@ -52,6 +53,7 @@ struct DetectJob {
   int max_frames = 0;            ///< 0: all
   std::vector<int> frames = {};  ///< sorted numbers, as poses are numbered; empty: all
   CachePlace cache = {};         ///< of what cameras gave before
+  int first = 0;                 ///< frames of the footage that are passed over, in trials, of which nothing is kept
 };
 
 /// Runs the cameras in parallel. Frames have the number of the time step where the footage has a timeline, else their own.

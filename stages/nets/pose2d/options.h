@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 
 #include "core/choice/option_group.h"
@@ -7,6 +8,7 @@
 #include "core/disk/kept.h"
 #include "dataset/detect/joints/joint_net.h"
 #include "dataset/detect/joints/pose_tracker.h"
+#include "stages/budget/ask.h"
 #include "stages/input/take_input.h"
 
 /// 2D keypoints of people in a take's footage: what a caller gives.
@@ -27,6 +29,8 @@ struct Pose2dOptions {
   bool overwrite = false;
   detect::PoseOptions pose;
   detect::OnnxOptions onnx;
+  BudgetOptions budget;
+  std::set<std::string> given;  ///< names of options that a budget must leave alone though they have their defaults
 
   Pose2dOptions() { take.with_timeline = false; }
 };
@@ -54,6 +58,10 @@ void VisitFields(Visitor&& visit, Pose2dOptions& o) {
   VisitStyled(visit, OptionStyle::kSwitch, "overwrite", o.overwrite, "replace the output folder");
   VisitFields(visit, o.pose);
   VisitFields(visit, o.onnx);
+  VisitBudget(
+      visit, o.budget,
+      "error that is enough, e.g. 3px, of a camera's keypoints from where the others put them: the cheapest setting that "
+      "a trial predicts to reach it");
 }
 
 }  // namespace mvstudio::stages

@@ -1,6 +1,7 @@
 #include "stages/nets/pose2d/run.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <iterator>
 #include <limits>
 
@@ -13,6 +14,7 @@
 #include "geometry/skeleton/skeleton_text.h"
 #include "stages/frame_notice.h"
 #include "stages/input/calib_read.h"
+#include "stages/nets/pose2d/budget.h"
 #include "stages/nets/pose2d/existing.h"
 #include "stages/words.h"
 
@@ -60,8 +62,12 @@ std::string ChoosePoseBackend(const Pose2dOptions& options, const DetectJob& job
   return best;
 }
 
-void DetectAll(const Pose2dOptions& options, const DetectJob& job, const geometry::Rig& rig, const RunContext& run,
+void DetectAll(Pose2dOptions options, DetectJob job, const geometry::Rig& rig, double started_s, const RunContext& run,
                Pose2dReport* report) {
+  if (options.budget.Asked()) {
+    report->budget = ChooseNet(job, rig, started_s, run, &options);
+    job.options = options.pose, job.every = options.every;
+  }
   report->backend = options.backend == "auto" ? ChoosePoseBackend(options, job, rig, run, &report->trials) : options.backend;
   const PoseBackend backend = OpenNet(report->backend, options);
   report->skeleton = backend.net->skeleton();
@@ -122,7 +128,18 @@ std::vector<Pose2dOtherSize> OtherSizes(const std::vector<CameraPoses>& cameras,
   return sizes;
 }
 
-void WritePoses(const Pose2dReport& report, AtomicFolder* folder) {
+/// What came of the budget, beside what came of earlier ones in the folder that is replaced.
+void KeepBudget(double started_s, AtomicFolder* folder, Pose2dReport* report) {
+  BudgetReport& budget = *report->budget;
+  budget.actual_error = report->agreement.measured ? report->agreement.median_px : std::nan("");
+  budget.actual_s = budget.asked.NowSeconds() - started_s;
+  const std::string earlier = report->out + "/" + kPredictionsFile;
+  if (std::filesystem::exists(earlier)) WriteFileAtomic(folder->work_path() + "/" + kPredictionsFile, ReadFile(earlier));
+  KeepPrediction(budget, folder->work_path());
+}
+
+void WritePoses(double started_s, AtomicFolder* folder, Pose2dReport* written) {
+  const Pose2dReport& report = *written;
   for (const CameraPoses& camera : report.cameras) {
     if (camera.track.frames.empty()) continue;
     dataset::WriteOpenPoseFolder(camera.track, folder->work_path() + "/" + camera.track.camera, &report.skeleton);
@@ -132,7 +149,15 @@ void WritePoses(const Pose2dReport& report, AtomicFolder* folder) {
     }
   }
   WriteFileAtomic(folder->work_path() + "/skeleton.json", SkeletonToJson(report.skeleton) + "\n");
+  if (report.budget) KeepBudget(started_s, folder, written);
   folder->Commit();
+}
+
+/// What cannot be must not cost the run.
+void CheckBudgetForPoses(const Pose2dOptions& options, bool existing) {
+  (void)options.budget.BudgetSeconds(), (void)options.budget.Target();
+  if (options.budget.Asked() && existing)
+    throw UsageError("option 'budget' and option 'target': keypoints that are there cost no time; leave them out");
 }
 
 geometry::Rig RigFor(const std::string& path, InputNotes* notes) {
@@ -155,7 +180,9 @@ std::string Pose2dOverlayPath(const std::string& out, const std::string& camera,
 
 Pose2dReport RunPose2d(const Pose2dOptions& options, const RunContext& run) {
   Pose2dReport report;
+  const double started_s = options.budget.NowSeconds();
   const bool existing = options.backend.rfind(kExistingPoses, 0) == 0;
+  CheckBudgetForPoses(options, existing);
   const TakeInput take = ReadTakeInput(options.take, &report.notes);
   if (take.footage.empty() && !existing)
     throw UsageError("no footage: give option 'video' or option 'images' for each camera, or option 'session'");
@@ -170,14 +197,14 @@ Pose2dReport RunPose2d(const Pose2dOptions& options, const RunContext& run) {
   if (existing) {
     ReadAll(options, take, &report);
   } else {
-    DetectAll(options, {take.footage, options.pose, options.overlays, options.every, 0, frames, options.cache}, rig, run,
-              &report);
+    DetectAll(options, {take.footage, options.pose, options.overlays, options.every, 0, frames, options.cache}, rig, started_s,
+              run, &report);
   }
   LimitPoses(frames, &report.cameras, &report.notes);
   RequireFrames(report.cameras);
   report.other_sizes = OtherSizes(report.cameras, rig);
   report.agreement = MeasureAgreement(PoseTracks(report.cameras), report.skeleton, rig, options.pose.max_persons, run);
-  WritePoses(report, &folder);
+  WritePoses(started_s, &folder, &report);
   return report;
 }
 

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "core/progress.h"
 #include "geometry/skeleton/skeleton.h"
+#include "stages/budget/report.h"
 #include "stages/input_notes.h"
 #include "stages/nets/pose2d/detect.h"
 #include "stages/nets/pose2d/options.h"
@@ -34,6 +36,7 @@ struct Pose2dReport {
   std::vector<CameraPoses> cameras;
   std::vector<Pose2dOtherSize> other_sizes;
   PoseAgreement agreement;
+  std::optional<BudgetReport> budget;
 
   /// Somebody was found in some image.
   bool FoundPeople() const;

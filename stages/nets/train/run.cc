@@ -3,9 +3,11 @@
 #include <filesystem>
 #include <optional>
 
+#include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/disk/place.h"
 #include "core/error.h"
+#include "stages/nets/body_motion.h"
 #include "stages/nets/train/method.h"
 
 namespace mvstudio::stages {
@@ -67,7 +69,11 @@ void BeginRun(const RunConfig& config, const avatar::References* references, con
               const AvatarRun& files) {
   files.Clear();
   if (references) WriteReferenceViews(references->views(), files.Path(avatar::kReferencesFile));
-  if (config.pack.fitted) WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
+  if (config.pack.fitted) {
+    WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
+    const std::string motion = BodyMotion(config.pack.fitted->person);
+    if (!motion.empty()) WriteFileAtomic(files.Path(kBodyMotionFile), motion);
+  }
   WriteRunConfig(options.relative_paths ? WithRelativePaths(config, options.out) : config, files.Path(avatar::kRunConfigFile));
 }
 

@@ -1,0 +1,10 @@
+#pragma once
+
+#include "stages/nets/info/run.h"
+#include "stages/result.h"
+
+namespace mvstudio::stages {
+
+CommandResult Describe(const NetworkInfo& info);
+
+}  // namespace mvstudio::stages
