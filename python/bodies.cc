@@ -52,7 +52,7 @@ py::array_t<uint8_t> TexturesOf(const TexturedPerson& person) {
   return array;
 }
 
-py::dict ArraysOf(const TexturedPerson& person) {
+py::dict BodyArrays(const TexturedPerson& person) {
   const BodyTemplate& body = person.person.body;
   py::dict arrays;
   arrays["vertices"] = RowsOf(body.vertices), arrays["faces"] = RowsOf(body.faces);
@@ -168,7 +168,7 @@ py::dict AboutGaussians(const splats::CloudFile& file) {
 void BindBodies(py::module_& module) {
   py::class_<TexturedPerson, HeldBody> held(module, "Body");
   held.def(py::init([](const std::string& path) { return std::make_shared<TexturedPerson>(body::ReadPerson(path)); }));
-  held.def("arrays", ArraysOf);
+  held.def("arrays", BodyArrays);
   held.def("textures", TexturesOf);
   held.def("frames", [](const TexturedPerson& person) {
     std::vector<int> frames;

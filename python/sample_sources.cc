@@ -144,7 +144,7 @@ void AddSamples(const DatasetSourceOptions& options, int person, const std::opti
   const PanopticDataset& data = source->data();
   const std::vector<std::string> names = geometry::CameraNames(data.rig);
   const std::vector<int> frames = FramesOf(data, person);
-  const dataset::MissingPictures missing = dataset::FindMissing(data, names, frames, options.masks);
+  const auto missing = dataset::FindMissing(data, names, frames, options.masks);
   for (const int frame : frames) {
     for (size_t c = 0; c < names.size(); ++c) {
       if (missing.Has(names[c], frame)) continue;

@@ -216,7 +216,7 @@ void CheckPictureSizes(const PanopticDataset& dataset) {
 void ChoosePerson(PackPlan* plan) {
   PackOptions& options = plan->options;
   if (options.person >= 0) RequirePerson(plan->dataset, options.person);
-  // The person whose joints go with whole pictures.
+  // The person whose joints go with whole images.
   if (options.full && options.person < 0) options.person = MostSeenPerson(plan->dataset);
   if (plan->view != PackView::kCrop) return;
   plan->half_extent_m = LargeExtents(plan->dataset);

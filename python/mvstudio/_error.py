@@ -4,7 +4,7 @@ from __future__ import annotations
 import keyword
 import re
 
-_OPTION = re.compile(r"\boption '([a-z0-9][a-z0-9-]*)'")
+_OPTION = re.compile(r"\boption '([a-zA-Z0-9][a-z0-9-]*)'")
 
 
 def argument(option: str) -> str:

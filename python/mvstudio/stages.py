@@ -6,7 +6,7 @@ The functions are made from the stages' own lists of options: names, defaults an
 overwrite : bool
     Whether results of an earlier run may be replaced.
 progress : callable or None
-    Called as ``progress(stage, done, total, note)`` some twenty times a second; see :func:`mvstudio.progress_bar`.
+    Called as ``progress(stage, done, total, note)`` some twenty times a second.
 threads : int
     0: as many as the machine has.
 seed : int

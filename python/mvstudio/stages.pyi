@@ -8,7 +8,42 @@ _Text = Union[str, "os.PathLike[str]", float]
 _List = Union[_Text, Sequence[_Text], Mapping[str, _Text]]
 _Progress = Optional[Callable[[str, int, int, str], object]]
 
-__all__: list[str]
+__all__ = [
+    "commands",
+    "options",
+    "calibrate",
+    "calib_refine",
+    "calib_compare",
+    "calib_eval",
+    "calib_align",
+    "calib_convert",
+    "calib_show",
+    "calib_resize",
+    "calib_lenses_add",
+    "calib_lenses_list",
+    "calib_lenses_check",
+    "board_propose",
+    "board_draw",
+    "board_check",
+    "sync",
+    "triangulate",
+    "markers",
+    "markers_angles",
+    "markers_events",
+    "markers_convert",
+    "session_init",
+    "session_show",
+    "session_trust",
+    "session_timeline",
+    "dataset_build",
+    "dataset_import_panoptic",
+    "dataset_pack",
+    "dataset_split",
+    "dataset_export",
+    "metrics",
+    "avatar_compare",
+    "avatar_surface",
+]
 
 def commands() -> dict[str, str]: ...
 def options(name: str) -> list[dict[str, Any]]: ...
@@ -66,6 +101,8 @@ def calibrate(
     scene_reject_sigmas: float = ...,
     start: _Text = ...,
     lenses: _Text = ...,
+    budget: _Text = ...,
+    target: _Text = ...,
     overwrite: bool = ...,
     progress: _Progress = ...,
     threads: int = ...,

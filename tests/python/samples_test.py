@@ -146,7 +146,7 @@ def test_mistakes(made):
                            (lambda: mvstudio.Pack(made / "nothing"), "no such file or folder"),
                            (lambda: mvstudio.Dataset(made / "data", crop=3), "`crop` 3: use 8 to 4096"),
                            (lambda: mvstudio.Dataset(made / "data", person=7), "no camera has person 7"),
-                           (lambda: mvstudio.Dataset(made / "pack"), "calibration")]:
+                           (lambda: mvstudio.Dataset(made / "pack"), "is a pack; this command reads the dataset")]:
         with pytest.raises(mvstudio.Error, match=words):
             mistake()
 

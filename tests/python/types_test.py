@@ -77,7 +77,7 @@ def test_stubs_are_what_the_module_has(folder):
     classes = [name for name in ("Rig", "Samples", "Body", "Gaussians") if isinstance(getattr(_core, name), type)]
     # pybind11's classes have a metaclass of its own, which no stub can name.
     (folder / "allowed").write_text("".join(f"mvstudio._core.{name}\n" for name in classes), encoding="utf-8")
-    done = run(folder, sys.executable, "-m", "mypy.stubtest", "mvstudio.stages", "mvstudio._core", "--mypy-config-file",
+    done = run(folder, sys.executable, "-m", "mypy.stubtest", "mvstudio.stages", "mvstudio._core", "--concise", "--mypy-config-file",
                str(folder / "mypy.ini"), "--allowlist", str(folder / "allowed"))
     assert done.returncode == 0, done.stdout + done.stderr
 
