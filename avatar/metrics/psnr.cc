@@ -15,7 +15,7 @@ Score FromSum(double squares, double count) {
   return {Status::kOk, -10 * std::log10(squares / count)};
 }
 
-/// Rows are added plainly and their sums with what rounding loses: a picture of 1e7 pixels keeps 13 digits.
+/// Rows are added plainly and their sums with what rounding loses: an image of 1e7 pixels keeps 13 digits.
 double Squares(const Picture& a, const Picture& b, const Box& box) {
   Sum sum;
   const double range = a.range;

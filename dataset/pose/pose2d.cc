@@ -275,21 +275,26 @@ json PersonToJson(const Person2d& person, const geometry::Skeleton* skeleton) {
 
 }  // namespace
 
-std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& camera) {
+OpenPoseFolder::OpenPoseFolder(const std::string& folder, const std::string& camera) : folder_(folder), camera_(camera) {
+  for (const auto& [frame, path] : FilesByFrame(folder, camera)) files_.emplace_back(frame, path.filename().string());
+}
+
+std::vector<int> OpenPoseFolder::Frames() const {
   std::vector<int> frames;
-  for (const auto& [frame, path] : FilesByFrame(folder, camera)) frames.push_back(frame);
+  for (const auto& [frame, name] : files_) frames.push_back(frame);
   return frames;
 }
 
-Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const geometry::Skeleton& skeleton,
-                               const FrameRange& range) {
-  Pose2dTrack track{camera, {}};
+Pose2dTrack OpenPoseFolder::Read(const geometry::Skeleton& skeleton, const FrameRange& range) const {
+  Pose2dTrack track{camera_, {}};
   internal::Tolerant tolerant(&track.skipped);
   size_t at = 0;
-  for (const auto& [frame, path] : FilesByFrame(folder, camera)) {
-    if (frame < range.first || frame > range.last || at++ % range.every != 0) continue;
-    const int number = frame;
-    const PoseFile file{path.string(), "camera " + camera + ", frame " + std::to_string(number), skeleton};
+  auto file_at = std::lower_bound(files_.begin(), files_.end(), std::pair(range.first, std::string()));
+  for (; file_at != files_.end() && file_at->first <= range.last; ++file_at) {
+    if (at++ % range.every != 0) continue;
+    const int number = file_at->first;
+    const fs::path path = fs::path(folder_) / file_at->second;
+    const PoseFile file{path.string(), "camera " + camera_ + ", frame " + std::to_string(number), skeleton};
     const bool yolo = path.extension() == ".txt";
     track.normalized = yolo, track.every_frame = !yolo;  // Ultralytics writes no file for a frame without people
     tolerant.Try([&, text_path = path.string()] {
@@ -300,6 +305,15 @@ Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& cam
   }
   if (!range.is_part) tolerant.Finish();
   return track;
+}
+
+std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& camera) {
+  return OpenPoseFolder(folder, camera).Frames();
+}
+
+Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const geometry::Skeleton& skeleton,
+                               const FrameRange& range) {
+  return OpenPoseFolder(folder, camera).Read(skeleton, range);
 }
 
 Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton) {

@@ -3,6 +3,7 @@
 #include <limits>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "geometry/skeleton/skeleton.h"
@@ -47,6 +48,20 @@ struct FrameRange {
 /// file name without one, always throw.
 Pose2dTrack ReadOpenPoseFolder(const std::string& folder, const std::string& camera, const geometry::Skeleton& skeleton,
                                const FrameRange& range = {});
+
+/// The same for a folder that is read in parts: its files are listed once, which takes longer than a part of a long take.
+class OpenPoseFolder {
+ public:
+  /// Lists the files. Errors as in ReadOpenPoseFolder.
+  OpenPoseFolder(const std::string& folder, const std::string& camera);
+  std::vector<int> Frames() const;  ///< ascending
+  size_t num_files() const { return files_.size(); }
+  Pose2dTrack Read(const geometry::Skeleton& skeleton, const FrameRange& range = {}) const;
+
+ private:
+  std::string folder_, camera_;
+  std::vector<std::pair<int, std::string>> files_;  ///< frame and name, ascending
+};
 
 /// The frame numbers in a folder, without reading the files. Errors as in ReadOpenPoseFolder.
 std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& camera);

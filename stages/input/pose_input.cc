@@ -57,6 +57,8 @@ PoseInput ReadRig(const PoseArguments& arguments, InputNotes* notes) {
   return input;
 }
 
+using Folders = std::map<std::string, dataset::OpenPoseFolder>;  // by camera
+
 void CheckNamedOnce(const std::vector<NamedPath>& pose2d) {
   std::set<std::string> seen;
   for (const NamedPath& named : pose2d) {
@@ -78,7 +80,7 @@ std::vector<std::string> PathsOf(const std::vector<NamedPath>& pose2d) {
   return paths;
 }
 
-void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range, InputNotes* notes, PoseInput* input) {
+void ReadTracks(const PoseArguments& arguments, InputNotes* notes, PoseInput* input) {
   CheckNamedOnce(arguments.pose2d);
   if (HasTrackerFile(arguments.pose2d))
     return TakeSet(ReadTrackerFiles(arguments, notes), PathsOf(arguments.pose2d), notes, input);
@@ -86,7 +88,7 @@ void ReadTracks(const PoseArguments& arguments, const dataset::FrameRange& range
   for (const auto& [camera, path] : arguments.pose2d) {
     const bool file = std::filesystem::is_regular_file(path);
     input->tracks.push_back(file ? dataset::ReadPoseResults(path, camera, input->skeleton)
-                                 : dataset::ReadOpenPoseFolder(path, camera, input->skeleton, range));
+                                 : dataset::ReadOpenPoseFolder(path, camera, input->skeleton));
     notes->inputs.push_back(path);
     ListSkipped(input->tracks.back().skipped, notes);
   }
@@ -106,14 +108,27 @@ void LeaveOutJoints(const std::vector<std::string>& names, PoseInput* input) {
 }
 
 /// Files spread over the take.
-std::vector<dataset::Pose2dTrack> SomeOfFolders(const PoseArguments& arguments, const geometry::Skeleton& skeleton) {
+std::vector<dataset::Pose2dTrack> SomeOfFolders(const PoseArguments& arguments, const Folders& folders,
+                                                const geometry::Skeleton& skeleton) {
   constexpr size_t kFiles = 200;
   std::vector<dataset::Pose2dTrack> some;
-  for (const auto& [camera, folder] : arguments.pose2d) {
-    const size_t every = std::max<size_t>(1, dataset::OpenPoseFrames(folder, camera).size() / kFiles);
-    some.push_back(dataset::ReadOpenPoseFolder(folder, camera, skeleton, {0, std::numeric_limits<int>::max(), true, every}));
+  for (const auto& [camera, path] : arguments.pose2d) {
+    const dataset::OpenPoseFolder& folder = folders.at(camera);
+    const size_t every = std::max<size_t>(1, folder.num_files() / kFiles);
+    some.push_back(folder.Read(skeleton, {0, std::numeric_limits<int>::max(), true, every}));
   }
   return some;
+}
+
+/// A part of every camera's folder.
+void ReadPart(const PoseArguments& arguments, const Folders& folders, const dataset::FrameRange& range, InputNotes* notes,
+              PoseInput* part) {
+  part->skeleton = SkeletonOf(arguments);
+  for (const auto& [camera, path] : arguments.pose2d) {
+    part->tracks.push_back(folders.at(camera).Read(part->skeleton, range));
+    notes->inputs.push_back(path);
+    ListSkipped(part->tracks.back().skipped, notes);
+  }
 }
 
 /// Joints of a skeleton that was asked for and that no file gives.
@@ -197,7 +212,7 @@ void CheckCameras(const PoseInput& input, InputNotes* notes) {
 PoseInput ReadWholeTracks(const PoseArguments& arguments, InputNotes* notes) {
   PoseInput input = ReadRig(arguments, notes);
   if (arguments.points2d.empty()) {
-    ReadTracks(arguments, {}, notes, &input);
+    ReadTracks(arguments, notes, &input);
     LimitFrames(arguments.changes, &input.tracks, notes);
     WarnOfFrames(input, notes);
   } else {
@@ -249,6 +264,7 @@ PoseParts::PoseParts(const PoseArguments& arguments, InputNotes* notes) : argume
   std::set<int> numbers;
   const auto is_folder = [](const NamedPath& named) { return std::filesystem::is_directory(named.path); };
   if (arguments.points2d.empty() && std::all_of(arguments.pose2d.begin(), arguments.pose2d.end(), is_folder)) {
+    CheckNamedOnce(arguments.pose2d);
     input_ = ReadRig(arguments, notes);
     input_.skeleton = SkeletonOf(arguments);
     input_.limbs = LimbsOf(input_.skeleton);
@@ -259,14 +275,13 @@ PoseParts::PoseParts(const PoseArguments& arguments, InputNotes* notes) : argume
     const auto& without = arguments.changes.without_cameras;
     for (const auto& [camera, folder] : arguments.pose2d) {
       if (std::find(without.begin(), without.end(), camera) == without.end()) input_.cameras.push_back(camera);
-      const std::vector<int> frames = dataset::OpenPoseFrames(folder, camera);
-      num_files_[camera] = frames.size();
+      const std::vector<int> frames = folders_.emplace(camera, dataset::OpenPoseFolder(folder, camera)).first->second.Frames();
       numbers.insert(frames.begin(), frames.end());
     }
     const std::vector<int> kept = LimitFrames(arguments.changes, std::vector<int>(numbers.begin(), numbers.end()), notes);
     numbers = std::set<int>(kept.begin(), kept.end());
     CheckCameras(input_, notes);
-    const std::vector<dataset::Pose2dTrack> some = SomeOfFolders(arguments, input_.skeleton);
+    const std::vector<dataset::Pose2dTrack> some = SomeOfFolders(arguments, folders_, input_.skeleton);
     if (!arguments.changes.ignore_scores) scales_ = ScoreScalesOf(some, false, notes);
     for (const dataset::Pose2dTrack& track : some) arguments_.changes.shares[track.camera] = SharesOf(track);
   } else {
@@ -286,7 +301,7 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
   if (!tracks_.empty()) return ToFrames(tracks_, input_.rig, arguments_.calib, range);
   PoseInput part;
   InputNotes own;
-  ReadTracks(arguments_, range, &own, &part);
+  ReadPart(arguments_, folders_, range, &own, &part);
   LimitToNumbers(numbers_, &part);
   for (dataset::Pose2dTrack& track : part.tracks) {
     if (const auto scale = scales_.find(track.camera); scale != scales_.end()) dataset::ScoresToShares(scale->second, &track);
@@ -295,7 +310,7 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
   for (const dataset::Pose2dTrack& track : part.tracks) {
     std::set<std::string>& damaged = damaged_[track.camera];
     damaged.insert(track.skipped.begin(), track.skipped.end());
-    if (2 * damaged.size() > num_files_.at(track.camera))
+    if (2 * damaged.size() > folders_.at(track.camera).num_files())
       throw FormatError("camera " + track.camera, "",
                         "more than half of its files cannot be read; the first: " + *damaged.begin());
   }

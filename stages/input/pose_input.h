@@ -101,7 +101,7 @@ class PoseParts {
   std::vector<dataset::Pose2dTrack> tracks_;                      ///< all of them, if they came in one file
   std::vector<int> numbers_;                                      ///< of all frames, ascending
   std::map<std::string, dataset::ScoreScale> scales_;             ///< of folders that are read as needed
-  std::map<std::string, size_t> num_files_;                       ///< by camera
+  std::map<std::string, dataset::OpenPoseFolder> folders_;        ///< by camera
   mutable std::map<std::string, std::set<std::string>> damaged_;  ///< lines about files, by camera
 };
 

@@ -13,7 +13,6 @@ namespace {
 
 constexpr double kTruncationOfDiagonal = 0.015;
 constexpr int kMinJoints = 3;
-constexpr int64_t kMaxEvaluations = 200'000'000;
 
 struct JointRay {
   int joint_idx;
@@ -71,6 +70,7 @@ void BestMatch(const PairGeometry& geometry, const PersonRays& a, const std::vec
                std::vector<double>* best, std::vector<double>* scratch) {
   best->clear();
   double best_error = 0;
+  std::vector<double> absolute;
   for (const PersonRays& b : people) {
     Distances(geometry, a, b, scratch);
     if (scratch->size() < kMinJoints) continue;
@@ -78,9 +78,9 @@ void BestMatch(const PairGeometry& geometry, const PersonRays& a, const std::vec
       best->swap(*scratch);
       return;
     }
-    std::vector<double> absolute;
+    absolute.clear();
     for (const double e : *scratch) absolute.push_back(std::abs(e));
-    const double error = UpperMedian(absolute);
+    const double error = UpperMedian(absolute.begin(), absolute.end());
     if (!best->empty() && error >= best_error) continue;
     best_error = error;
     *best = *scratch;
@@ -157,7 +157,7 @@ PairInput MakePair(const PreparedRig& rig, const std::vector<CameraRays>& rays, 
 }
 
 /// Every n-th frame, so that long takes and many cameras stay affordable.
-int Stride(const std::vector<CameraRays>& rays, size_t num_pairs, const SyncOptions& options) {
+int Stride(const std::vector<CameraRays>& rays, size_t num_pairs, const SyncOptions& options, int64_t max_evaluations) {
   int64_t persons = 0, cameras = 0;
   for (const CameraRays& camera : rays) {
     for (const auto& [frame, people] : camera) persons += static_cast<int64_t>(people.size() * people.size());
@@ -166,7 +166,7 @@ int Stride(const std::vector<CameraRays>& rays, size_t num_pairs, const SyncOpti
   constexpr int64_t kJoints = 20;
   const int64_t evaluations =
       persons / std::max<int64_t>(1, cameras) * kJoints * static_cast<int64_t>(num_pairs) * (2 * options.max_offset_frames + 1);
-  return static_cast<int>(1 + evaluations / kMaxEvaluations);
+  return static_cast<int>(1 + evaluations / max_evaluations);
 }
 
 }  // namespace
@@ -196,7 +196,7 @@ int PairCurve::Best() const {
 }
 
 std::vector<PairCurve> ComputePairCurves(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
-                                         const SyncOptions& options, const RunContext& run) {
+                                         const SyncOptions& options, const RunContext& run, int64_t max_evaluations) {
   const std::vector<CameraRays> rays = MakeRays(rig, frames, options.min_score);
   std::vector<PairCurve> curves;
   for (size_t a = 0; a < rays.size(); ++a) {
@@ -207,7 +207,7 @@ std::vector<PairCurve> ComputePairCurves(const PreparedRig& rig, const std::vect
       curves.back().a = static_cast<int>(a), curves.back().b = static_cast<int>(b);
     }
   }
-  const int stride = Stride(rays, curves.size(), options);
+  const int stride = Stride(rays, curves.size(), options, max_evaluations);
   ParallelFor(static_cast<int64_t>(curves.size()), run.num_threads, [&](int64_t i) {
     PairCurve& curve = curves[static_cast<size_t>(i)];
     FillCurve(MakePair(rig, rays, curve, stride), options, stride, &curve);

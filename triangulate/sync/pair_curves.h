@@ -1,6 +1,7 @@
 // Private: a step of SynchronizeCameras.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "triangulate/sync/sync.h"
@@ -31,8 +32,10 @@ struct PairCurve {
   double Strength() const { return usable() ? 1 - Cost(Best()) : 0; }
 };
 
-/// All pairs of cameras.
+/// All pairs of cameras. Frames are thinned out evenly where joints would be compared more often than `max_evaluations` times:
+/// many people are compared with each other at every offset.
 std::vector<PairCurve> ComputePairCurves(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
-                                         const SyncOptions& options, const RunContext& run);
+                                         const SyncOptions& options, const RunContext& run,
+                                         int64_t max_evaluations = 200'000'000);
 
 }  // namespace mvstudio::triangulate::internal

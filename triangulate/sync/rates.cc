@@ -29,11 +29,13 @@ std::vector<DetectedFrame> TwoOf(const std::vector<DetectedFrame>& frames, size_
 /// How clearly some offset fits two cameras at each candidate rate.
 std::vector<double> StrengthsOf(const PreparedRig& rig, const std::vector<DetectedFrame>& frames, size_t a, size_t b,
                                 const std::vector<double>& rates, const SyncOptions& options, const RunContext& run) {
+  constexpr int64_t kMaxEvaluations = 35'000'000;  // of each rate; three people fit into 500 frames whole
   std::vector<double> strengths(rates.size(), 0);
   RunContext alone = run;
   alone.num_threads = 1, alone.progress = nullptr;
   ParallelFor(static_cast<int64_t>(rates.size()), run.num_threads, [&](int64_t i) {
-    const auto curves = ComputePairCurves(rig, TwoOf(frames, a, b, rates[static_cast<size_t>(i)]), options, alone);
+    const auto curves =
+        ComputePairCurves(rig, TwoOf(frames, a, b, rates[static_cast<size_t>(i)]), options, alone, kMaxEvaluations);
     for (const PairCurve& curve : curves) strengths[static_cast<size_t>(i)] = curve.Strength();
   });
   return strengths;
