@@ -112,7 +112,7 @@ ViewCamera ReadViewCamera(const Value& camera) {
   SetPose(rotation, {translation.At(0).Number(), translation.At(1).Number(), translation.At(2).Number()}, &view);
   const double half_width = camera["size_px"].At(0).Number() / 2 / camera.Path("intrinsics.fx").Number();
   const double half_height = camera["size_px"].At(1).Number() / 2 / camera.Path("intrinsics.fy").Number();
-  // A fisheye's picture has no size at unit depth; the drawing is kept within reason.
+  // A fisheye's image has no size at unit depth; the drawing is kept within reason.
   if (std::isfinite(half_width) && half_width > 0) view.half_width = std::min(half_width, 1.5);
   if (std::isfinite(half_height) && half_height > 0) view.half_height = std::min(half_height, 1.5);
   return view;

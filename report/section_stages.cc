@@ -5,7 +5,7 @@
 #include "report/page/format.h"
 #include "report/sections.h"
 
-/// Sections that show whatever their commands saved: numbers, tables, findings and pictures.
+/// Sections that show whatever their commands saved: numbers, tables, findings and images.
 namespace mvstudio::report {
 namespace {
 

@@ -13,7 +13,7 @@
 namespace mvstudio::synth {
 namespace {
 
-constexpr double kSubjectHeight = 2.4;     // m, fills the picture's height at the centre
+constexpr double kSubjectHeight = 2.4;     // m, fills the image's height at the centre
 constexpr double kRingAlternation = 0.65;  // m
 
 constexpr ChoiceWords<Arrangement, 2> kArrangements = {{{Arrangement::kRing, "ring"}, {Arrangement::kDome, "dome"}}};

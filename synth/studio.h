@@ -11,7 +11,7 @@
 namespace mvstudio::synth {
 
 enum class Arrangement { kRing, kDome };
-enum class FootageFormat { kMp4, kPng };                ///< H.264, or lossless folders of pictures
+enum class FootageFormat { kMp4, kPng };                ///< H.264, or lossless folders of images
 enum class Background { kTextured, kPlain, kPosters };  ///< kPosters: walls full of features
 /// kSkinned: linear blend skinning explains the person; kCloth: muscles swell, and a skirt and the hem of a shirt swing.
 enum class SubjectKind { kSkinned, kCloth };
@@ -35,9 +35,9 @@ struct SynthOptions {
   double radius_m = 3;    ///< m, horizontal distance of the cameras from the centre (dome: distance)
   double height_m = 1.6;  ///< m, mean height of the cameras of a ring; they alternate 0.65 m above and below
   Arrangement arrangement = Arrangement::kRing;
-  std::string size = "640x480";                   ///< picture size, WIDTHxHEIGHT, even numbers
+  std::string size = "640x480";                   ///< image size, WIDTHxHEIGHT, even numbers
   std::string lens = "brown5";                    ///< any lens model
-  double focal_px = 0;                            ///< px; 0: a 2.4 m tall subject at the centre fills the picture
+  double focal_px = 0;                            ///< px; 0: a 2.4 m tall subject at the centre fills the image
   double noise_px = 0.2;                          ///< px, standard deviation of the 2D joints per coordinate
   std::string board = "charuco:7x5:140mm:105mm";  ///< board that is waved; its markers must stay above about 15 px
   int board_frames = 60;                          ///< frames of board footage; 0: none

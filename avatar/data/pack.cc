@@ -22,7 +22,7 @@ struct Field {
   const char* name;
   at::Tensor AvatarPack::*tensor;
   at::ScalarType type;
-  std::vector<int64_t> tail;  // sizes after N; kSize stands for the picture size, kJoints for the number of joints
+  std::vector<int64_t> tail;  // sizes after N; kSize stands for the image size, kJoints for the number of joints
   bool optional = false;
 };
 
@@ -64,7 +64,7 @@ void CheckShapes(const AvatarPack& pack) {
   }
 }
 
-/// `good` (N, ...) bool: names the first picture with a false.
+/// `good` (N, ...) bool: names the first image with a false.
 void RequireEach(const AvatarPack& pack, const at::Tensor& good, const char* what) {
   const at::Tensor rows = good.reshape({pack.size(), -1}).all(1);
   if (rows.all().item<bool>()) return;

@@ -59,18 +59,18 @@ struct PoseBatch {
   TemplateView body;
 };
 
-/// The poses of all pictures of a pack, or of some rows.
+/// The poses of all images of a pack, or of some rows.
 PoseBatch PosesOf(const AvatarPack& pack);
 PoseBatch PosesOf(const AvatarPack& pack, const at::Tensor& rows);
 
-/// "camera 00_03, frame 17" of picture i, for messages.
+/// "camera 00_03, frame 17" of image i, for messages.
 std::string PictureName(const AvatarPack& pack, int64_t i);
 
 /// Throws ContractViolation for wrong shapes, types, sizes or indices, and for values that are not finite or out of range.
 /// Messages about values name the camera and the frame.
 void Validate(const AvatarPack& pack);
 
-/// The pictures at `indices`, in that order; keeps the list of cameras.
+/// The images at `indices`, in that order; keeps the list of cameras.
 AvatarPack Select(const AvatarPack& pack, const std::vector<int64_t>& indices);
 
 /// One safetensors file. LoadPack validates; throws IoError / FormatError.

@@ -17,7 +17,7 @@ constexpr int64_t kParts = 24;
 constexpr int64_t kFirstPart = 3;  // channels before the parts: cover, u, v
 constexpr int64_t kFirstColour = kFirstPart + kParts;
 
-// Neither so sure that gradients vanish, nor so unsure that the picture is hazy: both ends lie beyond CleanAlpha's 5 and 95 %.
+// Neither so sure that gradients vanish, nor so unsure that the image is hazy: both ends lie beyond CleanAlpha's 5 and 95 %.
 constexpr double kSureLogit = 4, kOtherPartLogit = -8;
 constexpr double kLargestCoordinate = 0.98;  // atanh grows without bound at the chart's edge
 

@@ -37,7 +37,7 @@ at::Tensor PullPush(const at::Tensor& colour, const at::Tensor& weight) {
   return weight * colour + (1 - weight) * fine;
 }
 
-/// Texels far from all that a picture showed take the colour of their row (MeanChartRows). Near ones are left to their
+/// Texels far from all that an image showed take the colour of their row (MeanChartRows). Near ones are left to their
 /// neighbours. `colour` (24, 3, S, S) and `weight` (24, 1, S, S) in [0, 1] as for PullPush, which blends the rest.
 void FillRows(const TextureSums& sums, at::Tensor* colour, at::Tensor* weight) {
   constexpr double kTrust = 0.7;

@@ -5,10 +5,10 @@
 
 #include "core/image.h"
 
-/// Scores between pictures, in float64, as defined in docs/metrics.md. Depends only on core/.
+/// Scores between images, in float64, as defined in docs/metrics.md. Depends only on core/.
 namespace mvstudio::metrics {
 
-/// A picture to be scored: planes one after the other, (channels, height, width), samples in [0, range].
+/// An image to be scored: planes one after the other, (channels, height, width), samples in [0, range].
 struct Picture {
   int width = 0, height = 0, channels = 0;
   double range = 1;  ///< L of SSIM and the peak of PSNR: 1, 255, 65535, …
@@ -28,9 +28,9 @@ Picture Luma(const Picture& picture);
 /// Why a score has a value or none.
 enum class Status {
   kOk,
-  kSizesDiffer,   ///< the two pictures differ in size, channels or range
+  kSizesDiffer,   ///< the two images differ in size, channels or range
   kTooSmall,      ///< smaller than the window in one direction, or without a pixel
-  kNotFinite,     ///< NaN or infinity in a picture, or a range that is infinite or has no inverse
+  kNotFinite,     ///< NaN or infinity in an image, or a range that is infinite or has no inverse
   kOutsideRange,  ///< a sample is below 0 or above the range by more than 1e-6 of it
   kNothingLeft,   ///< the region or mask holds no pixel
 };

@@ -42,7 +42,7 @@ RegionScore ScoreWholeOf(const Pixels& truth, const Pixels& image) {
           Value(PsnrDb(truth, image), "PSNR")};
 }
 
-/// A mask at the picture's border may hold no window: then the windows of its box.
+/// A mask at the image's border may hold no window: then the windows of its box.
 double WindowsOf(const SsimMap& map, const Mask& mask, const Box& box) {
   const Score score = Mean(map, mask);
   return score.status == Status::kNothingLeft ? Value(Mean(map, box), "SSIM") : Value(score, "SSIM");

@@ -6,20 +6,20 @@
 #include "avatar/metrics/masks.h"
 #include "avatar/metrics/psnr.h"
 
-/// Scores of rendered people against the truth: regions of pixels, and means over pictures.
+/// Scores of rendered people against the truth: regions of pixels, and means over images.
 namespace mvstudio::metrics {
 
 /// SSIM in three conventions (Wang 2004 of RGB, the same of luma, scikit-image's default of RGB) and PSNR, dB (infinite for
-/// equal pictures).
+/// equal images).
 struct RegionScore {
   double ssim = 0, ssim_luma = 0, ssim_skimage = 0, psnr_db = 0;
 };
 
-/// For the whole picture. Throws ContractViolation with the reason when there is no score (docs/metrics.md).
+/// For the whole image. Throws ContractViolation with the reason when there is no score (docs/metrics.md).
 RegionScore ScoreWhole(const Picture& truth, const Picture& image);
 RegionScore ScoreWhole(const Image& truth, const Image& image);
 
-/// One picture. Both pictures are on black before they are compared.
+/// One image. Both images are on black before they are compared.
 struct PictureScore {
   RegionScore bbox;    ///< the true mask's bounding box, enlarged by 5 % of its longer side on each side, at least 11 px: the
                        ///< primary score
@@ -32,12 +32,12 @@ struct PictureScore {
 /// truth, image: three channels; masks of their size, the true one not empty (else ContractViolation).
 PictureScore ScorePicture(const Picture& truth, const Mask& true_mask, const Picture& image, const Mask& mask);
 
-/// Means over pictures; PSNR is the mean of the finite decibels, equal pictures are counted.
+/// Means over images; PSNR is the mean of the finite decibels, equal images are counted.
 struct MeanScore {
   int64_t n = 0;
   RegionScore bbox, full, masked;
   double mask_iou = 0, boundary_f = 0;
-  int64_t psnr_infinite = 0;  ///< pictures equal to the truth in their box
+  int64_t psnr_infinite = 0;  ///< images equal to the truth in their box
 };
 MeanScore Mean(const std::vector<PictureScore>& scores);
 RegionScore Mean(const std::vector<RegionScore>& scores, int64_t* psnr_infinite);
@@ -46,7 +46,7 @@ struct Interval {
   double low = 0, high = 0;
 };
 /// 95 % interval of the mean of `values` by a block bootstrap: blocks of neighbouring frames (sqrt(number of frames)
-/// long), all pictures of a frame together, because neighbouring frames are not independent. `frames` is as long as
+/// long), all images of a frame together, because neighbouring frames are not independent. `frames` is as long as
 /// `values`. NaN for a single frame, which shows no spread.
 Interval BlockBootstrap(const std::vector<double>& values, const std::vector<int64_t>& frames, uint64_t seed);
 

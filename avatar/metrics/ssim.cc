@@ -25,7 +25,7 @@ void ForStrips(const Samples& samples, int cols, int num_threads, const std::fun
   });
 }
 
-/// Mean over windows and planes, without a map. The pictures have been checked.
+/// Mean over windows and planes, without a map. The images have been checked.
 Score MeanSsim(const Samples& a, const Samples& b, SsimWindow window, int num_threads) {
   const int cols = a.width - SsimWindowSize(window) + 1, rows = a.height - SsimWindowSize(window) + 1;
   std::vector<double> sums(static_cast<size_t>(cols), 0.0);

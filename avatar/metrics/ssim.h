@@ -7,8 +7,8 @@
 
 namespace mvstudio::metrics {
 
-/// The two conventions in use. K1 = 0.01, K2 = 0.03 and L = the pictures' range in both; the mean is over the windows
-/// inside the picture, and over channels.
+/// The two conventions in use. K1 = 0.01, K2 = 0.03 and L = the images' range in both; the mean is over the windows
+/// inside the image, and over channels.
 enum class SsimWindow {
   kWang2004,  ///< Gaussian 11x11, sigma 1.5, population covariance: Wang et al., "Image quality assessment: from error
               ///< visibility to structural similarity", TIP 2004
@@ -33,16 +33,16 @@ struct Score {
   double value = std::numeric_limits<double>::quiet_NaN();  ///< NaN unless kOk
 };
 
-/// Mean of the map: the SSIM of the whole picture.
+/// Mean of the map: the SSIM of the whole image.
 Score Mean(const SsimMap& map);
 /// Mean over the windows inside the box: the SSIM of that crop.
 Score Mean(const SsimMap& map, const Box& box);
-/// Mean over the windows centred in the mask (of the picture's size).
+/// Mean over the windows centred in the mask (of the image's size).
 Score Mean(const SsimMap& map, const Mask& mask);
 
 /// Mean(ComputeSsimMap(…)) to rounding, without the memory of a map.
 Score Ssim(const Picture& a, const Picture& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
-/// Of 8-bit pictures, range 255, without a copy in float64.
+/// Of 8-bit images, range 255, without a copy in float64.
 Score Ssim(const Image& a, const Image& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
 
 /// Ssim(Luma(a), Luma(b), …) without the copies.

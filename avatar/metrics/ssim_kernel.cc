@@ -77,7 +77,7 @@ MVS_INLINE double Filter(const double* w, const Sample& sample) {
   }
 }
 
-/// One row of both pictures, count + kSide - 1 samples, to its moments in windows one row high.
+/// One row of both images, count + kSide - 1 samples, to its moments in windows one row high.
 template <int kSide>
 MVS_INLINE void FilterAcross(const double* a, const double* b, const double* w, int count, double* __restrict out) {
   double sum[kMaxInput], product[kMaxInput];

@@ -7,7 +7,7 @@
 /// The arithmetic of avatar/metrics/ssim.h, one strip of columns at a time; used only by ssim.cc.
 namespace mvstudio::metrics {
 
-/// A picture as read by the kernel: planes of doubles, or interleaved bytes when `planes` is null.
+/// An image as read by the kernel: planes of doubles, or interleaved bytes when `planes` is null.
 struct Samples {
   const double* planes = nullptr;
   const uint8_t* bytes = nullptr;

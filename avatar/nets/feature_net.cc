@@ -96,7 +96,7 @@ class TorchScriptNet : public FeatureNet {
     return output.toTensor().flatten(1);
   }
 
-  /// As FeatureNet::Pooled, which needs at least a row a picture.
+  /// As FeatureNet::Pooled, which needs at least a row an image.
   at::Tensor LastOf(const at::Tensor& rgb) const {
     const at::Tensor last = Levels(rgb).back();
     return last.dim() == 4 ? last.mean({2, 3}) : last.dim() > 1 ? last.flatten(1) : last;

@@ -85,7 +85,7 @@ at::Tensor PreviousOrBlack(const AvatarModel& model, const at::Tensor& previous,
   return previous.to(maps.options());
 }
 
-/// Share of a picture that is not carried over from the one before, by the network's weight logit. Of a network that starts
+/// Share of an image that is not carried over from the one before, by the network's weight logit. Of a network that starts
 /// from the template in colours an output of 0 carries nothing.
 at::Tensor FreshShare(const at::Tensor& logit, bool from_template) {
   if (!from_template) return at::sigmoid(logit);

@@ -9,7 +9,7 @@
 
 namespace mvstudio::avatar {
 
-/// Channels of references in a picture: RGB on black, and where there are any.
+/// Channels of references in an image: RGB on black, and where there are any.
 inline constexpr int kReferenceMaps = 4;
 
 /// Channels of a ReferenceRenderer's input: neural texture, the fitted body's image on black, its cover, references.

@@ -54,7 +54,7 @@ at::Tensor Magnitudes(const at::Tensor& x, const at::Tensor& bank) {
   return (y.select(2, 0).square() + y.select(2, 1).square()).sqrt().to(at::kDouble);
 }
 
-// Halves a picture (N, C, H, W) after a binomial blur (1 4 6 4 1) / 16.
+// Halves an image (N, C, H, W) after a binomial blur (1 4 6 4 1) / 16.
 at::Tensor Halve(const at::Tensor& x) {
   const at::Tensor row = at::tensor({1.0, 4.0, 6.0, 4.0, 1.0}, at::kDouble) / 16;
   const at::Tensor kernel = at::outer(row, row).view({1, 1, 5, 5});
@@ -111,7 +111,7 @@ at::Tensor GaborFeatures(const at::Tensor& pictures) {
   const at::Tensor bank = GaborBank();
   std::vector<at::Tensor> rows(x.size(0));
   at::parallel_for(0, x.size(0), 1,
-                   [&](int64_t begin, int64_t end) {  // one picture a thread: what is called inside runs serially
+                   [&](int64_t begin, int64_t end) {  // one image a thread: what is called inside runs serially
                      const at::NoGradGuard no_grad;
                      for (int64_t i = begin; i < end; ++i) rows[i] = Features(x.slice(0, i, i + 1), bank);
                    });

@@ -51,7 +51,7 @@ KernelDistance KernelInceptionDistance(const at::Tensor& x, const at::Tensor& y)
 /// Distances between two sets of features.
 struct SetDistance {
   double fd = 0;     ///< Fréchet distance
-  double floor = 0;  ///< mean Fréchet distance of random halves of the first set (n / 2 pictures each)
+  double floor = 0;  ///< mean Fréchet distance of random halves of the first set (n / 2 images each)
   KernelDistance kid;
   int64_t n = 0, n_other = 0, d = 0;
   std::string features;  ///< name of the net; only equal names are comparable

@@ -18,9 +18,9 @@ enum class Method {
   kGaussians,  ///< no network: Gaussians on the fitted body (gaussian_options.h)
   kHf,         ///< reference-based neural rendering of the fitted body
 };
-/// Which training images a picture of method `hf` may take its details from (avatar/run/references).
+/// Which training images an image of method `hf` may take its details from (avatar/run/references).
 enum class ReferenceChoice {
-  kBest,       ///< those that show most of what the picture shows, in the most similar poses
+  kBest,       ///< those that show most of what the image shows, in the most similar poses
   kFrontBack,  ///< the paper's: the person from the front and from the back
 };
 enum class NormLayer { kBatch, kInstance };
@@ -124,7 +124,7 @@ void VisitFields(Visitor&& visit, ModelOptions& o) {
 /// Whether the network sees the fitted body in its colours and predicts corrections of that image.
 bool CorrectsColours(const ModelOptions& options);
 
-/// Whether the network sees training images that are warped into the picture.
+/// Whether the network sees training images that are warped into the image.
 bool TakesReferences(const ModelOptions& options);
 
 /// Whether the network corrects the parts and coordinates that the template gives at each pixel: the second output then holds

@@ -5,7 +5,7 @@
 #include <vector>
 
 /// Gaussians on the triangles of a posed body: the parameters, shared by everything else here. Functions come in float, for
-/// pictures and training, and in double, against which the gradients are checked.
+/// images and training, and in double, against which the gradients are checked.
 namespace mvstudio::splats {
 
 inline constexpr int kMaxDegree = 2;

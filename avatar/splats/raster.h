@@ -33,7 +33,7 @@ struct SplatGradient {
   S rgb[3] = {0, 0, 0};
 };
 
-/// The gradients (as many as splats) from the loss's derivative by each value of the picture (4, H, W). Sums run over the
+/// The gradients (as many as splats) from the loss's derivative by each value of the image (4, H, W). Sums run over the
 /// tiles in order, so they do not depend on the number of threads.
 template <class S>
 std::vector<SplatGradient<S>> RasteriseBackward(const std::vector<Splat<S>>& splats, const Tiles& tiles,

@@ -48,7 +48,7 @@ void MoveJoints(const Jitter& j, int size_px, int64_t num_joints, float* joints)
   }
 }
 
-/// The body in moved pictures: cover, colours and references are smooth quantities, parts and coordinates are labels.
+/// The body in moved images: cover, colours and references are smooth quantities, parts and coordinates are labels.
 void MoveBody(const at::Tensor& grid, TemplateView* body) {
   if (body->maps.defined())
     body->maps = at::cat({at::grid_sampler_2d(body->maps.slice(1, 0, 1), grid, 0, 0, false).clamp(0, 1),

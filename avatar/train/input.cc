@@ -18,7 +18,7 @@ void AddPast(AvatarModel& model, const std::vector<int64_t>& previous, const std
     to->clear();
     for (size_t i = 0; i < from.size(); ++i) {
       const int64_t before = previous[from[i]];
-      to->push_back(before < 0 ? from[i] : before);  // any row: its picture is blacked out
+      to->push_back(before < 0 ? from[i] : before);  // any row: its image is blacked out
       has[static_cast<int64_t>(i)] = before < 0 ? 0 : 1;
     }
     return has.view({-1, 1, 1, 1}).to(input->batch.image.device());

@@ -31,7 +31,7 @@ class LossTerms {
 
   const at::Tensor& total() const { return total_; }
   double Value(size_t column) const;  ///< 0 for terms that are not there
-  at::Tensor image;  ///< (B, 3, H, W) the picture that was compared, detached; undefined before textures are ready
+  at::Tensor image;  ///< (B, 3, H, W) the image that was compared, detached; undefined before textures are ready
 
  private:
   at::Tensor total_;
@@ -54,7 +54,7 @@ struct StepInput {
   at::Tensor totals;          ///< of several processes, see LossTotals; undefined: those of this batch
 };
 
-/// Divisors of the losses' weighted sums over pixels, (5) float32: picture, SSIM, person, rest, moving pixels.
+/// Divisors of the losses' weighted sums over pixels, (5) float32: image, SSIM, person, rest, moving pixels.
 at::Tensor LossTotals(const StepInput& input, double foreground_weight);
 
 /// The loss of one step. `init`: only the initialisation terms.

@@ -5,12 +5,12 @@
 namespace mvstudio::avatar {
 namespace {
 
-/// The mask where a 7x7 window lies inside the picture.
+/// The mask where a 7x7 window lies inside the image.
 at::Tensor Inner(const at::Tensor& mask) { return mask.slice(1, 3, mask.size(1) - 3).slice(2, 3, mask.size(2) - 3); }
 
 at::Tensor Or(const at::Tensor& total, const at::Tensor& own) { return total.defined() ? total : own; }
 
-/// Means over 7x7 windows that lie inside the picture.
+/// Means over 7x7 windows that lie inside the image.
 at::Tensor Box7(const at::Tensor& x) { return at::avg_pool2d(at::avg_pool2d(x, {7, 1}, {1, 1}), {1, 7}, {1, 1}); }
 
 }  // namespace

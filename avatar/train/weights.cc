@@ -24,7 +24,7 @@ bool HeadsAreZero(const NamedTensors& tensors) {
   });
 }
 
-/// What the validation is judged by: the picture and the silhouette, not the terms that only steer the training.
+/// What the validation is judged by: the image and the silhouette, not the terms that only steer the training.
 double ScoreOf(const HistoryRow& row, const TrainOptions& o) {
   return o.weight_l1 * row["l1"] + o.weight_ssim * row["ssim"] + o.weight_gradient * row["gradient"] +
          o.weight_perceptual * row["perceptual"] + o.weight_mask * row["mask"];

@@ -23,7 +23,7 @@ struct PoseProblem {
 
 struct PoseState {
   std::vector<geometry::Rigid3> cam_from_world;    // per camera
-  std::vector<geometry::Rigid3> world_from_board;  // per board and instant
+  std::vector<geometry::Rigid3> world_from_board;  // per board and time step
 };
 
 /// Robust cost of a view with `squares`, the sum of squared weighted residuals, over `count` corners: 2 count k^2 log(1 +

@@ -22,7 +22,7 @@ namespace {
 
 using geometry::Rigid3;
 
-constexpr double kLeastLateness = 0.005;  // frames; below it an offset moves nothing that a picture shows
+constexpr double kLeastLateness = 0.005;  // frames; below it an offset moves nothing that an image shows
 constexpr size_t kMinCorners = 6;         // of a view with a pose
 
 /// Places of one camera's corners of one board: frame -> corner -> px.

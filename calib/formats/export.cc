@@ -135,7 +135,7 @@ namespace {
 
 /// Only mvstudio's own format knows cameras that are late.
 std::optional<Notice> LostOffsetsNote(const geometry::Rig& rig, CalibrationFormat format) {
-  constexpr double kLeast = 0.005;  // frames; below it an offset moves nothing that a picture shows
+  constexpr double kLeast = 0.005;  // frames; below it an offset moves nothing that an image shows
   std::string late;
   for (const geometry::RigCamera& camera : rig.cameras) {
     const auto& offset = camera.time_offset;

@@ -68,16 +68,16 @@ ImportedRig ReadKalibrChains(const std::vector<std::string>& paths, const ReadOp
 /// The file holds lenses alone: the gauge, and the note CAL-NOPOSE.
 void StateLensesOnly(ImportedRig* imported);
 
-/// A picture of a file: its path there, the name it would give its camera, lens and pose.
+/// An image of a file: its path there, the name it would give its camera, lens and pose.
 struct PictureCamera {
   std::string path, name;
   geometry::RigCamera camera;
   Place place;
 };
 
-/// The cameras that took the pictures. Pictures of one folder, or of one name in several folders, that share pose and lens are
+/// The cameras that took the images. Pictures of one folder, or of one name in several folders, that share pose and lens are
 /// one camera: `cam1/000000.jpg`, `cam1/000001.jpg`. Where file names repeat, a camera is named by its folder. Notes say both,
-/// and when the pictures of a folder stand at different places. Throws FormatError for names that are used twice nevertheless.
+/// and when the images of a folder stand at different places. Throws FormatError for names that are used twice nevertheless.
 void AddPictureCameras(std::vector<PictureCamera> pictures, ImportedRig* imported);
 
 // Keys that a reader did not ask for: a ValueView remembers those it was asked for.

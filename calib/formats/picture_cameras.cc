@@ -27,7 +27,7 @@ Names PartsOf(const std::string& path) {
   return parts;
 }
 
-/// For each picture its folders without those that all share, joined.
+/// For each image its folders without those that all share, joined.
 Names FolderNames(const std::vector<PictureCamera>& pictures) {
   std::vector<Names> folders;
   for (const PictureCamera& picture : pictures) {
@@ -93,7 +93,7 @@ bool SameCamera(const geometry::RigCamera& a, const geometry::RigCamera& b, doub
          (a.CenterInWorld() - b.CenterInWorld()).norm() <= kSamePlace * extent;
 }
 
-/// Every name is of one camera, and some name is of several pictures.
+/// Every name is of one camera, and some name is of several images.
 bool StandStill(const Groups& groups, const std::vector<PictureCamera>& pictures, double extent) {
   if (groups.count("") > 0 || groups.size() == pictures.size()) return false;
   for (const auto& [name, members] : groups) {

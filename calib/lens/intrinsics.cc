@@ -249,7 +249,7 @@ Camera WithModel(const Camera& camera, LensModel model, const geometry::SplineGr
 
 namespace {
 
-/// Starts of one model: the lens that gives the same picture, and for models with two basins (double spheres) one in the middle
+/// Starts of one model: the lens that gives the same image, and for models with two basins (double spheres) one in the middle
 /// of each.
 std::vector<Camera> StartsFor(const Camera& camera, LensModel model, const geometry::SplineGrid& spline) {
   std::vector<Camera> starts = {WithModel(camera, model, spline)};

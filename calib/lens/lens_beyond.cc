@@ -33,7 +33,7 @@ UncertaintySummary UncertaintyOf(const LensPool& fit, const BundleOptions& optio
   return ProjectionUncertainty(EvidenceOf(fit), considered.state, considered.options, fit.bundle.sigma_px).Summarize();
 }
 
-/// Beyond the circle of a wide lens there is no picture to be uncertain of.
+/// Beyond the circle of a wide lens there is no image to be uncertain of.
 Level LevelOf(const CameraUncertainty& camera, const PixelLimits& limits, bool wide) {
   if (!(camera.edge_px <= limits.fail_side_px)) return wide && std::isnan(camera.edge_px) ? Level::kWarn : Level::kFail;
   if (camera.edge_px > limits.side_px || (!wide && camera.corner_px > limits.corner_px)) return Level::kWarn;

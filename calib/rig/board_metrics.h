@@ -36,7 +36,7 @@ struct BoardMetrics {
 /// other frames. After caliscope, "scale accuracy".
 BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::vector<View>& views, const RigState& state);
 
-using CornerSights = std::map<int, std::vector<triangulate::Observation>>;  ///< of one board at one instant, by corner
+using CornerSights = std::map<int, std::vector<triangulate::Observation>>;  ///< of one board at one time step, by corner
 using CornerCloud = std::map<int, Eigen::Vector3d>;                         ///< in world, metres, by corner
 
 /// Maximum-likelihood position of every corner that two or more cameras have a ray to; all rays are used. Left out: rays

@@ -104,7 +104,7 @@ std::string Uncertain(const CameraUncertainty& camera, const PixelLimits& limits
   if (camera.edge_px > limits.side_px)
     return Format("projections at the image's sides are uncertain by %.2f px (good is below %.1f)", camera.edge_px,
                   limits.side_px);
-  // Beyond the circle of a wide lens there is no picture.
+  // Beyond the circle of a wide lens there is no image.
   if (!wide && camera.corner_px > limits.corner_px)
     return Format("projections in the image's corners are uncertain by %.1f px", camera.corner_px);
   return "";

@@ -109,7 +109,7 @@ void JudgeClock(const CameraReport& camera, double span_frames, Judgement* out) 
       "drive all cameras from one clock, or record time stamps; for other recordings mvstudio sync finds offset and rate");
 }
 
-/// A camera that is late sees boards at places that are interpolated: said where these do not explain its pictures.
+/// A camera that is late sees boards at places that are interpolated: said where these do not explain its images.
 void JudgeLate(const CameraReport& camera, Judgement* out) {
   constexpr double kLate = 0.05, kWorse = 1.1, kSlackPx = 0.02, kShare = 0.01;
   const double all = camera.num_corners + camera.num_rejected;

@@ -9,7 +9,7 @@
 namespace mvstudio::calib::internal {
 namespace {
 
-// Of triangulated corners against the pictures they come from, median; and of lengths over the size of the board.
+// Of triangulated corners against the images they come from, median; and of lengths over the size of the board.
 constexpr double kWarnTriangulatedPx = 1, kFailTriangulatedPx = 5;
 constexpr double kWarnLengths = 0.005, kFailLengths = 0.02;
 constexpr double kWarnStray = 0.02, kFailStray = 0.10;  // of the triangulated corners

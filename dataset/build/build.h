@@ -19,7 +19,7 @@ namespace mvstudio::dataset {
 struct CameraFootage {
   std::string camera;                                  ///< name in the calibration
   std::string path;                                    ///< video, image folder or pattern
-  std::string plate;                                   ///< clean plate: picture of the empty scene; may be empty
+  std::string plate;                                   ///< clean plate: image of the empty scene; may be empty
   std::shared_ptr<const Timeline> timeline = nullptr;  ///< which frame shows which time step; none: frame n shows time step n
 };
 
@@ -69,13 +69,13 @@ struct BuiltCamera {
   std::string alias;  ///< the studio's
   int images = 0;
   std::string size_rule;
-  double background_known = 0;  ///< fraction of the picture whose background was seen
+  double background_known = 0;  ///< fraction of the image whose background was seen
   double mean_area_fraction = 0;
   int joints = 0, joints_on_mask = 0, joints_supported = 0;
   std::vector<int> without_mask = {};  ///< time steps with an image, for which no mask was given
 };
 
-/// Time steps with joints for which a camera has no picture.
+/// Time steps with joints for which a camera has no image.
 struct BuildGaps {
   std::string camera;  ///< the studio's name
   std::vector<int> instants;
@@ -103,7 +103,7 @@ struct BuildReport {
 /// are its time steps, and each camera gives the frame that shows the time step, or none (listed in `gaps`).
 ///
 /// The folder appears complete or not at all. The calibration's time offsets are not applied: a dataset holds whole
-/// pictures. Joints that give none of Panoptic's 19 are written beside them, with all others of their skeleton
+/// images. Joints that give none of Panoptic's 19 are written beside them, with all others of their skeleton
 /// (dataset/panoptic/own_joints.h). Throws FormatError naming camera and frame for damaged footage, cameras that are not in the
 /// calibration, sizes that cannot be explained, and gaps with `require_complete`.
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,

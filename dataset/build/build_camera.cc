@@ -90,7 +90,7 @@ std::string ListText(const std::set<int>& numbers) {
   return text;
 }
 
-/// Handles time steps that have joints and no picture.
+/// Handles time steps that have joints and no image.
 void Settle(const CameraJob& job, const std::set<int>& gaps, const std::set<int>& lost, int count, int64_t last,
             const BuildOptions& options, Samples* samples) {
   if (!lost.empty() && !options.keep_undamaged) {
@@ -220,7 +220,7 @@ double AreaFraction(const Image& mask) {
   return sum / (255.0 * static_cast<double>(mask.pixels.size()));
 }
 
-/// Second pass: pictures and masks of the time steps that have joints.
+/// Second pass: images and masks of the time steps that have joints.
 void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model,
                  const BuildOptions& options, BuiltCamera* built) {
   const std::string images = job.folder + "/hdImgs/" + job.name + "/", masks = job.folder + "/masks/" + job.name + "/";

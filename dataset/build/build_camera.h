@@ -23,7 +23,7 @@ struct CameraJob {
   const GivenMasks* masks = nullptr;  ///< null: they are made
   double joint_rms_px = 0;            ///< median reprojection error of the joints
   std::string folder;                 ///< of the dataset under construction
-  std::function<void()> on_image;     ///< after each picture
+  std::function<void()> on_image;     ///< after each image
 };
 
 struct CameraResult {
@@ -39,7 +39,7 @@ struct CameraResult {
 /// SizeRules explains; `calibration` is the file's path, for the message.
 void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibration, const BuildOptions& options);
 
-/// Writes pictures and masks of one camera.
+/// Writes images and masks of one camera.
 CameraResult BuildCamera(const CameraJob& job, const BuildOptions& options);
 
 }  // namespace mvstudio::dataset::internal

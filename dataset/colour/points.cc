@@ -18,7 +18,7 @@ constexpr double kLeastCosine = 0.5;  // between normal and line of sight
 constexpr int kMaxPatchPx = 12;
 constexpr uint8_t kDark = 2, kBright = 253;  // channels at or beyond are clipped
 
-/// The cameras of one frame that have a mask and a picture.
+/// The cameras of one frame that have a mask and an image.
 struct FrameViews {
   struct View {
     int camera_idx;
@@ -133,7 +133,7 @@ const std::array<double, 256>& LinearOfLevel() {
   return table;
 }
 
-/// Mean colour of a disc, in linear light, as sRGB. False when the disc leaves the mask or the picture.
+/// Mean colour of a disc, in linear light, as sRGB. False when the disc leaves the mask or the image.
 bool PatchColour(const FrameViews::View& view, const Eigen::Vector2d& px, double radius_px, ColourPoint::View* seen) {
   const int cx = static_cast<int>(px[0] + 0.5), cy = static_cast<int>(px[1] + 0.5);
   const int r = std::clamp(static_cast<int>(radius_px + 0.5), 0, kMaxPatchPx);

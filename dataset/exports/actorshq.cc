@@ -5,7 +5,7 @@
 #include "dataset/exports/writers.h"
 
 /// ActorsHQ as HumanRF reads it: SCALE/calibration.csv (camera to world: rotation vector and centre; focal lengths and
-/// principal point as shares of the picture, counted from its corner), SCALE/rgbs, SCALE/masks, and aabbs.csv one level up.
+/// principal point as shares of the image, counted from its corner), SCALE/rgbs, SCALE/masks, and aabbs.csv one level up.
 namespace mvstudio::exports {
 namespace {
 

@@ -5,14 +5,14 @@
 #include "dataset/arrays/hdf5_writer.h"
 #include "dataset/exports/joint_files.h"
 
-/// The SMC files of DNA-Rendering (HDF5), as read by its SMCReader: main/SEQ.smc with the encoded pictures,
+/// The SMC files of DNA-Rendering (HDF5), as read by its SMCReader: main/SEQ.smc with the encoded images,
 /// annotations/SEQ_annots.smc with cameras (RT is camera to world), masks and keypoints.
 namespace mvstudio::exports {
 namespace {
 
 using dataset::internal::Hdf5Writer;
 
-/// The reader pads a camera's number for parameters and keypoints but not for pictures and masks.
+/// The reader pads a camera's number for parameters and keypoints but not for images and masks.
 std::string Padded(size_t camera) { return Numbered("", static_cast<int>(camera), 2, ""); }
 
 void AddCameras(const Take& take, Hdf5Writer* file) {
@@ -45,7 +45,7 @@ std::vector<double> Keypoints3d(const Take& take, int person) {
   return values;
 }
 
-/// (F, 19, 3): x, y in px, confidence; 0 where the joint is not in the picture.
+/// (F, 19, 3): x, y in px, confidence; 0 where the joint is not in the image.
 std::vector<double> Keypoints2d(const Take& take, const geometry::RigCamera& camera, int person) {
   const geometry::Projector projector(camera.camera);
   std::vector<double> values;

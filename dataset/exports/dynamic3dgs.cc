@@ -21,7 +21,7 @@ Json Rows(const std::vector<double>& values, size_t columns) {
   return rows;
 }
 
-/// Cameras that have a picture in a frame, for each frame.
+/// Cameras that have an image in a frame, for each frame.
 Json Meta(const Take& take, const std::vector<size_t>& views, const std::map<std::pair<size_t, int>, std::string>& files) {
   const geometry::Camera& first = take.views[0].camera.camera;
   Json meta = {{"w", first.width_px}, {"h", first.height_px}};

@@ -23,7 +23,7 @@ enum class ExportPictures {
   kCopy,
   kNone,  ///< cameras and joints only
 };
-/// Which pictures are resampled to an ideal pinhole.
+/// Which images are resampled to an ideal pinhole.
 enum class ExportUndistort {
   kAuto,  ///< those of lenses that the format cannot describe
   kAlways,
@@ -107,8 +107,8 @@ struct ExportReport {
   int points = 0;  ///< 3D points to start a reconstruction from, of all frames
   int missing_pictures = 0, missing_masks = 0;
   dataset::MissingPictures missing;                     ///< the same by camera of the dataset
-  int linked = 0;                                       ///< of the pictures and masks, those that use no disk space
-  std::vector<std::string> files;                       ///< relative to the folder; without pictures and masks
+  int linked = 0;                                       ///< of the images and masks, those that use no disk space
+  std::vector<std::string> files;                       ///< relative to the folder; without images and masks
   std::vector<std::pair<std::string, double>> figures;  ///< measured while writing: "bvh_rms_mm", "max_rounding_mm", …
   std::vector<Notice> notes;
 };
@@ -120,7 +120,7 @@ struct FormatInfo {
   std::string name, what;
   LensNeed lens = LensNeed::kAny;
   bool one_instant = false;  ///< describes a single frame; several frames become one folder each
-  bool one_size = false;     ///< all pictures have the same size
+  bool one_size = false;     ///< all images have the same size
   bool has_pictures = false;
   bool rig_only = false;   ///< can be written from a calibration alone (WriteRig)
   bool has_alpha = false;  ///< its readers take masks from an alpha channel
@@ -137,8 +137,8 @@ bool IsDatasetFile(const FormatInfo& format, const std::string& path);
 
 /// Writes the folder `out`, completely or not at all, with `export.json` beside the format's own files; or the format's one
 /// file alone, where `out` is its name. Throws UsageError
-/// for options and lenses that do not fit the format, FormatError / IoError for damaged pictures and when the dataset has
-/// none of the pictures, ResourceError. Some that it does not have are counted and left out.
+/// for options and lenses that do not fit the format, FormatError / IoError for damaged images and when the dataset has
+/// none of the images, ResourceError. Some that it does not have are counted and left out.
 ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::string& format, const std::string& out,
                            const ExportOptions& options, const RunContext& run = {});
 

@@ -2,7 +2,7 @@
 
 #include "dataset/exports/writers.h"
 
-/// HuMMan-Recon's colour cameras: cameras.json (K, R, T world to camera, the first camera is the world) and PNG pictures.
+/// HuMMan-Recon's colour cameras: cameras.json (K, R, T world to camera, the first camera is the world) and PNG images.
 namespace mvstudio::exports {
 
 void WriteHumman(const Job& job) {

@@ -43,7 +43,7 @@ struct Pictures::Task {
   std::string from, to, also_to;  ///< absolute
   int frame = 0;
   bool mask = false;
-  bool alpha = false;     ///< a picture with its mask as alpha
+  bool alpha = false;     ///< an image with its mask as alpha
   bool has_mask = false;  ///< of an alpha
   MaskValues values = MaskValues::k255;
 };

@@ -12,7 +12,7 @@
 
 namespace mvstudio::exports {
 
-/// Copies pictures and masks of a take to the export's folder. They are listed first and made by `Run`, in parallel.
+/// Copies images and masks of a take to the export's folder. They are listed first and made by `Run`, in parallel.
 class Pictures {
  public:
   Pictures(const Take& take, const ExportOptions& options, std::string folder);
@@ -20,8 +20,8 @@ class Pictures {
 
   enum class MaskValues { k255, k1 };
 
-  /// Lists a picture; `stem` is relative to the folder, without extension. Returns the file's relative path, or "" when
-  /// the dataset has no such picture (counted). With `extension` (".jpg" or ".png") the picture is converted if it
+  /// Lists an image; `stem` is relative to the folder, without extension. Returns the file's relative path, or "" when
+  /// the dataset has no such image (counted). With `extension` (".jpg" or ".png") the image is converted if it
   /// differs. With masks as alpha it is a PNG of four channels: 0 0 0 0 where the mask is 0, opaque without a mask.
   std::string AddPicture(size_t view, int frame, const std::string& stem, const std::string& extension = "");
   /// `path` is relative, with ".png". Foreground is 255, or 1 for readers that use the values directly. Lists nothing unless
@@ -30,15 +30,15 @@ class Pictures {
   /// The mask that was listed last also goes to this path: readers of one layout look in different folders.
   void AlsoTo(const std::string& path);
 
-  /// The picture or mask as exported, for colours; empty when there is none.
+  /// The image or mask as exported, for colours; empty when there is none.
   Image LoadPicture(size_t view, int frame) const;
   Image LoadMask(size_t view, int frame) const;
   Image LoadWithAlpha(size_t view, int frame) const;
-  /// Bytes of the encoded picture or mask, for containers; empty when there is none (counted).
+  /// Bytes of the encoded image or mask, for containers; empty when there is none (counted).
   std::string EncodedPicture(size_t view, int frame);
   std::string EncodedMask(size_t view, int frame);
 
-  /// Makes everything that was listed. Throws FormatError for a picture whose size differs from its camera's, IoError,
+  /// Makes everything that was listed. Throws FormatError for an image whose size differs from its camera's, IoError,
   /// ResourceError.
   void Run(const RunContext& run, ExportReport* report);
 

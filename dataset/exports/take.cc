@@ -89,7 +89,7 @@ std::string LensText(LensNeed need) {
   return need == LensNeed::kPinhole ? "an ideal pinhole" : need == LensNeed::kBrown4 ? "k1, k2, p1, p2" : "k1, k2, p1, p2, k3";
 }
 
-/// The lens of the exported pictures, undistorted where the options say so.
+/// The lens of the exported images, undistorted where the options say so.
 void ChooseLens(const FormatInfo& format, const ExportOptions& options, View* view) {
   const geometry::Camera& lens = view->source.camera;
   view->camera = view->source;

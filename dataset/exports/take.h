@@ -18,7 +18,7 @@ using People = std::map<int, dataset::Coco19Pose>;
 /// A camera as exported.
 struct View {
   ExportedCamera info;
-  geometry::RigCamera source;  ///< the lens of the dataset's pictures
+  geometry::RigCamera source;  ///< the lens of the dataset's images
   geometry::RigCamera camera;  ///< the lens of the exported ones
 };
 

@@ -8,7 +8,7 @@
 #include "dataset/exports/take.h"
 
 /// One function per format; included by this module's .cc files only. Each writes its own files below the job's folder and
-/// lists pictures and masks with `pictures`.
+/// lists images and masks with `pictures`.
 namespace mvstudio::exports {
 
 struct Job {

@@ -3,7 +3,7 @@
 #include "dataset/exports/writers.h"
 
 /// ZJU-MoCap as Neural Body reads it: annots.npy with the cameras (T in millimetres, world to camera) and, for every frame, the
-/// pictures of all cameras; masks below mask/ and mask_cihp/ under the picture's path: Neural Body opens the latter, HumanNeRF
+/// images of all cameras; masks below mask/ and mask_cihp/ under the image's path: Neural Body opens the latter, HumanNeRF
 /// both.
 namespace mvstudio::exports {
 namespace {

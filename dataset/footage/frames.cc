@@ -95,7 +95,7 @@ bool NaturalLess(const std::string& a, const std::string& b) {
   return a < b;
 }
 
-/// Means over blocks of a grey picture.
+/// Means over blocks of a grey image.
 Image Reduced(const Image& grey, int max_side) {
   const int block = std::max((std::max(grey.width, grey.height) + max_side - 1) / max_side, 1);
   Image out(std::max(grey.width / block, 1), std::max(grey.height / block, 1), 1);

@@ -55,7 +55,7 @@ struct FrameOptions {
   bool quiet = false;  ///< nothing goes to the log: the footage was read before
 };
 
-/// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video. What the first picture says
+/// Throws IoError when nothing matches, FormatError when a file is neither an image nor a video. What the first image says
 /// and is not simply read (Notice) goes to the log.
 std::unique_ptr<FrameSource> OpenFrames(const std::string& path_or_pattern, const FrameOptions& options = {});
 

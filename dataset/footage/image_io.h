@@ -23,7 +23,7 @@ struct ImageHeader {
 ImageHeader ReadImageHeader(const std::string& path);
 
 /// Reads PNG, JPEG, TIFF, WebP, BMP, PGM or PPM; RGB, or grey when `grey`: 8 bits, of 16 the upper ones; without opacity. The
-/// picture is turned and mirrored as EXIF's or TIFF's orientation says, unless `as_stored`. Throws IoError / FormatError, also
+/// image is turned and mirrored as EXIF's or TIFF's orientation says, unless `as_stored`. Throws IoError / FormatError, also
 /// for more than MaxPixels() or sides beyond 65535, files beyond 1 GiB and JPEG of more than 500 scans.
 Image ReadImage(const std::string& path, bool grey = false, bool as_stored = false);
 

@@ -31,7 +31,7 @@ struct MaskMeaning {
   bool IsDoubtful() const;
 };
 
-/// Looks at up to 48 of the files, evenly chosen. Throws IoError, and FormatError that names a file, at "values": grey pictures
+/// Looks at up to 48 of the files, evenly chosen. Throws IoError, and FormatError that names a file, at "values": grey images
 /// that are no mask, labels beside 255, files that contradict each other (0 and 1 beside 0 and 255), masks without a
 /// background, and sets in which most masks are inverted. No file: kBinary.
 MaskMeaning MeaningOfMasks(const std::vector<std::string>& paths);

@@ -6,7 +6,7 @@
 
 namespace mvstudio::dataset {
 
-/// How a stored picture is to be shown: mirrored left-right first, then turned clockwise. All eight ways of a rectangle.
+/// How a stored image is to be shown: mirrored left-right first, then turned clockwise. All eight ways of a rectangle.
 struct PictureTurn {
   bool mirrored = false;
   int quarter_turns_clockwise = 0;  ///< 0 to 3
@@ -24,7 +24,7 @@ PictureTurn TurnOfOrientation(int orientation);
 /// "a turn of 90 degrees clockwise", "a mirror image (left-right)", both with "and".
 std::string ToText(const PictureTurn& turn);
 
-/// The picture as it is to be shown.
+/// The image as it is to be shown.
 Image Turned(Image image, const PictureTurn& turn);
 
 }  // namespace mvstudio::dataset

@@ -46,7 +46,7 @@ double PixelAspect(const AVStream& stream) {
 }
 
 /// What cameras, recorders and editors write: each is one file that names no other. Left out are playlists (hls, dash, concat),
-/// descriptions of streams (sdp, rtsp) and patterns of pictures (image2), whose parts may lie anywhere.
+/// descriptions of streams (sdp, rtsp) and patterns of images (image2), whose parts may lie anywhere.
 constexpr char kContainers[] =
     "mov,matroska,avi,mpegts,mpeg,mpegvideo,m4v,h264,hevc,mjpeg,ogg,asf,mxf,flv,dv,ivf,nut,gxf,wtv,obu,yuv4mpegpipe";
 
@@ -133,7 +133,7 @@ PictureTurn TurnOfMatrix(const int32_t* m, const std::string& path) {
   if ((!straight && !crossed) || m[2] != 0 || m[5] != 0) RefuseMatrix(m, path);
   PictureTurn turn;
   turn.mirrored = a * d - b * c < 0;
-  const double right = turn.mirrored ? -1 : 1;  // where the picture's right goes once it is mirrored
+  const double right = turn.mirrored ? -1 : 1;  // where the image's right goes once it is mirrored
   turn.quarter_turns_clockwise = straight ? (a * right > 0 ? 0 : 2) : (b * right > 0 ? 1 : 3);
   return turn;
 }

@@ -147,7 +147,7 @@ bool VideoReader::Impl::IsWhole(const AVFrame& f) const {
   return f.reordered_opaque < resume_packet || f.pts == AV_NOPTS_VALUE || f.pts >= resume_pts;
 }
 
-/// True when `frame` holds the next picture.
+/// True when `frame` holds the next image.
 bool VideoReader::Impl::Receive() {
   if (!ready.empty()) {
     frame = std::move(ready.front());

@@ -44,7 +44,7 @@ std::map<int, double> TimesOfScenes(const PanopticFrames& scenes, Findings* find
   return times;
 }
 
-/// By the numbers in the names of pictures, or the positions in a video, which begin at 0.
+/// By the numbers in the names of images, or the positions in a video, which begin at 0.
 std::map<int, double> KinectTimes(const PanopticSequence& sequence, const PanopticSyncTables& tables, const std::string& camera,
                                   int node) {
   std::map<int, double> times = KinectColorTimesMs(tables, node);

@@ -13,7 +13,7 @@ namespace mvstudio::dataset {
 enum class ImportPictures {
   kLink,  ///< the session refers to the footage where it lies
   kCopy,
-  kDecode,  ///< copies pictures, turns videos into pictures
+  kDecode,  ///< copies images, turns videos into images
 };
 std::string_view ToString(ImportPictures pictures);  ///< "link", "copy", "decode"
 /// Throws UsageError.

@@ -40,7 +40,7 @@ struct FootageSamples {
   std::vector<std::string> damage = {};  ///< what does not decode, a line each
 };
 /// Decodes all of it. With `keep_undamaged` frames that do not decode are left out and listed, here and below. Throws
-/// FormatError for pictures of different sizes, numbers out of order, or no picture at all.
+/// FormatError for images of different sizes, numbers out of order, or no image at all.
 FootageSamples SampleFootage(const std::string& path, int count, bool keep_undamaged = false);
 
 struct LearnedCamera {
@@ -67,7 +67,7 @@ struct TakeMasks {
 };
 
 /// `possible(frame)`: where other cameras allow a person; empty image: anywhere; may be an empty function. `use` receives
-/// every frame's number, picture and mask in order; with `only`, of those frames.
+/// every frame's number, image and mask in order; with `only`, of those frames.
 TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
                       const std::function<Image(int)>& possible,
                       const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options,

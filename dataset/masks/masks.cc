@@ -185,7 +185,7 @@ cv::Mat Hints(const Image& rgb, const MaskHints& hints, const PixelBox& box, con
   return sum;
 }
 
-/// Where people are when no joints say it: what a cut over the whole reduced picture finds, with a margin.
+/// Where people are when no joints say it: what a cut over the whole reduced image finds, with a margin.
 PixelBox FindPeople(const Image& rgb, const MaskHints& hints, const CameraMaskModel& model, const MaskOptions& options) {
   const PixelBox all{0, 0, rgb.width, rgb.height};
   Patch full = internal::MakePatch(rgb, all, model.background, internal::ExposureGain(rgb, {}, model.background));

@@ -6,7 +6,7 @@
 
 namespace mvstudio::dataset {
 
-/// A picture and its mask, for visual inspection.
+/// An image and its mask, for visual inspection.
 struct SheetTile {
   Image rgb;    // (H, W, 3)
   Image mask;   // (H, W, 1)

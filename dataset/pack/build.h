@@ -29,7 +29,7 @@ struct PackOptions {
   int shard_samples = 512;
   std::vector<std::string> cameras;  ///< Panoptic or studio names; empty: all
   std::vector<int> frames;           ///< empty: all with a body3DScene file
-  std::string split;                 ///< file of `mvstudio.split/1`: only its pictures, marked by part
+  std::string split;                 ///< file of `mvstudio.split/1`: only its images, marked by part
   UndistortOptions undistort_view;   ///< with `undistort`
   ColourMatchOptions colour;         ///< with `match_colours`
 };
@@ -56,7 +56,7 @@ struct ShardShare {
 
 /// Seconds, summed over threads except write_s, verify_s and wall_s.
 struct PackTimes {
-  double decode_s = 0;    ///< pictures and masks of the dataset, files to pixels
+  double decode_s = 0;    ///< images and masks of the dataset, files to pixels
   double hash_s = 0;      ///< digests of those files
   double resample_s = 0;  ///< crops, undistortion, colours
   double encode_s = 0;
@@ -65,11 +65,11 @@ struct PackTimes {
   double wall_s = 0;
 };
 
-/// Errors of undistortion for one camera's pictures.
+/// Errors of undistortion for one camera's images.
 struct PackUndistortion {
   std::string camera;
   double max_joint_px = 0;  ///< footage px: the pinhole's projection of a joint against the lens's
-  double max_map_px = 0;    ///< footage px: the same through the map that pictures are resampled with
+  double max_map_px = 0;    ///< footage px: the same through the map that images are resampled with
   double lost_share = 0;    ///< fraction of the footage's pixels that the pinhole does not show
   double empty_share = 0;   ///< fraction of the pinhole's pixels without a source
 };
@@ -79,8 +79,8 @@ struct PackBuildReport {
   std::vector<int> built, kept, busy;          ///< shards made now, found finished, being made by another process
   std::vector<std::string> notes;              ///< why a shard was made again
   MaskMeaning masks = {};                      ///< how the masks were read; nothing after a merge
-  std::vector<std::string> skipped;            ///< pictures left out: "camera 00_03, frame 17: no image"
-  MissingPictures missing;                     ///< of the whole pack's pictures and masks; nothing after a merge
+  std::vector<std::string> skipped;            ///< images left out: "camera 00_03, frame 17: no image"
+  MissingPictures missing;                     ///< of the whole pack's images and masks; nothing after a merge
   std::string frames_beyond;                   ///< what was asked for and is not there, see KnownFrames
   int frames_without_person = 0;               ///< that were asked for; nothing after a merge
   int64_t samples = 0;                         ///< in built and kept shards
@@ -89,7 +89,7 @@ struct PackBuildReport {
   std::string busy_owner;                      ///< owner of the first busy one
   Status colour_status = Status::kOk;          ///< other than kOk: colours stayed unchanged
   std::string colour_reason;                   ///< which colour model was chosen and why
-  std::vector<PackUndistortion> undistortion;  ///< of each camera, when pictures are undistorted
+  std::vector<PackUndistortion> undistortion;  ///< of each camera, when images are undistorted
   int threads = 1;
   PackTimes times;
 };
@@ -98,7 +98,7 @@ struct PackBuildReport {
 /// Finished shards (file and inputs have the digests of the done-marker) are kept, damaged ones made again. The files do
 /// not depend on threads, on the share or on earlier interruptions. Pictures that are not there are left out, samples
 /// without a mask have none. Throws UsageError when `out` holds a pack of other options, FormatError when a camera has no
-/// picture.
+/// image.
 PackBuildReport BuildPack(const std::string& dataset_root, const std::string& out, const PackOptions& options,
                           const ShardShare& share = {}, const RunContext& run = {});
 

@@ -4,7 +4,7 @@
 
 namespace mvstudio::dataset {
 
-/// Encoding of a pack's pictures.
+/// Encoding of a pack's images.
 struct PackCodec {
   enum class Kind { kPng, kJpeg, kRaw };  ///< kRaw: rows of RGB bytes
   Kind kind = Kind::kPng;

@@ -1,4 +1,4 @@
-// Private: the bytes of pictures in a pack are not for other modules.
+// Private: the bytes of images in a pack are not for other modules.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ std::string EncodeImage(const Image& image, const PackCodec& codec);
 /// One bit a pixel, PNG.
 std::string EncodeMask(const Image& mask);
 
-/// Throws FormatError ("`path`: `where`: …") unless the bytes are a picture of exactly this size; the size is checked
+/// Throws FormatError ("`path`: `where`: …") unless the bytes are an image of exactly this size; the size is checked
 /// before decoding.
 Image DecodeImage(std::string_view bytes, const PackCodec& codec, int width, int height, const std::string& path,
                   const std::string& where);

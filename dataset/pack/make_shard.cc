@@ -78,7 +78,7 @@ Image Checked(Image image, const std::string& path, const geometry::Camera& came
                         camera.name);
 }
 
-// Whole pictures keep any value of 128 and more as foreground.
+// Whole images keep any value of 128 and more as foreground.
 Image Binary(Image mask) {
   for (uint8_t& value : mask.pixels) value = value >= 128 ? 255 : 0;
   return mask;

@@ -14,7 +14,7 @@ namespace mvstudio::dataset::internal {
 struct MadeShard {
   Shard shard;
   std::string inputs_sha256;         ///< as from InputsSha256
-  std::vector<std::string> skipped;  ///< pictures that do not exist
+  std::vector<std::string> skipped;  ///< images that do not exist
   PackTimes times;
 };
 
@@ -24,11 +24,11 @@ struct ShardTools {
 };
 ShardTools MakeShardTools(const PackPlan& plan);
 
-/// Reads, resamples and encodes the pictures of one shard. Throws IoError / FormatError for damaged files; missing ones
+/// Reads, resamples and encodes the images of one shard. Throws IoError / FormatError for damaged files; missing ones
 /// are skipped.
 MadeShard MakeShard(const PackPlan& plan, const ShardTools& tools, int number, const RunContext& run);
 
-/// Digest of the current pictures and masks of a shard.
+/// Digest of the current images and masks of a shard.
 std::string InputsSha256(const PackPlan& plan, int number, const RunContext& run);
 
 }  // namespace mvstudio::dataset::internal

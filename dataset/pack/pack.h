@@ -14,30 +14,30 @@
 #include "dataset/views/split.h"
 #include "geometry/rig/rig.h"
 
-/// Reads packs: pictures of people with their cameras, masks and joints in HDF5 files, for training and archive.
+/// Reads packs: images of people with their cameras, masks and joints in HDF5 files, for training and archive.
 /// docs/formats.md describes the format; dataset/pack/build.h makes packs.
 namespace mvstudio::dataset {
 
 inline constexpr char kPackSchema[] = "mvstudio.pack/1";
 
-/// Content of the pictures of a pack.
+/// Content of the images of a pack.
 enum class PackView {
   kCrop,         ///< a person, seen by a pinhole camera rotated towards them
-  kFull,         ///< the whole picture, through the camera's own lens
-  kUndistorted,  ///< the whole picture, as a pinhole would have taken it
+  kFull,         ///< the whole image, through the camera's own lens
+  kUndistorted,  ///< the whole image, as a pinhole would have taken it
 };
 
-/// One picture of a pack.
+/// One image of a pack.
 struct PackSample {
   int camera_idx = 0;        ///< of Pack::rig
   int frame = 0;             ///< as in the dataset
   double univ_time_ms = -1;  ///< Panoptic's clock; -1 when unknown
   int person = -1;           ///< owner of these joints; -1: nobody
-  geometry::RigCamera view;  ///< the camera of the stored picture; joints project through it
+  geometry::RigCamera view;  ///< the camera of the stored image; joints project through it
   Coco19Pose pose;           ///< in world, metres; as in the dataset
   Eigen::Matrix<double, 2, 19> joints_px =
-      Eigen::Matrix<double, 2, 19>::Zero();  ///< in the stored picture; 0 where not in view
-  std::array<bool, 19> in_view{};            ///< the joint is valid and its projection lies inside the picture
+      Eigen::Matrix<double, 2, 19>::Zero();  ///< in the stored image; 0 where not in view
+  std::array<bool, 19> in_view{};            ///< the joint is valid and its projection lies inside the image
   PartOfSplit part = PartOfSplit::kNone;
   bool has_mask = false;
 };
@@ -47,7 +47,7 @@ struct PackInfo {
   PackView view = PackView::kCrop;
   std::string image_codec;          ///< "png", "jpeg:90", "raw"
   std::string mask_codec;           ///< "png", "none"
-  int width_px = 0, height_px = 0;  ///< of the pictures; 0 when they differ
+  int width_px = 0, height_px = 0;  ///< of the images; 0 when they differ
   int shards = 0, cameras = 0, frames = 0, people = 0;
   int64_t samples = 0;
   uint64_t bytes = 0;     ///< of the HDF5 files
@@ -63,7 +63,7 @@ struct PackOpenOptions {
   uint64_t max_memory_bytes = 1ull << 30;  ///< memory limit of that process beyond what this one uses
 };
 
-/// An open pack. All members are const and may be called from several threads; each picture costs one read of its own
+/// An open pack. All members are const and may be called from several threads; each image costs one read of its own
 /// bytes. The table of samples is in memory.
 class Pack {
  public:
@@ -77,7 +77,7 @@ class Pack {
   Image ReadImage(size_t i) const;
   /// Grey, 0 or 255; empty when the sample has none.
   Image ReadMask(size_t i) const;
-  /// The encoded picture as stored, checked.
+  /// The encoded image as stored, checked.
   std::string ReadImageBytes(size_t i) const;
 
   struct Data;
@@ -103,7 +103,7 @@ struct PackReport {
   int num_errors() const;
 };
 
-/// Lists all defects of a pack: missing, damaged or unexpected shards, digests, every checksum, every picture and mask
+/// Lists all defects of a pack: missing, damaged or unexpected shards, digests, every checksum, every image and mask
 /// decoded, joints against their projection. Files are read in a separate process (see PackOpenOptions); a file that
 /// crashes it or exceeds its time is a finding. Throws IoError when there is no pack at `path`.
 PackReport VerifyPack(const std::string& path, const PackOpenOptions& options = {}, const RunContext& run = {});

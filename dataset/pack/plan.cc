@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int64_t kShardPixelBytes = int64_t{768} << 20;  // decoded pictures of one shard, at most
+constexpr int64_t kShardPixelBytes = int64_t{768} << 20;  // decoded images of one shard, at most
 
 void CheckOptions(const PackOptions& o) {
   if (o.crop_px < 8 || o.crop_px > 4096) throw UsageError("option 'crop' " + std::to_string(o.crop_px) + ": use 8 to 4096 px");
@@ -107,7 +107,7 @@ void FillShards(const std::optional<Split>& split, PackPlan* plan) {
     throw UsageError("nothing to pack: no camera sees a person in the chosen frames of " + plan->dataset.root);
 }
 
-/// What the dataset does not hold of the planned pictures. A camera without any is refused.
+/// What the dataset does not hold of the planned images. A camera without any is refused.
 void FindMissingOfPlan(PackPlan* plan) {
   std::map<int, std::vector<int>> frames;
   for (const auto& shard : plan->shards) {

@@ -16,13 +16,13 @@
 
 namespace mvstudio::dataset::internal {
 
-/// A person to be cropped from a picture; with whole pictures, the owner of its joints (-1: nobody).
+/// A person to be cropped from an image; with whole images, the owner of its joints (-1: nobody).
 struct PackTarget {
   int person = -1;
   PersonExtent extent;
 };
 
-/// One picture file and its samples.
+/// One image file and its samples.
 struct PackPicture {
   int camera_idx = 0;
   int frame = 0;
@@ -36,18 +36,18 @@ struct PackPlan {
   PackView view = PackView::kCrop;
   bool masks = false;
   PanopticDataset dataset;
-  std::vector<geometry::RigCamera> views;  ///< whole pictures: the camera of each, by camera_idx
+  std::vector<geometry::RigCamera> views;  ///< whole images: the camera of each, by camera_idx
   std::map<int, double> half_extent_m;     ///< crops: by person
   ColourMatch colour;
   std::map<int, std::string> scene_paths;        ///< body3DScene files
   std::vector<std::vector<PackPicture>> shards;  ///< in order of frame, camera
   int frames_without_person = 0;                 ///< of the chosen frames, those without anybody (or the chosen person)
   std::string frames_beyond;                     ///< see KnownFrames
-  MissingPictures missing;                       ///< of the shards' pictures and, with masks, masks
+  MissingPictures missing;                       ///< of the shards' images and, with masks, masks
   std::string json, sha256, rig_json;
 };
 
-/// Throws UsageError for names, frames and sizes that do not fit the dataset, FormatError when a camera has no picture.
+/// Throws UsageError for names, frames and sizes that do not fit the dataset, FormatError when a camera has no image.
 PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& options, const RunContext& run);
 
 std::string ToString(PackView view);

@@ -14,7 +14,7 @@ namespace mvstudio::dataset::internal {
 
 inline constexpr int64_t kMaxPicturePx = int64_t{1} << 26;
 
-/// Row i of every table of the first group is sample i; of the second, pose i. Encoded pictures and masks are in `blob`,
+/// Row i of every table of the first group is sample i; of the second, pose i. Encoded images and masks are in `blob`,
 /// none across a chunk border.
 struct Shard {
   std::string plan;    ///< JSON: options, cameras, digests of the inputs; equal in all shards of a pack
@@ -29,13 +29,13 @@ struct Shard {
   std::vector<double> univ_time_ms;    // (N)
   std::vector<uint8_t> part;           // (N) 0 none, 1 train, 2 validation, 3 test
   std::vector<int32_t> size_px;        // (N, 2) width, height
-  std::vector<double> intrinsics;      // (N, 3, 3) K of the stored picture
-  std::vector<double> cam_from_world;  // (N, 3, 4) [R t] of the stored picture, metres
-  std::vector<double> joints_px;       // (N, 19, 2) in the stored picture; 0 where not in view
+  std::vector<double> intrinsics;      // (N, 3, 3) K of the stored image
+  std::vector<double> cam_from_world;  // (N, 3, 4) [R t] of the stored image, metres
+  std::vector<double> joints_px;       // (N, 19, 2) in the stored image; 0 where not in view
   std::vector<uint8_t> joint_in_view;  // (N, 19)
   std::vector<uint64_t> image_offset, image_bytes, mask_offset, mask_bytes;  // (N) in the blob
   std::vector<uint32_t> image_crc32, mask_crc32;                             // (N)
-  std::vector<uint8_t> source_sha256;                                        // (N, 32) of the picture file
+  std::vector<uint8_t> source_sha256;                                        // (N, 32) of the image file
   std::vector<uint8_t> mask_sha256;                                          // (N, 32) of the mask file, 0 without
 
   std::vector<int32_t> pose_frame, pose_person;  // (M)
@@ -79,10 +79,10 @@ void VisitTables(Visitor&& visit, ShardType& s) {
   visit("/poses/valid", s.joint_valid, Dims{19});
 }
 
-/// Adds the encoded picture and mask (empty: none) of the sample whose other columns were just added. The sizes of all
+/// Adds the encoded image and mask (empty: none) of the sample whose other columns were just added. The sizes of all
 /// samples must be known before: see ChooseBlobChunk.
 void AddToBlob(std::string_view image, std::string_view mask, Shard* shard);
-/// A chunk size that holds every pair of picture and mask, with little space wasted at its end.
+/// A chunk size that holds every pair of image and mask, with little space wasted at its end.
 uint64_t ChooseBlobChunk(uint64_t largest_pair_bytes);
 
 /// Digest of everything but the blob, whose pieces are represented by their CRC-32.

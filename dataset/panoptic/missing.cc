@@ -16,7 +16,7 @@ int Count(const MissingPictures& missing, const std::set<int> MissingOfCamera::*
   return count;
 }
 
-/// Names of the missing pictures, camera by camera, at most `most`.
+/// Names of the missing images, camera by camera, at most `most`.
 std::vector<std::string> Names(const MissingPictures& missing, int most) {
   std::vector<std::string> names;
   for (const auto& [camera, of] : missing.by_camera) {

@@ -7,7 +7,7 @@
 
 #include "dataset/panoptic/panoptic.h"
 
-/// A dataset need not hold every picture of every camera. What it does not hold is left out, counted and listed; a file
+/// A dataset need not hold every image of every camera. What it does not hold is left out, counted and listed; a file
 /// that exists and is damaged or of another size is an error.
 namespace mvstudio::dataset {
 
@@ -15,7 +15,7 @@ namespace mvstudio::dataset {
 struct MissingOfCamera {
   int asked = 0;             ///< frames asked for
   std::set<int> no_picture;  ///< frame numbers
-  std::set<int> no_mask;     ///< the picture exists, its mask does not
+  std::set<int> no_mask;     ///< the image exists, its mask does not
   int missing() const { return static_cast<int>(no_picture.size() + no_mask.size()); }
 };
 
@@ -29,7 +29,7 @@ struct MissingPictures {
   std::vector<std::string> CamerasWithout() const;
 };
 
-/// Those of `cameras` (Panoptic names) in `frames` whose picture or, with `masks`, whose mask does not exist. Only names
+/// Those of `cameras` (Panoptic names) in `frames` whose image or, with `masks`, whose mask does not exist. Only names
 /// are looked at.
 MissingPictures FindMissing(const PanopticDataset& dataset, const std::vector<std::string>& cameras,
                             const std::vector<int>& frames, bool masks = true);

@@ -46,7 +46,7 @@ void WriteBody3dScene(const std::map<int, Coco19Pose>& people, double univ_time_
 struct PanopticDataset {
   std::string root;
   std::string sequence;  ///< <seq> of calibration_<seq>.json
-  geometry::Rig rig;     ///< cameras that have pictures in hdImgs, names 00_NN
+  geometry::Rig rig;     ///< cameras that have images in hdImgs, names 00_NN
   std::map<std::string, std::string>
       aliases;              ///< studio's name ("cam_02") -> Panoptic name ("00_01"); from dataset.json when there is one
   std::vector<int> frames;  ///< frame numbers with a body3DScene file, sorted

@@ -84,7 +84,7 @@ std::string WayOut(const fs::path& path) {
   return !relative.empty() && *relative.begin() == ".." ? "leaves the session" : "";
 }
 
-/// The pictures of a folder or pattern are reached one by one.
+/// The images of a folder or pattern are reached one by one.
 void CheckPictures(const Session& session, const std::string& path, const std::string& joined, const fs::path& real_folder) {
   const bool pattern = IsPattern(joined);
   if (!pattern && !fs::is_directory(joined)) return;

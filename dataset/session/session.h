@@ -20,8 +20,8 @@ struct SessionCamera {
 /// The footage of one camera in one take; paths as in the file, relative to the session's folder.
 struct SessionFootage {
   std::string camera;
-  std::string path;   ///< video, folder or pattern of pictures
-  std::string plate;  ///< clean plate: picture of the empty scene; may be empty
+  std::string path;   ///< video, folder or pattern of images
+  std::string plate;  ///< clean plate: image of the empty scene; may be empty
 };
 
 /// What was filmed.
@@ -78,7 +78,7 @@ void WriteSession(const Session& session, bool comments = false);
 const SessionTake& TakeOf(const Session& session, const std::string& name);
 
 /// An existing path (or pattern) of the session, joined with its folder. Throws FormatError when it leaves the session by
-/// `..`, an absolute path or a symbolic link, also for a single picture in a folder. `allow_outside`, here or in the
+/// `..`, an absolute path or a symbolic link, also for a single image in a folder. `allow_outside`, here or in the
 /// session, permits it, and so does a trusted folder in which it lies.
 std::string ResolveInSession(const Session& session, const std::string& path, bool allow_outside = false);
 

@@ -182,7 +182,7 @@ int64_t CountInstants(const std::vector<Clock>& clocks, double start_s, double p
 void ListDropped(const Clock& c, CameraTimeline* out) {
   for (size_t i = 1; i < c.by_tick.size(); ++i) {
     const int64_t missing = c.by_tick[i].first - c.by_tick[i - 1].first - 1;
-    int64_t doubled = 0;  // frames between that only repeat a picture stand for a missing one each
+    int64_t doubled = 0;  // frames between that only repeat an image stand for a missing one each
     for (size_t k = c.by_tick[i - 1].second + 1; k < c.by_tick[i].second; ++k) doubled += c.fit.tick[k] != kNoTick;
     if (missing > doubled) out->dropped.push_back({c.times->frame[c.by_tick[i - 1].second], missing - doubled});
   }

@@ -12,7 +12,7 @@
 
 /// The frame of each camera at each time step of a take. Time steps are the ticks of the reference camera's clock from its
 /// first frame on, including ticks of dropped frames. Time step i is frame i of a reference without dropped frames, even
-/// if its first picture has a number other than 0.
+/// if its first image has a number other than 0.
 namespace mvstudio::dataset {
 
 /// The frames of one camera's footage, in order.

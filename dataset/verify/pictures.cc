@@ -101,7 +101,7 @@ struct Checker {
   }
 };
 
-/// A dataset need not hold every picture; a camera of which it holds none is of no use.
+/// A dataset need not hold every image; a camera of which it holds none is of no use.
 void Missing(const std::string& code, const std::string& folder, const char* what, const std::vector<int>& frames, size_t asked,
              Findings* findings) {
   if (frames.empty()) return;

@@ -32,7 +32,7 @@ std::string SizeText(int width, int height) { return std::to_string(width) + "x"
 
 std::string Where(const InspectedFootage& f) { return "take " + f.take + ", camera " + f.camera; }
 
-/// All pictures of one size, as their headers tell.
+/// All images of one size, as their headers tell.
 void CheckHeaders(InspectedFootage* f, Findings* findings) {
   for (const std::string& file : f->info->files) {
     try {

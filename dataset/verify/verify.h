@@ -37,16 +37,16 @@ struct VerifyReport {
   int faces = 0, hands = 0;                 ///< files that are readable
   std::string skeleton;                     ///< of the joints beside Panoptic's 19; empty: there are none
   int own_frames = 0;                       ///< files of it that are readable
-  std::map<std::string, int> no_picture;    ///< by camera, where not 0: frames with joints without a picture
-  std::map<std::string, int> no_mask;       ///< likewise with a picture and without a mask, in datasets with masks
-  std::string unusable;  ///< why the folder is unusable: no camera, or neither joints nor pictures; else empty
+  std::map<std::string, int> no_picture;    ///< by camera, where not 0: frames with joints without an image
+  std::map<std::string, int> no_mask;       ///< likewise with an image and without a mask, in datasets with masks
+  std::string unusable;  ///< why the folder is unusable: no camera, or neither joints nor images; else empty
   std::vector<Finding> findings;
   int num_errors() const;
   int num_warnings() const;
 };
 
 /// Checks a dataset folder in Panoptic layout, from mvstudio or elsewhere, and lists all defects. Checked are calibration,
-/// names, sizes, joints, faces, hands, sync tables, missing, damaged or repeated pictures and videos, masks, and joints
+/// names, sizes, joints, faces, hands, sync tables, missing, damaged or repeated images and videos, masks, and joints
 /// off the masks. Pictures and masks that are missing are a warning, for a camera without any an error. Throws IoError when the
 /// folder or its calibration is missing.
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options = {}, const RunContext& run = {});

@@ -35,14 +35,14 @@ int VerifyLandmarks(const PanopticFrames& frames, LandmarkKind kind, const std::
 /// Checks sync tables, and whether they agree with the times of the joints.
 void VerifySyncTables(const PanopticSequence& sequence, const std::map<int, Body3dScene>& hd_scenes, Findings* findings);
 
-/// A picture reduced to a few grey means, to detect cameras that show the same.
+/// An image reduced to a few grey means, to detect cameras that show the same.
 using Thumbnail = std::array<float, 16 * 16>;
 Thumbnail MakeThumbnail(const Image& picture);
 
 struct FootageCheck {
   int64_t pictures = 0, masks = 0, videos = 0;  ///< decoded
   int64_t frames = 0;                           ///< existing, or listed as missing
-  int no_picture = 0, no_mask = 0;              ///< frames with joints without a picture; with a picture and without a mask
+  int no_picture = 0, no_mask = 0;              ///< frames with joints without an image; with an image and without a mask
   std::map<int, Thumbnail> thumbnails;          ///< of a few frames
 };
 /// Pixels in the image of the valid joints.
@@ -63,7 +63,7 @@ struct MaskCover {
 /// Reports masks of other values than 0 and 255; null where they contradict each other or are no masks.
 std::optional<MaskMeaning> VerifyMaskValues(const PanopticSequence& sequence, Findings* findings);
 
-/// Checks pictures or the video, and masks, of one camera. `scenes`: of its kind. Without `masks`, what masks show is not
+/// Checks images or the video, and masks, of one camera. `scenes`: of its kind. Without `masks`, what masks show is not
 /// looked at.
 FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
                             const std::map<int, Body3dScene>& scenes, const std::optional<MaskMeaning>& masks,

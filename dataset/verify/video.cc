@@ -40,8 +40,8 @@ std::vector<int> ScenesBeyond(const std::map<int, Body3dScene>& scenes, int64_t 
   return beyond;
 }
 
-/// The least difference of two cameras' pictures of the same frames, grey levels; nothing when they have none in common or the
-/// pictures are too plain to tell.
+/// The least difference of two cameras' images of the same frames, grey levels; nothing when they have none in common or the
+/// images are too plain to tell.
 std::optional<double> Difference(const FootageCheck& a, const FootageCheck& b) {
   double worst = 0;
   int common = 0;
@@ -54,7 +54,7 @@ std::optional<double> Difference(const FootageCheck& a, const FootageCheck& b) {
       spread += std::abs(thumbnail[i] - mean) / static_cast<double>(thumbnail.size());
       difference += std::abs(thumbnail[i] - other->second[i]) / static_cast<double>(thumbnail.size());
     }
-    if (spread < 3) continue;  // a dark or empty picture
+    if (spread < 3) continue;  // a dark or empty image
     ++common;
     worst = std::max(worst, difference);
     if (worst > 2) return worst;

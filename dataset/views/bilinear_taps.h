@@ -27,7 +27,7 @@ struct Cubic {
 
 // Four neighbouring pixels of the source and their weights.
 struct Tap {
-  int64_t at = -1;           // of the top-left one, in pixels; -1: outside the picture
+  int64_t at = -1;           // of the top-left one, in pixels; -1: outside the image
   int right = 0, below = 0;  // to the neighbours, in pixels: 0 at the border
   int16_t weights[4] = {};
 };

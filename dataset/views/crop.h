@@ -52,7 +52,7 @@ class ResampleMap {
   Image Picture(const Image& source, Border border = Border::kBlack, int num_threads = 1) const;
   /// 255 where at least half of the footprint is foreground (a value of 128 or more counts by its share), else 0.
   Image Mask(const Image& source, int num_threads = 1) const;
-  /// 255 where at least half of the footprint lies in the source picture, else 0.
+  /// 255 where at least half of the footprint lies in the source image, else 0.
   Image Validity() const;
 
   /// Position of a pixel of `to` in the image of `from`, by the exact lens; NaN where `from` cannot see it.

@@ -35,7 +35,7 @@ struct RowSums {
   int32_t* Of(int x) { return sums.data() + 4 * static_cast<size_t>(x); }
 };
 
-// True when the row of a cell is so short and so near the picture that offsets from its start fit the fast path.
+// True when the row of a cell is so short and so near the image that offsets from its start fit the fast path.
 bool IsNear(const Cubic* along) {
   constexpr double kFar = 1e5, kLong = 1000;
   for (int k = 0; k < 2; ++k) {

@@ -17,7 +17,7 @@ constexpr ChoiceWords<UndistortView, 4> kUndistortViews = {{{UndistortView::kIns
                                                             {UndistortView::kKeep, "keep"},
                                                             {UndistortView::kCentred, "centred"}}};
 
-constexpr int kGrid = 48;    // cells a side of the pictures that are examined
+constexpr int kGrid = 48;    // cells a side of the images that are examined
 constexpr int kBorder = 64;  // points a side of a border
 constexpr int kMaxSizePx = 32768;
 constexpr double kPi = 3.14159265358979323846;
@@ -47,7 +47,7 @@ class Field {
     const geometry::Projection seen = lens_.Project(point.homogeneous());
     return seen.status == Status::kOk && geometry::InImage(lens_.camera(), seen.px);
   }
-  // True when the whole border of a box is in the picture; the inside then is, too.
+  // True when the whole border of a box is in the image; the inside then is, too.
   bool ShowsBox(const Eigen::Vector2d& middle, const Eigen::Vector2d& half) const {
     for (int i = 0; i <= kBorder; ++i) {
       const double t = 2.0 * i / kBorder - 1;
@@ -70,7 +70,7 @@ Eigen::Vector2d GridPixel(const geometry::Camera& camera, double i, double j, in
   return {i / cells * camera.width_px - 0.5, j / cells * camera.height_px - 0.5};
 }
 
-// The box around all plane points that the picture shows.
+// The box around all plane points that the image shows.
 PlaneBox OuterBox(const Field& field) {
   PlaneBox box;
   for (int j = 0; j <= kGrid; ++j) {
@@ -83,7 +83,7 @@ PlaneBox OuterBox(const Field& field) {
   return box;
 }
 
-// Largest box between the four sides of the picture's border, as far as that has plane points.
+// Largest box between the four sides of the image's border, as far as that has plane points.
 PlaneBox InnerBox(const Field& field) {
   PlaneBox box;
   box.low.setConstant(-field.max_tangent()), box.high.setConstant(field.max_tangent());
@@ -130,7 +130,7 @@ geometry::Camera KeptPinhole(const geometry::Camera& source, int width, int heig
   return pinhole;
 }
 
-// Shares of the two pictures, over the middles of a grid of cells.
+// Shares of the two images, over the middles of a grid of cells.
 void MeasureShares(const Field& field, UndistortedCamera* result) {
   const geometry::Projector pinhole(result->camera.camera);
   int lost = 0, empty = 0;
@@ -147,7 +147,7 @@ void MeasureShares(const Field& field, UndistortedCamera* result) {
   result->empty_share = static_cast<double>(empty) / (kGrid * kGrid);
 }
 
-// Share of the picture without a plane point in the field.
+// Share of the image without a plane point in the field.
 double ShareBeyond(const Field& field) {
   int beyond = 0;
   for (int j = 0; j <= kGrid; ++j) {
@@ -295,7 +295,7 @@ Image BandLimitedPicture(int width, int height, double finest_px, uint64_t seed)
   return picture;
 }
 
-// Of the pixels that come back from a picture that is white all over as white.
+// Of the pixels that come back from an image that is white all over as white.
 double PsnrThereAndBack(const ResampleMap& there, const ResampleMap& back, const Image& picture) {
   const Image returned = back.Picture(there.Picture(picture));
   const Image whole = back.Picture(there.Picture(Image(picture.width, picture.height, 1, 255)));

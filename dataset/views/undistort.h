@@ -81,7 +81,7 @@ class Undistorter {
 struct UndistortionError {
   double max_joint_px = 0;  ///< footage px: projections by the lens against projections by the pinhole looked up in the
                             ///< footage; over a grid of visible points
-  double max_map_px = 0;    ///< footage px: the same through the map that pictures are resampled with
+  double max_map_px = 0;    ///< footage px: the same through the map that images are resampled with
   double psnr_db = 0;       ///< of a seeded band-limited image resampled there and back, where both have a source; NaN: nowhere
   double finest_px = 0;     ///< shortest period of that image
 };

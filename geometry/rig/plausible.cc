@@ -18,7 +18,7 @@ namespace {
 constexpr double kMaxDecentring = 0.05;                    // measured lenses: CMU Panoptic 0.0012, webcams 0.01
 constexpr double kMaxOutside = 0.3;                        // of a side
 constexpr double kMinFocal = 0.15, kMaxFocal = 30;         // of the diagonal
-constexpr double kMinFocalOfWideLens = 0.05;               // all round in a circle as high as the picture: 0.08
+constexpr double kMinFocalOfWideLens = 0.05;               // all round in a circle as high as the image: 0.08
 constexpr double kMaxAspect = 1.25;                        // of fx and fy; PAL's pixels are 1.09
 constexpr double kMaxApart = 100;                          // m
 constexpr double kMinApartPair = 0.005, kMinApart = 0.02;  // m

@@ -13,7 +13,7 @@ namespace {
 constexpr char kMagic[] = "MVGPLAY1";
 constexpr size_t kHeader = 64;
 
-/// Numbers of Gaussians, faces, vertices, instants; whether the Mip filter is on.
+/// Numbers of Gaussians, faces, vertices, time steps; whether the Mip filter is on.
 struct Counts {
   uint32_t gaussians = 0, faces = 0, vertices = 0, instants = 0, mip = 0;
 };

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-/// A user study with forced choices: which of two pictures is closer to the truth shown between them.
+/// A user study with forced choices: which of two images is closer to the truth shown between them.
 namespace mvstudio::report {
 
 inline constexpr char kStudySchema[] = "mvstudio.study/1";
@@ -19,7 +19,7 @@ struct StudyPicture {
 
 /// Pictures with the same file name in three folders (without subfolders), sorted; names that are not in all three are
 /// listed in `unmatched`. Throws IoError for missing folders. Throws FormatError when no name is in all three, for content
-/// that is not a picture, for PNG files of different sizes, and unless `follow_links` for links that lead out of a folder.
+/// that is not an image, for PNG files of different sizes, and unless `follow_links` for links that lead out of a folder.
 std::vector<StudyPicture> ReadStudyPictures(const std::string& truth_folder, const std::string& a_folder,
                                             const std::string& b_folder, std::vector<std::string>* unmatched,
                                             bool follow_links = false);
@@ -34,17 +34,17 @@ struct StudySpec {
 };
 
 struct Study {
-  std::string sha256;  ///< of methods, pictures, order and sides: answers name it
+  std::string sha256;  ///< of methods, images, order and sides: answers name it
   std::string html;    ///< one self-contained document; its script is allowed by its digest, the network is not
-  std::string json;    ///< the key: schema, sha256, methods, and for each question the picture and the method on the left
+  std::string json;    ///< the key: schema, sha256, methods, and for each question the image and the method on the left
 };
 
 /// Each method is on the left in half of the questions. The page holds a seal for each question from which
 /// `ReadStudyAnswers` determines what was on the left; neither its text nor its data reveal it. Throws UsageError without
-/// pictures and for equal names.
+/// images and for equal names.
 Study MakeStudy(const StudySpec& spec);
 
-/// The seal of a question: a digest of the study, the picture and the method on the left.
+/// The seal of a question: a digest of the study, the image and the method on the left.
 std::string StudySeal(const std::string& study_sha256, const std::string& picture, const std::string& left_method);
 
 }  // namespace mvstudio::report

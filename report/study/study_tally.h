@@ -21,7 +21,7 @@ struct StudyAnswers {
   std::vector<StudyAnswer> answers;
 };
 
-/// Throws IoError, or FormatError with the place: not a file of answers, a picture answered twice, a seal that does not
+/// Throws IoError, or FormatError with the place: not a file of answers, an image answered twice, a seal that does not
 /// belong to this study.
 StudyAnswers ReadStudyAnswers(const std::string& path);
 

@@ -25,7 +25,7 @@ Vector3 Column(const ViewCamera& camera, int i) {
   return {camera.world_from_cam[0][i], camera.world_from_cam[1][i], camera.world_from_cam[2][i]};
 }
 
-/// An orthographic look at the world: picture right and picture up, in world.
+/// An orthographic look at the world: image right and image up, in world.
 struct Look {
   Vector3 right, up;
   std::string right_name, up_name;
@@ -40,7 +40,7 @@ Vector3 SignedAxis(int axis) {
 std::string AxisName(int axis) { return std::string(axis > 0 ? "" : "\u2212") + "xyz"[std::abs(axis) - 1]; }
 
 Look TopLook(int up_axis) {
-  // Right and picture-up are two of the world's axes with right x picture-up = up: not mirrored.
+  // Right and image-up are two of the world's axes with right x image-up = up: not mirrored.
   const int first = std::abs(up_axis) == 1 ? 2 : 1;
   const Vector3 right = SignedAxis(first), up = Cross(SignedAxis(up_axis), right);
   int second = 1;

@@ -14,7 +14,7 @@ struct ViewCamera {
   std::string name;
   Vector3 center_in_world{};
   std::array<std::array<double, 3>, 3> world_from_cam{};  ///< columns: the camera's right, down and forward in world
-  double half_width = 0.5, half_height = 0.375;           ///< half the picture at unit depth (size / 2 / focal length)
+  double half_width = 0.5, half_height = 0.375;           ///< half the image at unit depth (size / 2 / focal length)
 };
 
 struct ViewBone {

@@ -93,7 +93,7 @@ struct ImagePoint {
 struct PictureOverlaySpec {
   std::string title;
   std::string_view picture;  ///< PNG or JPEG; others leave the frame empty
-  /// The part of the frame that the picture shows and the figure covers, px: its left and top edge (-0.5 for all of it), size.
+  /// The part of the frame that the image shows and the figure covers, px: its left and top edge (-0.5 for all of it), size.
   double left_px = -0.5, top_px = -0.5, width_px = 0, height_px = 0;
   std::vector<ImageArrow> points;    ///< x, y observed; dx, dy observed minus projected
   std::vector<ImageArrow> rejected;  ///< a cross each

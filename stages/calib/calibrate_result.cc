@@ -115,7 +115,7 @@ void AddMaps(const calib::CalibrateReport& report, ordered_json* metrics) {
   }
 }
 
-/// Instants that each pair of cameras shares.
+/// Time steps that each pair of cameras shares.
 ordered_json Covisibility(const calib::CalibrateReport& report) {
   std::map<int64_t, std::set<int>> by_frame;
   for (const calib::CornerResidual& r : report.residuals) {

@@ -14,7 +14,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double kLeastOffsetFrames = 0.005;  // below it an offset moves nothing that a picture shows
+constexpr double kLeastOffsetFrames = 0.005;  // below it an offset moves nothing that an image shows
 
 /// Names of the cameras that take part, by whether their lens and pose have covariances.
 struct Knowledge {

@@ -41,7 +41,7 @@ CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptio
   return result;
 }
 
-/// A pack of which no picture can be read is bad input; else what is damaged is a part.
+/// A pack of which no image can be read is bad input; else what is damaged is a part.
 CommandResult VerifyPackFile(const std::string& path, const RunContext& run) {
   const dataset::PackReport report = dataset::VerifyPack(path, {}, run);
   CommandResult result;
@@ -97,7 +97,7 @@ std::pair<ordered_json, std::string> DescribeCamera(const geometry::Camera& came
                                     : video ? "video"
                                             : "pictures"}};
   if (pictures) entry["pictures"] = RangeMetrics(found->second.pictures);
-  if (none && !sequence.footage.empty()) return {entry, ""};  // 479 lines of cameras without pictures help nobody
+  if (none && !sequence.footage.empty()) return {entry, ""};  // 479 lines of cameras without images help nobody
   std::string line = "  " + camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(camera.width_px) +
                      "x" + std::to_string(camera.height_px) + " " + entry["model"].get<std::string>();
   if (pictures) line += ", " + std::to_string(found->second.pictures.size()) + " images";

@@ -75,7 +75,7 @@ std::map<int64_t, Image> ReadFrames(const std::string& footage_path, std::set<in
       if (!frame) break;
       if (numbers.erase(frame->number) > 0) images[frame->number] = source->Picture();
     }
-  } catch (const Error&) {  // moved or damaged since: a page without the picture
+  } catch (const Error&) {  // moved or damaged since: a page without the image
   }
   return images;
 }

@@ -37,8 +37,8 @@ int64_t LastCheapFrame(const std::string& footage_path);
 /// footage holds.
 std::map<int64_t, Image> ReadFrames(const std::string& footage_path, std::set<int64_t> numbers);
 
-/// Writes pictures[i] (bytes of a JPEG) as `folder`/names[i], in place of those of an earlier run; no folder is left where all
-/// are empty. Returns their paths, empty ones for empty pictures. The caller holds the right to the folder.
+/// Writes images[i] (bytes of a JPEG) as `folder`/names[i], in place of those of an earlier run; no folder is left where all
+/// are empty. Returns their paths, empty ones for empty images. The caller holds the right to the folder.
 std::vector<std::string> WritePictures(const std::vector<std::string>& pictures, const std::vector<std::string>& names,
                                        const std::string& folder);
 

@@ -46,7 +46,7 @@ struct PicturePairs {
 /// SUB/NAME. Throws IoError for a missing folder and one without images, FormatError for a name with two extensions.
 std::map<std::string, std::string> PicturesIn(const std::string& folder);
 
-/// Pairs PNG and JPEG files by name without extension; two single files are one pair. `masks`: folder of pictures of the
+/// Pairs PNG and JPEG files by name without extension; two single files are one pair. `masks`: folder of images of the
 /// same names, empty for none. Throws IoError when a folder is missing, nothing matches or a mask is missing, FormatError
 /// for a name with two extensions.
 PicturePairs PairPictures(const std::string& reference, const std::string& other, const std::string& masks);
@@ -54,7 +54,7 @@ PicturePairs PairPictures(const std::string& reference, const std::string& other
 /// The colour that the opaque images of a few pairs have where their partners are clear, if it is one; else black.
 Backdrop BackdropOf(const std::vector<PicturePair>& pairs);
 
-/// Fills the scores. Throws FormatError for unreadable pictures, a pair of different sizes, pictures smaller than SSIM's
+/// Fills the scores. Throws FormatError for unreadable images, a pair of different sizes, images smaller than SSIM's
 /// window, empty masks.
 void ScorePairs(PicturePairs* pairs, const RunContext& run);
 

@@ -33,7 +33,7 @@ std::string HistoryHeader() {
   return header + ",wall_s";
 }
 
-/// (3, H, W) uint8 -> picture.
+/// (3, H, W) uint8 -> image.
 Image ToImage(const at::Tensor& chw) {
   const at::Tensor hwc = chw.permute({1, 2, 0}).contiguous();
   Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), 3);
@@ -41,7 +41,7 @@ Image ToImage(const at::Tensor& chw) {
   return image;
 }
 
-/// Rows: truth, rendering, parts, texture coordinates; one column for each of up to six pictures.
+/// Rows: truth, rendering, parts, texture coordinates; one column for each of up to six images.
 at::Tensor SampleSheet(avatar::AvatarModel& model, const avatar::AvatarPack& pack) {
   std::vector<int64_t> rows;
   const int64_t count = std::min<int64_t>(pack.size(), 6);

@@ -28,9 +28,9 @@ class AvatarRun {
   double ContinueHistory(int64_t step);
 
   void AddRow(const avatar::HistoryRow& row, double wall_s);
-  /// Checkpoint, history, texture preview and sample pictures, each file atomically.
+  /// Checkpoint, history, texture preview and sample images, each file atomically.
   void Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const;
-  /// pictures/step_NNNNNN.png: truth, rendering, error and network input of the middle picture of the pack.
+  /// images/step_NNNNNN.png: truth, rendering, error and network input of the middle image of the pack.
   void SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& pack) const;
   /// Files written so far.
   std::vector<CommandResult::Output> Outputs() const;

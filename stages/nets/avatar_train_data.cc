@@ -99,7 +99,7 @@ void RequireSides(const dataset::PanopticDataset& data, const avatar::DatasetSpl
   }
 }
 
-/// At most `count` pictures, spread over cameras and frames.
+/// At most `count` images, spread over cameras and frames.
 std::optional<avatar::PackResult> WatchedPack(const dataset::PanopticDataset& data, const avatar::RunConfig& config, int count,
                                               bool memory, const RunContext& run) {
   const avatar::DatasetSplit& split = config.split;
@@ -116,7 +116,7 @@ std::optional<avatar::PackResult> WatchedPack(const dataset::PanopticDataset& da
     return avatar::BuildPack(data, options, run);
   } catch (const FormatError&) {
     if (validation) throw;
-    return std::nullopt;  // none of these few pictures is usable; evaluation says why
+    return std::nullopt;  // none of these few images is usable; evaluation says why
   }
 }
 

@@ -19,7 +19,7 @@ Backdrop BackdropFor(const ScoresOptions& options) {
   return options.background == "auto" ? Backdrop{{0, 0, 0}, "the default"} : BackdropOf(options.background);
 }
 
-/// Why the sets of pictures have no distance; empty when they have.
+/// Why the sets of images have no distance; empty when they have.
 std::string WhyNoDistance(const PicturePairs& pairs) {
   if (pairs.pairs.size() < 4) return "fewer than 4 pairs";
   for (const PicturePair& pair : pairs.pairs) {

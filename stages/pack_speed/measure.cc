@@ -28,11 +28,11 @@ constexpr double kGoodPsnr = 40;
 
 double Now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
-/// The samples of a pack with the pictures that they came from.
+/// The samples of a pack with the images that they came from.
 struct Source {
   const dataset::PanopticDataset& data;
   std::vector<int> frames;
-  std::string jpeg_folder;  // the same pictures as JPEG of the chosen quality
+  std::string jpeg_folder;  // the same images as JPEG of the chosen quality
 
   std::string JpegPath(const std::string& camera, int frame) const {
     return jpeg_folder + "/" + camera + "_" + std::to_string(frame) + ".jpg";
@@ -77,7 +77,7 @@ double ReadRate(size_t count, int threads, double seconds, const std::function<v
   return best;
 }
 
-/// Pooled squared difference of many pictures.
+/// Pooled squared difference of many images.
 struct Difference {
   double sum = 0, count = 0;
   void Add(const Image& a, const Image& b) {
@@ -104,7 +104,7 @@ Difference Compare(const std::vector<Image>& truth, size_t stride, const Read& r
 struct CropTask {
   int crop_px = 0;
   size_t stride = 1;
-  std::vector<Image> truth;  // every stride-th sample, from lossless pictures
+  std::vector<Image> truth;  // every stride-th sample, from lossless images
 };
 
 Image ReadFromFolder(const Source& source, const dataset::Pack& pack, size_t i, const std::string& path) {

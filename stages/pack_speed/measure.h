@@ -6,18 +6,18 @@
 #include "core/progress.h"
 
 /// Cost of reading crops of people during training: packs of several codecs and crop sizes against a folder of JPEG
-/// pictures that are cropped when read. Used by the command and by the benchmark.
+/// images that are cropped when read. Used by the command and by the benchmark.
 namespace mvstudio::stages {
 
 struct PackSpeedOptions {
   std::vector<std::string> codecs{"raw", "png", "jpeg:80", "jpeg:90", "jpeg:95", "jpeg:98"};
-  std::vector<int> crops{96, 128, 256, 0};  ///< px; 0: whole pictures
+  std::vector<int> crops{96, 128, 256, 0};  ///< px; 0: whole images
   std::vector<int> threads{1, 2};
   int frames = 12;          ///< of the dataset, evenly spaced
   int folder_quality = 95;  ///< of the JPEG folder made for comparison
   double seconds = 0.6;     ///< reading time per trial; the best third of it counts
-  std::string lossless;     ///< dataset with the same pictures as PNG, the reference of PSNR; empty: the dataset itself
-  std::string work;         ///< folder for packs and pictures; they are removed afterwards
+  std::string lossless;     ///< dataset with the same images as PNG, the reference of PSNR; empty: the dataset itself
+  std::string work;         ///< folder for packs and images; they are removed afterwards
 };
 
 /// One method of reading, with one number of threads.
@@ -27,7 +27,7 @@ struct PackSpeedTrial {
   std::string Way() const { return from_folder ? "folder" : "pack"; }
   int crop_px = 0, threads = 1;
   double crops_per_s = 0, bytes_per_crop = 0;
-  double psnr_db = 0;  ///< against the crop of the lossless picture; infinity: the same bytes
+  double psnr_db = 0;  ///< against the crop of the lossless image; infinity: the same bytes
   double rms_levels = 0;
 };
 
@@ -43,12 +43,12 @@ void VisitFields(Visitor&& visit, const PackSpeedTrial& r) {
   visit("exact", r.rms_levels == 0);
 }
 
-/// Speed of making a pack against decoding alone of the same pictures.
+/// Speed of making a pack against decoding alone of the same images.
 struct PackBuildSpeed {
   std::string codec;
   int crop_px = 0, threads = 1;
   double build_per_s = 0;   ///< crops per second, including digests, checks and flushes
-  double decode_per_s = 0;  ///< pictures and masks only, with the same threads
+  double decode_per_s = 0;  ///< images and masks only, with the same threads
   double decode_share = 0;  ///< fraction of the build's processor time spent decoding
 };
 

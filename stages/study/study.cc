@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr size_t kMaxPageBytes = 256u << 20;
 
-/// One side of a study: a folder of pictures, or a run that `avatar eval` has scored.
+/// One side of a study: a folder of images, or a run that `avatar eval` has scored.
 struct Side {
   std::string name, folder;
   bool is_run = false;

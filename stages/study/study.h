@@ -10,11 +10,11 @@
 namespace mvstudio::stages {
 
 struct StudyArguments {
-  std::vector<std::string> sides;  ///< two folders of pictures or two scored runs, each "NAME=FOLDER" or "FOLDER"
-  std::string truth;               ///< folder of the true pictures; determined automatically for runs
+  std::vector<std::string> sides;  ///< two folders of images or two scored runs, each "NAME=FOLDER" or "FOLDER"
+  std::string truth;               ///< folder of the true images; determined automatically for runs
   std::string title;
   int pictures = 40;
-  bool follow_links = false;       ///< read pictures through links that lead out of their folder
+  bool follow_links = false;       ///< read images through links that lead out of their folder
   std::vector<std::string> tally;  ///< files of answers
 };
 

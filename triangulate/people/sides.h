@@ -41,7 +41,7 @@ struct SideReport {
 /// the distances between the rays of the camera's joints and the points of the other cameras' joints, as those are
 /// labelled (as in AssociateFrame). The search starts from no mirrored camera, and from the most likely labels by pairs of
 /// cameras alone. The camera that gains most is flipped until none gains (iterated conditional modes: Besag, "On the
-/// statistical analysis of dirty pictures", 1986).
+/// statistical analysis of dirty images", 1986).
 ///
 /// The labels split the cameras into two groups, and the smaller one is mirrored. Equal groups are distinguished by how
 /// often their cameras are swapped elsewhere in the take, if at all. A group of joints is swapped with its body unless the

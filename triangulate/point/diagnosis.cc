@@ -112,7 +112,7 @@ CameraDiagnosis Diagnose(const PreparedCamera& camera, const Samples& samples) {
   RobustMean(samples.residuals_px, &result.mean_residual_px, &result.sigma_residual_px);
   Eigen::Vector2d left_out_sigma;
   RobustMean(samples.left_out_residuals_px, &result.mean_left_out_residual_px, &left_out_sigma);
-  // The joints of one frame err together (a detector's habit, a blurred picture): a frame is one sample.
+  // The joints of one frame err together (a detector's habit, a blurred image): a frame is one sample.
   const double per_frame =
       std::sqrt(static_cast<double>(samples.residuals_px.size()) / static_cast<double>(samples.frames.size()));
   result.mean_error_px = result.sigma_residual_px / std::sqrt(static_cast<double>(samples.frames.size()));

@@ -91,7 +91,7 @@ std::vector<Point> ToPoints(const SkeletonProblem& problem, const Unknowns& at, 
         if (!bridged) sigmas.push_back(sigma), ratios.push_back(single.trace() / covariance.trace());
         if (bridged) {
           point.used.clear();
-          const Point& seen =  // the last instant at which it was, which is there
+          const Point& seen =  // the last time step at which it was, which is there
               window.At(*NearestOk(window, f, j, -1, problem.terms->max_fill_frames), j).point;
           point.calibration_covariance = seen.calibration_covariance;
           point.num_unknown_cameras = seen.num_unknown_cameras;

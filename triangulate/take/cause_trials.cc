@@ -68,14 +68,14 @@ void AddTermOrders(const Rig& rig, const std::vector<DetectedFrame>& frames, std
   }
 }
 
-/// Another size of the pictures than the calibrated one.
+/// Another size of the images than the calibrated one.
 struct Resize {
   std::string text;
   ChangeLens change;
   double scale = 0;  ///< of both sides; 0: another change
 };
 
-/// One side is `from` px in the calibration and `to` in the pictures: scaled along it, or cropped before it or on both sides.
+/// One side is `from` px in the calibration and `to` in the images: scaled along it, or cropped before it or on both sides.
 /// (Cropped behind it nothing changes.)
 void AddSide(int from, int to, bool is_height, std::vector<Resize>* list) {
   const Eigen::Index focal = is_height ? 1 : 0, center = is_height ? 3 : 2;
@@ -275,7 +275,7 @@ std::vector<Detected> DetectedChanges(const MirrorGroups& mirror) {
                   EachKey([](const Camera& camera, Px* px) { *px = Px(camera.width_px - 1 - px->y(), px->x()); })});
   list.push_back({Cause::kMirrored, "the images@ mirrored", "option 'flip-x'@", " ", EachKey(mirrored)});
   if (mirror.empty()) return list;
-  // A picture that is mirrored shows the left hand as a right one; a detector calls it so, markers keep their names.
+  // An image that is mirrored shows the left hand as a right one; a detector calls it so, markers keep their names.
   const auto with_sides = [mirror, mirrored](const Camera& camera, DetectedPerson* person) {
     EachKey(mirrored)(camera, person);
     for (const auto& group : mirror) {

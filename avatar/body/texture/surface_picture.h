@@ -15,7 +15,7 @@ Textures PaintVertices(const BodyTemplate& body, const Eigen::Matrix3Xf& colours
 /// Blue at -limit, light grey at 0, red at limit; dark grey for what is not finite. (3) in [0, 1].
 Eigen::Vector3f DivergingColour(double value, double limit);
 
-/// Values that a picture's scale shows from its left to its right end; colours are those of DivergingColour with this limit.
+/// Values that an image's scale shows from its left to its right end; colours are those of DivergingColour with this limit.
 struct ColourRange {
   double low = -1, limit = 1;
 };

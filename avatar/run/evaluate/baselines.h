@@ -28,7 +28,7 @@ struct Baselines {
   std::map<std::string, std::string> nearest_camera;
 };
 
-/// `crop` gives size and extent; reads only training cameras and training frames, those pictures that exist. Throws
+/// `crop` gives size and extent; reads only training cameras and training frames, those images that exist. Throws
 /// FormatError when there are none.
 Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const PackOptions& crop,
                         const AvatarPack& truth, const RunContext& run);

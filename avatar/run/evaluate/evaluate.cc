@@ -66,7 +66,7 @@ SplitSide Holdout(const DatasetSplit& split, const std::string& folder) {
   return side;
 }
 
-/// The frames of the split, and the training cameras, whose pictures the baselines are made of.
+/// The frames of the split, and the training cameras, whose images the baselines are made of.
 void RequireSplit(const dataset::PanopticDataset& data, const RunConfig& config) {
   for (const std::string& camera : config.split.train_cameras) {
     if (data.rig.Find(camera) < 0) {
@@ -177,7 +177,7 @@ std::vector<PictureStrip> WritePictures(const dataset::PanopticDataset& data, co
   return strips;
 }
 
-// The frames of a selection that have pictures, thinned evenly so that at most `limit` pictures remain.
+// The frames of a selection that have images, thinned evenly so that at most `limit` images remain.
 SplitSide Thinned(const dataset::PanopticDataset& data, SplitSide selection, int limit) {
   const size_t count = std::max<size_t>(1, static_cast<size_t>(limit) / selection.cameras.size());
   selection.frames = FramesWithPictures(data, selection);
@@ -200,7 +200,7 @@ SplitSide WithPast(SplitSide some, std::vector<int> all) {
   return some;
 }
 
-/// Rendered pictures of `some`, whose frames are a part of `all`.
+/// Rendered images of `some`, whose frames are a part of `all`.
 RenderedRows RenderSome(Subject& subject, const PackResult& some, const SplitSide& thinned, const std::vector<int>& all,
                         const RunConfig& config, const Session& session) {
   const AvatarPack& pack = some.pack;
@@ -238,7 +238,7 @@ std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, Subject& sub
         selection.kind == result->holdout_kind)
       continue;
     const SplitSide thinned = Thinned(session.data, selection, session.options.other_pictures);
-    if (thinned.frames.empty()) continue;  // the dataset has no picture of this split
+    if (thinned.frames.empty()) continue;  // the dataset has no image of this split
     const PackResult built = Build(session, result->config, result->size_px, thinned, selection.frames);
     const AvatarPack& pack = built.pack;
     const RenderedRows rendered = RenderSome(subject, built, thinned, selection.frames, result->config, session);

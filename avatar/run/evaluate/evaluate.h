@@ -83,7 +83,7 @@ struct Evaluation {
   Scored holdout;
   /// 95 %, of the primary scores: "ssim", "psnr_db", "full.ssim", "masked.psnr_db", "mask_iou", "boundary_f", "lpips", …
   std::map<std::string, metrics::Interval> intervals;
-  Scored mean_image, nearest_pose;                    ///< baselines, on the same pictures
+  Scored mean_image, nearest_pose;                    ///< baselines, on the same images
   std::optional<Scored> template_alone;               ///< textured avatars with a template: its textures on the template,
                                                       ///< without the network
   std::optional<Scored> body_alone;                   ///< runs with a fitted body: that in its averaged colours
@@ -109,7 +109,7 @@ struct Evaluation {
 /// held-out cameras in held-out frames, or, if only one of the two was held out, that one. Writes image strips and renders
 /// to `run_folder`/eval and the protocol to `run_folder`/protocol.json. `clock_s` returns seconds for the timing. Throws
 /// IoError when the run, its checkpoint or the dataset is missing, UsageError when nothing was held out, FormatError when
-/// the dataset holds no picture of a held-out camera. Held-out pictures that it does not hold are counted, and not scored.
+/// the dataset holds no image of a held-out camera. Held-out images that it does not hold are counted, and not scored.
 Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& options, const RunContext& run,
                     const std::function<double()>& clock_s = {});
 

@@ -13,7 +13,7 @@
 namespace mvstudio::avatar {
 namespace {
 
-constexpr double kMostDb = 100;  // for intervals: equal pictures have no finite PSNR
+constexpr double kMostDb = 100;  // for intervals: equal images have no finite PSNR
 
 int64_t CameraOf(const AvatarPack& pack, int64_t row) { return pack.camera_idx.data_ptr<int64_t>()[row]; }
 int64_t FrameOf(const AvatarPack& pack, int64_t row) { return pack.frame.data_ptr<int64_t>()[row]; }

@@ -15,7 +15,7 @@ namespace fs = std::filesystem;
 
 std::string NameAndDigest(const std::string& path) { return fs::path(path).filename().string() + " " + Sha256File(path); }
 
-/// Of the list of pictures with the names and contents of their files.
+/// Of the list of images with the names and contents of their files.
 std::string DigestOfPictures(const dataset::PanopticDataset& data, const ProtocolSplit& split) {
   Sha256 digest;
   for (const auto& [camera, frame] : split.pictures) {

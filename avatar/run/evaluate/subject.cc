@@ -14,7 +14,7 @@
 namespace mvstudio::avatar {
 namespace {
 
-// The same views in pictures of another size; pictures and masks stay as they are and are not looked at.
+// The same views in images of another size; images and masks stay as they are and are not looked at.
 AvatarPack AtSize(AvatarPack pack, int size_px) {
   const double ratio = static_cast<double>(size_px) / pack.size_px;
   pack.intrinsics = pack.intrinsics.clone();

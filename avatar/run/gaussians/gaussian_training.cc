@@ -16,7 +16,7 @@
 namespace mvstudio::avatar {
 namespace {
 
-/// (channels, H, W) uint8 -> picture.
+/// (channels, H, W) uint8 -> image.
 Image ToImage(const at::Tensor& chw) {
   const at::Tensor hwc = chw.permute({1, 2, 0}).contiguous();
   Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), static_cast<int>(hwc.size(2)));
@@ -100,7 +100,7 @@ GaussianImages LeaveCameraOut(const GaussianImages& images) {
   return out;
 }
 
-/// Copies a picture of three channels into a sheet.
+/// Copies an image of three channels into a sheet.
 void Paste(const Image& picture, int x0, int y0, Image* sheet) {
   for (int y = 0; y < picture.height; ++y)
     std::copy_n(picture.Pixel(0, y), static_cast<size_t>(3) * picture.width, sheet->Pixel(x0, y0 + y));

@@ -51,7 +51,7 @@ LiftedFrame Place(const LiftInput& input, const LiftJoints& x_in_view, double fo
   return frame;
 }
 
-/// Joints of the baselines: turned into the camera and put where they fit the picture best.
+/// Joints of the baselines: turned into the camera and put where they fit the image best.
 std::map<int, LiftedFrame> PlaceAll(const std::map<int, LiftInput>& inputs, double size_m,
                                     const std::function<const LiftJoints&(const LiftInput&)>& pose) {
   std::map<int, LiftedFrame> frames;

@@ -10,7 +10,7 @@
 /// values.
 namespace mvstudio::avatar {
 
-/// FOLDER/CAMERA/NAME.png for a picture NAME.jpg of the dataset.
+/// FOLDER/CAMERA/NAME.png for an image NAME.jpg of the dataset.
 std::string IuvPath(const std::string& folder, const std::string& camera, const std::string& picture_path);
 
 /// Labels in the crop's camera: those of the nearest pixel, background outside the image; depth is unknown. Throws IoError

@@ -159,7 +159,7 @@ JointSource SourceOf(const dataset::PanopticDataset& data, const PackOptions& op
   return {data, plan.person, options.num_joints, options.pose3d, frames};
 }
 
-// Everything that the pictures share while they are filled in, in parallel.
+// Everything that the images share while they are filled in, in parallel.
 struct Filler {
   const dataset::PanopticDataset& data;
   const PackOptions& options;
@@ -182,7 +182,7 @@ struct Filler {
     return "";
   }
 
-  // Reason why the picture cannot be used, or empty.
+  // Reason why the image cannot be used, or empty.
   std::string Fill(AvatarPack& pack, int64_t i, const std::vector<Job>& jobs) const {
     const Job& job = jobs[i];
     const geometry::RigCamera crop = CropOf(job);
@@ -219,7 +219,7 @@ struct Filler {
   }
 };
 
-/// The body that is posed in the pictures.
+/// The body that is posed in the images.
 body::BodyTemplate BodyOf(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan,
                           const RunContext& run, BodyShape* shape) {
   if (options.fitted) return options.fitted->person.body;

@@ -18,7 +18,7 @@
 
 namespace mvstudio::avatar {
 
-/// What poses the body in a picture.
+/// What poses the body in an image.
 enum class PoseBy {
   kJoints,  ///< the 19 joints alone, as for a motion that nobody filmed
   kImages,  ///< the images of the training cameras too, where the fitted body holds such a pose
@@ -107,9 +107,9 @@ struct PackResult {
   int person = -1;
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person's distance
   BodyShape shape;           ///< girth used for part and uv
-  double template_iou = 0;   ///< mean IoU of the posed template and the masks over all pictures; NaN without template maps
-  std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", unusable pictures
-  dataset::MissingPictures missing;  ///< pictures and masks that the dataset does not hold; not in `skipped`
+  double template_iou = 0;   ///< mean IoU of the posed template and the masks over all images; NaN without template maps
+  std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", unusable images
+  dataset::MissingPictures missing;  ///< images and masks that the dataset does not hold; not in `skipped`
 };
 
 /// One crop per camera and frame. The crop's camera is a pinhole at the position of the real one, with the smallest
@@ -117,7 +117,7 @@ struct PackResult {
 /// person's distance to the edge, so a metre has the same size in every crop.
 ///
 /// Colours are averages over each pixel's footprint in the real image, read through its exact lens; outside the image is
-/// black and not person. Part and uv maps, and template_maps, come from the body template posed by the joints. A picture or
+/// black and not person. Part and uv maps, and template_maps, come from the body template posed by the joints. An image or
 /// mask that is not there is left out (`missing`). Throws FormatError naming camera and frame when one is damaged or of
 /// another size, and when nothing is left; UsageError for cameras or frames that do not exist.
 /// With `fitted`, maps for the network and body_images are posed as `pose_by` says; part and uv by images, where such poses

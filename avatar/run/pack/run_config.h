@@ -13,10 +13,10 @@ struct RunConfig {
   std::string dataset;  ///< absolute folder, Panoptic layout
   PackOptions pack;     ///< size, crop and person; its cameras and frames are those used for training
   DatasetSplit split;
-  BodyShape shape;           ///< as fitted on the training pictures
+  BodyShape shape;           ///< as fitted on the training images
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person
   std::string body_file;     ///< the fitted body: body.npz beside the configuration; empty: the template with `shape`
-  double template_iou = 0;   ///< mean IoU of the posed template and the masks of the training pictures
+  double template_iou = 0;   ///< mean IoU of the posed template and the masks of the training images
 };
 
 inline constexpr char kRunConfigSchema[] = "mvstudio.avatar-run/1";

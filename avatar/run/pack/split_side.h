@@ -6,7 +6,7 @@
 #include "avatar/run/pack/pack_builder.h"
 #include "dataset/panoptic/missing.h"
 
-/// The pictures of one side of a split, and whether enough of them exist.
+/// The images of one side of a split, and whether enough of them exist.
 namespace mvstudio::avatar {
 
 /// Cameras x frames.
@@ -24,11 +24,11 @@ SplitSide HoldoutSide(const DatasetSplit& split);
 /// More of a training side may not be missing.
 inline constexpr double kMostMissing = 0.5;
 
-/// The pictures of the side that are missing. Throws FormatError when none is left, when a camera has none, and when more
+/// The images of the side that are missing. Throws FormatError when none is left, when a camera has none, and when more
 /// than the share `most` of them are missing.
 dataset::MissingPictures RequirePictures(const dataset::PanopticDataset& data, const SplitSide& side, double most = 1);
 
-/// The side's frames in which a camera of it has a picture, so that a choice among them finds some.
+/// The side's frames in which a camera of it has an image, so that a choice among them finds some.
 std::vector<int> FramesWithPictures(const dataset::PanopticDataset& data, const SplitSide& side);
 
 /// Scores `names` (commas between them; none: nothing changes) in place of the cameras that were held out. Throws UsageError

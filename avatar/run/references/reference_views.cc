@@ -15,7 +15,7 @@ namespace {
 constexpr char kFormat[] = "mvstudio.avatar_references/1";
 constexpr int64_t kCameraNumbers = 11;  // fx, fy, cx, cy; rotation x, y, z, w; translation
 
-/// (channels, H, W) uint8 -> picture, and back.
+/// (channels, H, W) uint8 -> image, and back.
 Image ToImage(const at::Tensor& chw) {
   const at::Tensor hwc = chw.permute({1, 2, 0}).contiguous();
   Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), static_cast<int>(hwc.size(2)));

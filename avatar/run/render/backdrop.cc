@@ -40,7 +40,7 @@ bool ParseColour(const std::string& text, std::array<uint8_t, 3>* colour) {
   return true;
 }
 
-/// Mean of bilinear samples over each pixel's footprint of a picture that is scaled to cover the frame.
+/// Mean of bilinear samples over each pixel's footprint of an image that is scaled to cover the frame.
 Image Cover(const Image& picture, int width, int height) {
   Image out(width, height, 3);
   const double step = std::min(static_cast<double>(picture.width) / width, static_cast<double>(picture.height) / height);

@@ -91,14 +91,14 @@ Image ToImage(const at::Tensor& rgba) {
   return image;
 }
 
-/// The latest pictures of a view, newest first; undefined before the first.
+/// The latest images of a view, newest first; undefined before the first.
 at::Tensor WithPast(const at::Tensor& picture, const at::Tensor& past) {
   const at::Tensor older =
       past.defined() ? past.slice(1, 0, 3 * (kNumPrevious - 1)) : at::zeros_like(picture).repeat({1, kNumPrevious - 1, 1, 1});
   return at::cat({picture, older}, 1);
 }
 
-/// Frames from one picture of a view to the next.
+/// Frames from one image of a view to the next.
 int StepOf(const std::vector<RenderJob>& jobs) {
   std::vector<int> frames;
   for (const RenderJob& job : jobs) {

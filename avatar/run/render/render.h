@@ -27,8 +27,8 @@ enum class RenderPlace {
   kTraining,  ///< their middle where the trained person's was
 };
 enum class RenderFrame {
-  kCrop,    ///< square pictures around the person, as in training
-  kCamera,  ///< the whole picture of the calibrated camera, through its lens
+  kCrop,    ///< square images around the person, as in training
+  kCamera,  ///< the whole image of the calibrated camera, through its lens
 };
 std::string_view ToString(ScaleNormalise scale);  ///< "on", "off"
 std::string_view ToString(RenderPlace place);     ///< "auto", "keep", "training"

@@ -11,7 +11,7 @@ namespace mvstudio::splats {
 
 inline constexpr char kPlayerFileName[] = "player.bin";
 
-/// The body at one instant.
+/// The body at one time step.
 struct PlayerInstant {
   int frame = 0;                               ///< number in the dataset
   const Eigen::Matrix3Xf* vertices = nullptr;  ///< (3, V) metres, world
@@ -23,14 +23,14 @@ struct PlayerLimits {
 };
 
 /// The cloud and the body of some of the `instants` (ascending frames), evenly spread, as many as fit; in 8 and 16 bits a
-/// number, so that positions are right to a few tenths of a millimetre. Colours are those of degree 0 alone. Instants with
+/// number, so that positions are right to a few tenths of a millimetre. Colours are those of degree 0 alone. Time steps with
 /// vertices that are not finite are left out. Empty where not even one fits. Throws ContractViolation for arrays that do not
 /// match.
 std::string PlayerBytes(const Cloud& cloud, bool mip, const body::BodyTemplate& body,
                         const std::vector<PlayerInstant>& instants, const PlayerLimits& limits = {});
 
 /// What is up in the world of posed bodies: from the lowest tenth of the body at rest to its highest, the mean of all instants;
-/// an axis of the world where one is within 25 degrees. Zero without an instant.
+/// an axis of the world where one is within 25 degrees. Zero without a time step.
 Eigen::Vector3f UpOf(const body::BodyTemplate& body, const std::vector<PlayerInstant>& instants);
 
 }  // namespace mvstudio::splats

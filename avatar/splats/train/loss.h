@@ -6,7 +6,7 @@
 
 namespace mvstudio::splats {
 
-/// What a picture should show: the person on black behind its mask.
+/// What an image should show: the person on black behind its mask.
 template <class S>
 struct Truth {
   int width = 0, height = 0;
@@ -25,7 +25,7 @@ struct LossWeights {
   double mask = 1;
 };
 
-/// Terms before their weights. l1 and mask are sums over the whole picture, divided by the pixels of the box.
+/// Terms before their weights. l1 and mask are sums over the whole image, divided by the pixels of the box.
 struct LossTerms {
   double l1 = 0;     ///< mean of the channels' absolute differences
   double ssim = 0;   ///< 1 - SSIM of the box: Wang et al., TIP 2004, windows inside it, mean over R, G, B; 0 without a window
@@ -33,7 +33,7 @@ struct LossTerms {
   double total = 0;  ///< with the weights
 };
 
-/// The loss, and its derivative by each value of the picture.
+/// The loss, and its derivative by each value of the image.
 template <class S>
 LossTerms Loss(const Picture<S>& picture, const Truth<S>& truth, const LossWeights& weights, Picture<S>* by_picture);
 

@@ -28,7 +28,7 @@ struct TrainOptions {
   int steps = 1500;
   int batch = 2;  ///< images a step
   bool densify = true;
-  bool smooth = true;        ///< the 3D filter, and the 2D Mip filter in pictures
+  bool smooth = true;        ///< the 3D filter, and the 2D Mip filter in images
   int check_every = 150;     ///< steps between looks at the validation images
   bool bends = false;        ///< with a corrective of poses (bend.h)
   double bend_decay = 0.02;  ///< its coefficients shrink by this share of their rate in each step
@@ -61,7 +61,7 @@ struct TrainResult {
   SkippedSplats skipped;  ///< in the last training image
 };
 
-/// Scores of a cloud on views: SSIM (Wang 2004, RGB) and PSNR in the box around the mask, 8-bit pictures on black, as `avatar
+/// Scores of a cloud on views: SSIM (Wang 2004, RGB) and PSNR in the box around the mask, 8-bit images on black, as `avatar
 /// eval`.
 struct ViewScores {
   std::vector<double> ssim, psnr_db;

@@ -174,7 +174,7 @@ dataset::Person2d OnSkeleton(const dataset::Person2d& pose, const geometry::Skel
 Image CutCrop(const Image& rgb, const Crop& crop, int size) {
   MVS_CHECK(rgb.channels == 3 && crop.size_px > 0 && size > 0, "crop of " << crop.size_px << " px");
   const int samples = std::clamp(static_cast<int>(std::ceil(crop.size_px / size)), 1, 8);
-  const double step = crop.size_px / (size * samples);  // picture px a sample
+  const double step = crop.size_px / (size * samples);  // image px a sample
   const cv::Mat source(rgb.height, rgb.width, CV_8UC3, const_cast<uint8_t*>(rgb.pixels.data()));
   const double c = step * std::cos(crop.angle_rad), s = step * std::sin(crop.angle_rad);
   const double first = -0.5 * (size * samples - 1);  // samples from the middle

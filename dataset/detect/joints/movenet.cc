@@ -47,7 +47,7 @@ JointMaps Movenet::Run(const Image& crop, const std::vector<dataset::Keypoint2d>
   maps.height = static_cast<int>(out[0].shape[1]);
   maps.width = static_cast<int>(out[0].shape[2]);
   maps.stride_px = static_cast<double>(input_px()) / maps.width;
-  maps.origin_x_px = maps.origin_y_px = -0.5;  // cells are counted from the picture's corner
+  maps.origin_x_px = maps.origin_y_px = -0.5;  // cells are counted from the image's corner
   const size_t cells = static_cast<size_t>(maps.height) * maps.width;
   const auto stride = static_cast<float>(maps.stride_px);
   maps.score.resize(17 * cells), maps.dx_px.resize(17 * cells), maps.dy_px.resize(17 * cells);

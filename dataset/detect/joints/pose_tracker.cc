@@ -17,7 +17,7 @@ constexpr ChoiceWords<PoseQuality, 3> kQualities = {
 
 constexpr double kSeenScore = 0.1;      // joints that count for boxes and likeness
 constexpr double kLeanScore = 0.3;      // joints of the trunk that tell how to turn a crop
-constexpr double kSameLikeness = 0.35;  // of two poses of one person in one picture
+constexpr double kSameLikeness = 0.35;  // of two poses of one person in one image
 constexpr double kDoubt = 0.85;         // of the usual score, below which other crops are looked at
 constexpr double kOust = 1.25;          // presence of somebody new, against somebody followed, to take their place
 constexpr double kForget = 0.99;        // how the usual score falls, a frame
@@ -116,7 +116,7 @@ Person2d LocateJoints(const JointNet& net, const Image& rgb, const Crop& crop, c
     const Keypoint2d joint = Combine(found, 0.05 * crop.size_px);
     const bool inside =
         joint.x_px >= -0.5 && joint.y_px >= -0.5 && joint.x_px < rgb.width - 0.5 && joint.y_px < rgb.height - 0.5;
-    person.keypoints.push_back(inside ? joint : Keypoint2d());  // nothing was seen where no picture is
+    person.keypoints.push_back(inside ? joint : Keypoint2d());  // nothing was seen where no image is
   }
   return person;
 }

@@ -39,7 +39,7 @@ class Selfie : public internal::CropSegmenter {
   mutable std::mutex mutex_;
 };
 
-/// The box as a square about its middle, which may leave the picture.
+/// The box as a square about its middle, which may leave the image.
 cv::Rect Square(const PictureBox& box, const cv::Size& input) {
   const double w = box.x1 - box.x0, h = box.y1 - box.y0, scale = std::max(w / input.width, h / input.height);
   const int side_x = std::max(1, int(std::ceil(scale * input.width))),

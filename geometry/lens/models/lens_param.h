@@ -6,7 +6,7 @@
 
 namespace mvstudio::geometry {
 
-/// What a distortion parameter does to the picture.
+/// What a distortion parameter does to the image.
 enum class LensRole {
   kShape,        ///< shapes the radial function in a way of the model's own
   kNumerator,    ///< coefficients of r^2, r^4, … of N in the radial function r N(r^2) / D(r^2)

@@ -39,7 +39,7 @@ bool Sampled(const MaskCamera& camera, int instant) {
   return std::find(numbers.begin(), numbers.end(), camera.FrameAt(instant)) != numbers.end();
 }
 
-/// Instants that every camera sampled.
+/// Time steps that every camera sampled.
 std::vector<int> CommonSamples(const MaskJob& job) {
   std::vector<int> common;
   for (const int frame : job.cameras[0].samples.numbers) {

@@ -48,7 +48,7 @@ std::map<std::string, std::string> AskedFor(const avatar::GaussianOptions& gauss
   return out;
 }
 
-/// The body at each instant that was trained on, in order.
+/// The body at each time step that was trained on, in order.
 std::vector<splats::PlayerInstant> InstantsOf(const RunPacks& packs) {
   std::map<int, const Eigen::Matrix3Xf*> by_frame;
   const int64_t* frames = packs.train.frame.data_ptr<int64_t>();
