@@ -49,7 +49,7 @@ SettingChoice ChooseSetting(const std::vector<SettingTrial>& trials, double budg
   }
   const auto as_good = [&](const SettingTrial& t) { return fits(t) && NotWorse(t, trials[static_cast<size_t>(best)]); };
   const auto preferred = [&](const SettingTrial& a, const SettingTrial& b) {
-    return a.doubt != b.doubt ? a.doubt < b.doubt : cheaper(a, b);
+    return a.uncertainty != b.uncertainty ? a.uncertainty < b.uncertainty : cheaper(a, b);
   };
   return {std::isfinite(target) ? Outcome::kBestWithinBudget : Outcome::kReached, FirstBy(trials, as_good, preferred)};
 }

@@ -18,9 +18,9 @@ struct SettingTrial {
   double error = std::nan(""), error_sigma = 0;            ///< as a target means it; NaN: could not be judged
   double predicted_s = std::nan("");                       ///< of the whole command; NaN: not tried
   double predicted_sigma_s = 0;
-  std::string short_of;  ///< why it reaches no target whatever its error; empty: nothing else is asked of it
-  double doubt = 0;      ///< of two that are as good, the one with less is taken, of two with the same the cheaper
-  std::string why_not;   ///< it was not tried
+  std::string short_of;    ///< why it reaches no target whatever its error; empty: nothing else is asked of it
+  double uncertainty = 0;  ///< of two that are as good, the one with less is taken, of two with the same the cheaper
+  std::string why_not;     ///< it was not tried
 
   bool IsTried() const { return !parts.empty(); }
   std::string Name() const;  ///< "option 'refine' on", "the settings as they are"
@@ -33,8 +33,8 @@ struct SettingChoice {
 };
 
 /// With a target the cheapest trial that is within the budget and reaches it; else, and without one, the best within the
-/// budget, or of those not worse by more than a standard error of their difference that of least doubt, then the cheapest.
-/// Within the budget is what is predicted to stay below it by a standard deviation. `target`: NaN for none.
+/// budget, or of those not worse by more than a standard error of their difference that of least uncertainty, then the
+/// cheapest. Within the budget is what is predicted to stay below it by a standard deviation. `target`: NaN for none.
 SettingChoice ChooseSetting(const std::vector<SettingTrial>& trials, double budget_s, double target);
 
 }  // namespace mvstudio::stages

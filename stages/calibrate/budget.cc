@@ -33,10 +33,10 @@ struct TrialBoards {
 struct LensTrial {
   std::optional<geometry::LensModel> model;  ///< none: the lens is chosen
   WorkPart solving{"solving"};
-  std::vector<SizedError> errors;    ///< held-out, px
-  double doubt = 0, doubt_size = 0;  ///< UncertaintyOf of the largest part
-  std::string found;                 ///< the lens that all cameras have at all sizes; empty: there is none
-  std::string message;               ///< why there is no solution
+  std::vector<SizedError> errors;                ///< held-out, px
+  double uncertainty = 0, uncertainty_size = 0;  ///< UncertaintyOf of the largest part
+  std::string found;                             ///< the lens that all cameras have at all sizes; empty: there is none
+  std::string message;                           ///< why there is no solution
 };
 
 struct BoardSetting {
@@ -167,7 +167,7 @@ void TryLens(TrialBoards* boards, const RunContext& run, const std::function<boo
     trial->solving.timings.push_back({size, options.budget.NowSeconds() - begin_s});
     trial->errors.push_back({size, JudgedCalibration(solved.report)});
     if (trial->errors.size() > 2) trial->errors.erase(trial->errors.begin());  // of few boards, it is erratic
-    trial->doubt = UncertaintyOf(solved.report), trial->doubt_size = size;
+    trial->uncertainty = UncertaintyOf(solved.report), trial->uncertainty_size = size;
     const std::string found = CommonLens(solved.report);
     trial->found = trial->solving.timings.size() == 1 || trial->found == found ? found : "";
     if (every > 1 || boards->corners.found.empty() || trial->model) continue;
@@ -222,10 +222,10 @@ SettingTrial TrialOf(const CalibrateOptions& options, const TrialBoards& boards,
   trial.parts.push_back(lens.solving);
   const Foretold error = ForetellError(chosen_lens.errors, trial.size);
   trial.error = error.value, trial.error_sigma = error.sigma;
-  trial.doubt = chosen_lens.doubt * std::sqrt(chosen_lens.doubt_size / trial.size);
-  if (trial.doubt > 1)
-    trial.short_of =
-        Format("projections at the image's sides would be uncertain by %.2g times what option 'need' allows", trial.doubt);
+  trial.uncertainty = chosen_lens.uncertainty * std::sqrt(chosen_lens.uncertainty_size / trial.size);
+  if (trial.uncertainty > 1)
+    trial.short_of = Format("projections at the image's sides would be uncertain by %.2g times what option 'need' allows",
+                            trial.uncertainty);
   return trial;
 }
 

@@ -133,11 +133,11 @@ TEST(Budget, ASpreadBeyondTheBudgetDoesNotFit) {
   EXPECT_EQ(ChooseSetting(trials, 10, std::nan("")).index, 0);
 }
 
-/// What is as good, with less doubt, is worth its time; what falls short of something else reaches no target.
+/// What is as good, with less uncertainty, is worth its time; what falls short of something else reaches no target.
 TEST(Budget, DoubtDecidesBetweenEqualErrors) {
   std::vector<SettingTrial> trials = {TrialOf(1, 2, 0), TrialOf(5, 2, 0)};
   EXPECT_EQ(ChooseSetting(trials, 10, std::nan("")).index, 0);
-  trials[0].doubt = 0.4, trials[1].doubt = 0.2;
+  trials[0].uncertainty = 0.4, trials[1].uncertainty = 0.2;
   EXPECT_EQ(ChooseSetting(trials, 10, std::nan("")).index, 1);
   EXPECT_EQ(ChooseSetting(trials, 10, 3).index, 0);
   trials[0].short_of = "too few boards";
