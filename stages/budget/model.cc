@@ -91,6 +91,7 @@ Foretold ForetellError(const std::vector<SizedError>& errors, double size) {
     if (std::abs(measured.size - size) <= kSameSize * size) return {measured.error, kErrorNoise * measured.error};
     rows.push_back({1, 1 / measured.size, measured.error * measured.error});
   }
+  if (rows.size() == 1) return {std::sqrt(rows[0].value), kErrorNoise * std::sqrt(rows[0].value)};
   const Foretold squared = FitTerms(rows, 2 * kErrorNoise).At(1, 1 / size);
   const double error = std::sqrt(squared.value);
   return {error, std::isfinite(error) && error > 0 ? squared.sigma / (2 * error) : 0};

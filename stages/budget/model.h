@@ -49,7 +49,7 @@ struct SizedError {
 };
 
 /// Error at `size`: as it was measured there, else error^2 = what more data cannot lower + what it shares out. One measurement
-/// scatters by a tenth. NaN without finite errors above 0.
+/// scatters by a tenth; a single one promises no less for more data. NaN without finite errors above 0.
 Foretold ForetellError(const std::vector<SizedError>& errors, double size);
 
 }  // namespace mvstudio::stages

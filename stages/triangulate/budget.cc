@@ -108,7 +108,7 @@ PoseInput WithFrames(const PoseInput& input, std::vector<triangulate::DetectedFr
 }
 
 /// `count` frames in the middle.
-std::vector<triangulate::DetectedFrame> MiddleOf(const std::vector<triangulate::DetectedFrame>& frames, size_t count) {
+std::vector<triangulate::DetectedFrame> MiddlePiece(const std::vector<triangulate::DetectedFrame>& frames, size_t count) {
   const auto begin = frames.begin() + static_cast<std::ptrdiff_t>((frames.size() - count) / 2);
   return {begin, begin + static_cast<std::ptrdiff_t>(count)};
 }
@@ -119,7 +119,7 @@ std::vector<TrialPart> TrialParts(const PoseInput& input, uint64_t seed) {
   const size_t large = std::min(std::max(count / 3, fewest), triangulate::kMostClockFrames);
   const size_t small = std::max(large / 4, std::min(kChoiceFrames, large / 2));
   std::vector<TrialPart> parts;
-  for (const size_t size : {small, large}) parts.push_back({WithFrames(input, MiddleOf(input.frames, size)), true});
+  for (const size_t size : {small, large}) parts.push_back({WithFrames(input, MiddlePiece(input.frames, size)), true});
   const size_t judged = std::min(std::max(count / 4, fewest), kMostJudged);
   parts.push_back({WithFrames(input, StretchesOf(input.frames, judged, seed)), false});
   return parts;

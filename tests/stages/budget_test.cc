@@ -97,7 +97,7 @@ TEST(Budget, AnErrorFallsWithTheDataToWhatItCannotLower) {
   EXPECT_GT(ForetellError(errors, 200).sigma, 0);
   errors[1].error = 0.25;
   EXPECT_EQ(ForetellError(errors, 16).value, 0.25) << "measured there";
-  EXPECT_NEAR(ForetellError({{10, 0.2}}, 40).value, 0.1, 1e-12) << "one size: what the root of the number says";
+  EXPECT_NEAR(ForetellError({{10, 0.2}}, 40).value, 0.2, 1e-12) << "one size promises no less for more";
   EXPECT_TRUE(std::isnan(ForetellError({{10, std::nan("")}}, 40).value));
 }
 
