@@ -35,7 +35,7 @@ Change Judge(const ComparedFigure& compared) {
   const double first = compared.values.front(), last = compared.values.back(), difference = last - first;
   if (!std::isfinite(difference)) return Change::kOnlyOne;
   if (compared.figure->of_held_out && !compared.stage->why_not.empty()) return Change::kNotCompared;
-  if (difference == 0) return Change::kEqual;
+  if (std::abs(difference) <= 1e-12 * std::abs(first)) return Change::kEqual;  // sums in another order
   if (std::abs(difference) <= compared.half_width) return Change::kWithin;
   if (!std::isfinite(compared.half_width) && AgreeInThreeDigits(first, last)) return Change::kEqual;
   if (compared.figure->better == Better::kNeither) return Change::kDiffers;

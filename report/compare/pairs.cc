@@ -52,7 +52,7 @@ std::vector<ImagePair> SharedPairs(const SectionContext& context, const Stage& f
     if (name.empty() || !IsShared(context, first, last, name)) continue;
     const double gain = image["ssim"].Number() - EntryOfImage(first, name)["ssim"].Number();
     std::string caption = "camera " + image["camera"].Text() + ", frame " + FormatNumber(image["frame"].Number(), 9);
-    if (std::isfinite(gain)) caption += ", SSIM " + SignedText(gain);
+    if (std::isfinite(gain)) caption += gain == 0 ? ", the same SSIM" : ", SSIM " + SignedText(gain);
     pairs.push_back({name, caption, gain});
   }
   std::stable_sort(pairs.begin(), pairs.end(), [](const ImagePair& a, const ImagePair& b) {
