@@ -162,7 +162,8 @@ Plan ReadPlan(const std::string& folder) {
 
 const PlanTask& TaskOf(const Plan& plan, int id) {
   if (id < 1 || id > static_cast<int>(plan.tasks.size())) {
-    throw UsageError("task " + std::to_string(id) + ": the plan has tasks 1 to " + std::to_string(plan.tasks.size()));
+    const std::string has = plan.tasks.empty() ? "no task" : "tasks 1 to " + std::to_string(plan.tasks.size());
+    throw UsageError("task " + std::to_string(id) + ": the plan has " + has);
   }
   return plan.tasks[static_cast<size_t>(id - 1)];
 }

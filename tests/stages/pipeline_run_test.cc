@@ -145,6 +145,7 @@ TEST_F(Road, APlanHoldsWhatADryRunWouldDo) {
   EXPECT_THAT(TasksOf("second"), IsEmpty());
   EXPECT_EQ(JobsStatus(folder / "second").rows.size(), 0u);
   EXPECT_EQ(Describe(JobsStatus(folder / "second")).exit, 0);
+  EXPECT_THROW(RunTask({folder / "second", 1, false}, tools), UsageError);
   Write(Path("pose2d/walk/a/0.json"), "changed by hand");
   EXPECT_THAT(TasksOf("third"), ElementsAre("sync walk", "triangulate walk"));
   options.only = {"pack"};
