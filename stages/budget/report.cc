@@ -101,6 +101,30 @@ ordered_json MachineJson() {
   return json;
 }
 
+/// What did not come out as it was asked for, or far from what the trial let expect.
+std::vector<Notice> WarningsOf(const BudgetReport& report) {
+  constexpr double kFar = 1.5;  // times the error that was predicted
+  const SettingTrial& chosen = report.Chosen();
+  const std::string predicted = BudgetErrorText(report, chosen.error), came = BudgetErrorText(report, report.actual_error);
+  const std::string better = report.better_data + " would lower it, more time would not";
+  const std::optional<ErrorTarget> target = report.asked.Target();
+  if (target && !(report.actual_error <= target->value)) {
+    if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
+      return {{"BUD-TARGET",
+               "option 'target' " + report.asked.target + " was out of reach: the best setting was predicted " + predicted +
+                   " and came out at " + came,
+               report.asked.budget.empty() ? better : "give more time, or " + report.better_data}};
+    return {
+        {"BUD-TARGET",
+         "option 'target' " + report.asked.target + " is missed: " + predicted + " was predicted, and it came out at " + came,
+         "ask for less than what is needed, or leave option 'target' out"}};
+  }
+  if (report.actual_error > kFar * chosen.error)
+    return {{"BUD-PREDICTION", "the error came out at " + came + ", " + predicted + " was predicted",
+             "parts of the data were no guide to the whole: give more time, or leave option 'budget' out"}};
+  return {};
+}
+
 }  // namespace
 
 void Choose(double elapsed_s, BudgetReport* report) {
@@ -135,15 +159,7 @@ CommandResult Describe(const BudgetReport& report) {
                 SecondsText(chosen.predicted_s) + ", " + BudgetErrorText(report, chosen.error) + "; came out " +
                 SecondsText(report.actual_s) + ", " + BudgetErrorText(report, report.actual_error) + "\n";
   for (const std::string& reason : report.reasons) result.text += "  " + reason + "\n";
-  const bool reached = !report.asked.target.empty() && report.actual_error <= ParseTarget(report.asked.target, "target").value;
-  if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget && !reached) {
-    result.warnings.push_back({"BUD-TARGET",
-                               "option 'target' " + report.asked.target + " was out of reach: the best setting was predicted " +
-                                   BudgetErrorText(report, chosen.error) + " and came out at " +
-                                   BudgetErrorText(report, report.actual_error),
-                               report.asked.budget.empty() ? report.better_data + " would lower it, more time would not"
-                                                           : "give more time, or " + report.better_data});
-  }
+  for (const Notice& warning : WarningsOf(report)) result.warnings.push_back(warning);
   return result;
 }
 

@@ -234,7 +234,9 @@ std::vector<BoardSetting> AddSettings(const TrialBoards& boards, const std::vect
                                       const CalibrateReport& report, BudgetReport* budget) {
   std::vector<BoardSetting> settings;
   int most = 1;
-  while (MayThin(report.options) && SearchedBy(report.options, boards, 2 * most) >= kFewestImages) most *= 2;
+  // Below the parts whose error was judged, the lens may become another one, and nothing is known of the error.
+  const double fewest = std::max<double>(kFewestImages, std::floor(lenses[0].errors.front().size));
+  while (MayThin(report.options) && SearchedBy(report.options, boards, 2 * most) >= fewest) most *= 2;
   for (int every = most; every >= 1; every /= 2) {
     if (!KeepsWorld(report.options, every)) continue;
     for (auto lens = lenses.rbegin(); lens != lenses.rend(); ++lens) {

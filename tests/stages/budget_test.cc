@@ -158,6 +158,28 @@ TEST(Budget, WhatNoSettingKeepsIsRefusedWithItsTime) {
       << "2 + 0.5 + 0.05 * 100";
 }
 
+TEST(Budget, WhatComesOutWorseThanItWasForetoldIsSaid) {
+  BudgetReport report;
+  SettingTrial& trial = report.trials.emplace_back();
+  trial.size = 100, trial.parts = {{"", kInfinity, {{10, 1}, {20, 1.5}}}}, trial.error = 0.03;
+  report.asked.budget = "1min";
+  Choose(2, &report);
+  const auto codes = [&](double came_out) {
+    report.actual_error = came_out;
+    std::string codes;
+    for (const Notice& warning : Describe(report).warnings) codes += warning.code;
+    return codes;
+  };
+  EXPECT_EQ(codes(0.04), "");
+  EXPECT_EQ(codes(0.11), "BUD-PREDICTION");
+  EXPECT_EQ(codes(std::nan("")), "") << "nothing was left to judge it by";
+  report.asked.target = "0.035px";
+  Choose(2, &report);
+  EXPECT_EQ(codes(0.034), "");
+  EXPECT_EQ(codes(0.04), "BUD-TARGET");
+  EXPECT_EQ(codes(std::nan("")), "BUD-TARGET");
+}
+
 /// 100 s, of which a timeline and a mask take 5 and 15: the rest as 10, 60 and 10 s were shared before.
 TEST(SplitBudget, StagesShareWhatOthersLeave) {
   const double unknown = std::nan("");
