@@ -166,9 +166,9 @@ TEST(Budget, WhatComesOutWorseThanItWasForetoldIsSaid) {
   Choose(2, &report);
   const auto codes = [&](double came_out) {
     report.actual_error = came_out;
-    std::string codes;
-    for (const Notice& warning : Describe(report).warnings) codes += warning.code;
-    return codes;
+    std::string all;
+    for (const Notice& warning : Describe(report).warnings) all += warning.code;
+    return all;
   };
   EXPECT_EQ(codes(0.04), "");
   EXPECT_EQ(codes(0.11), "BUD-PREDICTION");
