@@ -6,6 +6,7 @@
 #include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
+#include "geometry/rig/rig_io.h"
 #include "stages/nets/pose2d/describe.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
@@ -69,6 +70,18 @@ TEST(Pose2dStage, PosesThatAreThereAreCheckedAndWrittenAgain) {
   ASSERT_THAT(said.outputs, SizeIs(1));
   EXPECT_EQ(said.outputs[0].path, folder / "out/a");
   EXPECT_THAT(said.text, HasSubstr("people in 3 of 4 images"));
+}
+
+TEST(Pose2dStage, ACalibrationOfOtherCamerasIsRefused) {
+  const TempDir folder;
+  Pose2dOptions options = PutExistingPoses(folder);
+  geometry::Rig rig;
+  rig.cameras.resize(1);
+  rig.cameras[0].camera = geometry::MakePinhole("cam_a", 100, 80, 90);
+  geometry::WriteRig(rig, folder / "rig.json");
+  options.calib = folder / "rig.json";
+  EXPECT_THAT(MessageOf<FormatError>([&] { RunPose2d(options); }), HasSubstr("has cam_a, the footage a: none is in both"));
+  EXPECT_FALSE(std::filesystem::exists(folder / "out"));
 }
 
 TEST(Pose2dStage, FramesThatWereNotAskedForAreLeftOut) {

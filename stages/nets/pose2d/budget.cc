@@ -168,7 +168,7 @@ std::vector<std::string> ReasonsForNet(const std::vector<NetSetting>& settings, 
       std::string text = "option '" + option + "': " + other + " was not tried, " + trial.why_not;
       if (trial.IsTried())
         text = "option '" + option + "': " + other + " would take " + SecondsText(trial.predicted_s) +
-               Format(" at %.3g px", trial.error);
+               (std::isfinite(trial.error) ? Format(" at %.3g px", trial.error) : "");
       reasons.push_back(text);
     }
   };

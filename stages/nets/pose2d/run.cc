@@ -10,7 +10,9 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/join.h"
 #include "dataset/footage/image_io.h"
+#include "geometry/rig/rig_io.h"
 #include "geometry/skeleton/skeleton_text.h"
 #include "stages/frame_notice.h"
 #include "stages/input/calib_read.h"
@@ -168,6 +170,22 @@ geometry::Rig RigFor(const std::string& path, InputNotes* notes) {
   return imported.rig;
 }
 
+/// Cameras that the calibration knows by other names would be compared with nobody, and nothing would say so.
+void RequireSharedCamera(const geometry::Rig& rig, const std::string& path, const std::vector<std::string>& cameras) {
+  const auto known = [&](const std::string& camera) { return rig.Find(camera) >= 0; };
+  if (rig.cameras.empty() || cameras.empty() || std::any_of(cameras.begin(), cameras.end(), known)) return;
+  throw FormatError(path, "cameras",
+                    "has " + Join(geometry::CameraNames(rig), ", ") + ", the footage " + Join(cameras, ", ") +
+                        ": none is in both; name the cameras alike, e.g. option 'video' " + geometry::CameraNames(rig).front() +
+                        "=FILE");
+}
+
+std::vector<std::string> NamesOf(const std::vector<dataset::CameraFootage>& footage) {
+  std::vector<std::string> names;
+  for (const dataset::CameraFootage& camera : footage) names.push_back(camera.camera);
+  return names;
+}
+
 }  // namespace
 
 bool Pose2dReport::FoundPeople() const {
@@ -186,7 +204,9 @@ Pose2dReport RunPose2d(const Pose2dOptions& options, const RunContext& run) {
   const TakeInput take = ReadTakeInput(options.take, &report.notes);
   if (take.footage.empty() && !existing)
     throw UsageError("no footage: give option 'video' or option 'images' for each camera, or option 'session'");
-  const geometry::Rig rig = RigFor(options.calib.empty() ? take.calibration : options.calib, &report.notes);
+  const std::string calibration = options.calib.empty() ? take.calibration : options.calib;
+  const geometry::Rig rig = RigFor(calibration, &report.notes);
+  RequireSharedCamera(rig, calibration, NamesOf(take.footage));
   report.out = options.out.empty() ? take.Folder("pose2d") : options.out;
   if (report.out.empty()) throw UsageError("option 'out' is needed without option 'session'");
   std::vector<std::string> inputs = take.Paths();
