@@ -21,7 +21,7 @@ std::set<std::string> CameraNames(const Value& metrics) {
   return names;
 }
 
-/// What the result says of an image beyond its path: the entry of metrics.images with the same file name.
+/// What the result says of an image beyond its path: the entry of metrics.pictures with the same file name.
 const Value& ImageEntry(const Value& metrics, const std::string& path) {
   static const Value null;
   const auto name = std::filesystem::path(path).filename();

@@ -33,7 +33,7 @@ struct BoardView {
 std::vector<BoardView> ChooseBoardViews(const calib::CalibrateReport& report,
                                         const std::function<int64_t(int camera, int64_t frame_idx)>& number);
 
-/// Their corners as metrics: [{camera, frame, kind, rms_px, box_px, image, corners}]. `pictures` are file names, empty ones
+/// Their corners as metrics: [{camera, frame, kind, rms_px, box_px, picture, corners}]. `pictures` are file names, empty ones
 /// null. A corner is [x, y, dx, dy, 1 if it was rejected else 0] px, observed minus projected.
 nlohmann::ordered_json BoardViewsJson(const calib::CalibrateReport& report, const std::vector<BoardView>& views,
                                       const std::vector<std::string>& pictures);

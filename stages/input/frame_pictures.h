@@ -37,7 +37,7 @@ int64_t LastCheapFrame(const std::string& footage_path);
 /// footage holds.
 std::map<int64_t, Image> ReadFrames(const std::string& footage_path, std::set<int64_t> numbers);
 
-/// Writes images[i] (bytes of a JPEG) as `folder`/names[i], in place of those of an earlier run; no folder is left where all
+/// Writes pictures[i] (bytes of a JPEG) as `folder`/names[i], in place of those of an earlier run; no folder is left where all
 /// are empty. Returns their paths, empty ones for empty images. The caller holds the right to the folder.
 std::vector<std::string> WritePictures(const std::vector<std::string>& pictures, const std::vector<std::string>& names,
                                        const std::string& folder);

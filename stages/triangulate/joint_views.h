@@ -54,8 +54,8 @@ struct JointViewReport {
 JointViewReport WriteJointViews(const geometry::Rig& rig, const triangulate::TakeResult& take,
                                 const geometry::Skeleton& skeleton, const TakeImages& images, const std::string& out);
 
-/// "overlays" in the metrics: {bones, num_joints, views: [{camera, time step, frame, median_px, max_px, num_points, box_px,
-/// image, joints}]}; a joint is [x, y of the projection, x, y of the keypoint] px. The images are outputs.
+/// "overlays" in the metrics: {bones, num_joints, views: [{camera, instant, frame, median_px, max_px, num_points, box_px,
+/// picture, joints}]}; a joint is [x, y of the projection, x, y of the keypoint] px. The images are outputs.
 CommandResult DescribeJointViews(const JointViewReport& report);
 
 }  // namespace mvstudio::stages
