@@ -80,7 +80,9 @@ TEST(Pose2dStage, ACalibrationOfOtherCamerasIsRefused) {
   rig.cameras[0].camera = geometry::MakePinhole("cam_a", 100, 80, 90);
   geometry::WriteRig(rig, folder / "rig.json");
   options.calib = folder / "rig.json";
-  EXPECT_THAT(MessageOf<FormatError>([&] { RunPose2d(options); }), HasSubstr("has cam_a, the footage a: none is in both"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { RunPose2d(options); }), HasSubstr("has cam_a, the footage or its keypoints a: none is in both"));
+  options.take.images.clear();
+  EXPECT_THAT(MessageOf<FormatError>([&] { RunPose2d(options); }), HasSubstr("none is in both"));
   EXPECT_FALSE(std::filesystem::exists(folder / "out"));
 }
 

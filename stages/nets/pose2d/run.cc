@@ -175,14 +175,20 @@ void RequireSharedCamera(const geometry::Rig& rig, const std::string& path, cons
   const auto known = [&](const std::string& camera) { return rig.Find(camera) >= 0; };
   if (rig.cameras.empty() || cameras.empty() || std::any_of(cameras.begin(), cameras.end(), known)) return;
   throw FormatError(path, "cameras",
-                    "has " + Join(geometry::CameraNames(rig), ", ") + ", the footage " + Join(cameras, ", ") +
+                    "has " + Join(geometry::CameraNames(rig), ", ") + ", the footage or its keypoints " + Join(cameras, ", ") +
                         ": none is in both; name the cameras alike, e.g. option 'video' " + geometry::CameraNames(rig).front() +
                         "=FILE");
 }
 
-std::vector<std::string> NamesOf(const std::vector<dataset::CameraFootage>& footage) {
+std::vector<std::string> CamerasWithFootage(const std::vector<dataset::CameraFootage>& footage) {
   std::vector<std::string> names;
   for (const dataset::CameraFootage& camera : footage) names.push_back(camera.camera);
+  return names;
+}
+
+std::vector<std::string> CamerasWithPoses(const std::vector<CameraPoses>& cameras) {
+  std::vector<std::string> names;
+  for (const CameraPoses& camera : cameras) names.push_back(camera.track.camera);
   return names;
 }
 
@@ -206,7 +212,7 @@ Pose2dReport RunPose2d(const Pose2dOptions& options, const RunContext& run) {
     throw UsageError("no footage: give option 'video' or option 'images' for each camera, or option 'session'");
   const std::string calibration = options.calib.empty() ? take.calibration : options.calib;
   const geometry::Rig rig = RigFor(calibration, &report.notes);
-  RequireSharedCamera(rig, calibration, NamesOf(take.footage));
+  RequireSharedCamera(rig, calibration, CamerasWithFootage(take.footage));
   report.out = options.out.empty() ? take.Folder("pose2d") : options.out;
   if (report.out.empty()) throw UsageError("option 'out' is needed without option 'session'");
   std::vector<std::string> inputs = take.Paths();
@@ -216,6 +222,7 @@ Pose2dReport RunPose2d(const Pose2dOptions& options, const RunContext& run) {
   if (!options.frames.empty()) frames = ParseRanges("option 'frames'", options.frames);
   if (existing) {
     ReadAll(options, take, &report);
+    RequireSharedCamera(rig, calibration, CamerasWithPoses(report.cameras));
   } else {
     DetectAll(options, {take.footage, options.pose, options.overlays, options.every, 0, frames, options.cache}, rig, started_s,
               run, &report);
