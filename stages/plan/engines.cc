@@ -10,6 +10,7 @@
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "core/process.h"
 #include "core/text/shell_word.h"
 
 namespace mvstudio::stages {
@@ -173,6 +174,8 @@ std::string SlurmText(const Plan& plan, const std::vector<int>& ids, const Engin
 void FromString(const std::string& text, Engine* engine) {
   *engine = KnownChoice(kEngineWords, text, "engine " + text + ": expected ninja, slurm or snakemake");
 }
+
+std::string ProgramPath() { return std::filesystem::read_symlink(kThisProgram).string(); }
 
 std::string EngineFile(Engine engine) {
   return engine == Engine::kNinja ? "build.ninja" : engine == Engine::kSlurm ? "submit.sh" : "Snakefile";

@@ -9,6 +9,9 @@
 /// Files by which schedulers do the tasks of a plan.
 namespace mvstudio::stages {
 
+/// This program by its path, for schedulers that have another PATH.
+std::string ProgramPath();
+
 /// build.ninja, submit.sh or Snakefile.
 std::string EngineFile(Engine engine);
 

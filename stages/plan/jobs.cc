@@ -74,7 +74,7 @@ JobsReport SubmitJobs(JobsOptions options, const RunContext& run) {
   if (ids.empty()) return StatusOf(plan);
   if (options.engine == Engine::kSnakemake)
     throw UsageError("option 'engine' snakemake: call snakemake itself, -s " + ShellWord(plan.folder + "/Snakefile"));
-  options.limits.program = fs::read_symlink("/proc/self/exe").string();
+  options.limits.program = ProgramPath();
   RemoveInvalidMarkers(plan, states, ids);
   const std::string file = plan.folder + "/" + EngineFile(options.engine), log = plan.folder + "/submit.log";
   WriteFileAtomic(file, EngineText(options.engine, plan, ids, options.limits));

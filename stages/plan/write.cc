@@ -37,9 +37,6 @@ void RequireAnyNeeded(const PipelineReport& ahead, const std::string& session) {
                      "` with option 'dry-run' says why");
 }
 
-/// This program by its path, for schedulers that have another PATH.
-std::string ProgramPath() { return fs::read_symlink("/proc/self/exe").string(); }
-
 }  // namespace
 
 PlanReport WritePlan(PlanOptions options, const PipelineTools& tools) {
