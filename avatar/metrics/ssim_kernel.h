@@ -25,7 +25,7 @@ Samples SamplesOf(const Image& image);
 inline constexpr int kSsimStrip = 64;
 
 /// For the windows that begin in the columns x0 <= x < x0 + count (count <= kSsimStrip) and all rows: out[y * stride + x - x0]
-/// += weight * SSIM, for each plane; stride 0 sums each column. Pictures of one size, at least as large as the window.
+/// += weight * SSIM, for each plane; stride 0 sums each column. Images of one size, at least as large as the window.
 void AddSsimStrip(const Samples& a, const Samples& b, SsimWindow window, int x0, int count, double weight, double* out,
                   int64_t stride);
 

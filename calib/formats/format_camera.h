@@ -75,7 +75,7 @@ struct PictureCamera {
   Place place;
 };
 
-/// The cameras that took the images. Pictures of one folder, or of one name in several folders, that share pose and lens are
+/// The cameras that took the images. Images of one folder, or of one name in several folders, that share pose and lens are
 /// one camera: `cam1/000000.jpg`, `cam1/000001.jpg`. Where file names repeat, a camera is named by its folder. Notes say both,
 /// and when the images of a folder stand at different places. Throws FormatError for names that are used twice nevertheless.
 void AddPictureCameras(std::vector<PictureCamera> pictures, ImportedRig* imported);

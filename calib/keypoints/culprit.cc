@@ -48,7 +48,7 @@ std::vector<size_t> WorstFirst(size_t num_cameras, const std::vector<KeypointFit
   return order;
 }
 
-/// Pictures are padded to whole blocks, a few per cent at most, or scaled down to another format. In between, a scale about the
+/// Images are padded to whole blocks, a few per cent at most, or scaled down to another format. In between, a scale about the
 /// corner is the same as a turn where people keep to one part of the image, and the turn is the likelier story.
 bool IsLikely(const Hypothesis& hypothesis, const geometry::Rig& given) {
   if (hypothesis.kind == Kind::kPose || hypothesis.kind == Kind::kFocal) return true;

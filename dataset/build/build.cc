@@ -223,7 +223,7 @@ std::vector<std::string> InputsOf(const BuildInputs& inputs) {
   return paths;
 }
 
-/// Pictures are used whole: an offset of half a frame or more shows another time step.
+/// Images are used whole: an offset of half a frame or more shows another time step.
 void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildReport* report) {
   double& largest = report->calibration_offset_frames;
   for (const CameraFootage& footage : inputs.footage) {

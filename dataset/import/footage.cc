@@ -36,7 +36,7 @@ std::string PictureName(const std::string& camera, int64_t frame) {
   return camera + Format("_%08lld.jpg", static_cast<long long>(frame));
 }
 
-/// Pictures that cannot be told to be images are left out of copies; a linked folder is taken as it is.
+/// Images that cannot be told to be images are left out of copies; a linked folder is taken as it is.
 void ImportPictures(const ImportJob& job, const geometry::Camera& camera, const PanopticFootage& footage,
                     ImportedFootage* imported, Findings* findings) {
   const fs::path from = footage.path, to = fs::path(job.work) / imported->path;

@@ -30,7 +30,7 @@ struct BodiesOfTake {
   const ProjectedBody* At(int frame) const;
 };
 
-/// Pictures spread evenly over the footage.
+/// Images spread evenly over the footage.
 struct FootageSamples {
   std::vector<int> numbers;   ///< frame numbers
   std::vector<int> all = {};  ///< of the footage

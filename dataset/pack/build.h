@@ -96,7 +96,7 @@ struct PackBuildReport {
 
 /// Makes the shards of `share` in the folder `out` and, when `share` is everything and all shards exist, INDEX.json.
 /// Finished shards (file and inputs have the digests of the done-marker) are kept, damaged ones made again. The files do
-/// not depend on threads, on the share or on earlier interruptions. Pictures that are not there are left out, samples
+/// not depend on threads, on the share or on earlier interruptions. Images that are not there are left out, samples
 /// without a mask have none. Throws UsageError when `out` holds a pack of other options, FormatError when a camera has no
 /// image.
 PackBuildReport BuildPack(const std::string& dataset_root, const std::string& out, const PackOptions& options,

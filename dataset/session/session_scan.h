@@ -30,7 +30,7 @@ struct ScannedSession {
 /// Finds cameras and takes in a folder that is, or will be, the session's raw/. TAKE/CAMERA.mp4 (or .mkv, .mov, .avi, …),
 /// or a folder TAKE/CAMERA with numbered images, one video, or the chapters of one recording (chapters.h);
 /// plate/CAMERA.png are clean plates; TAKE/timestamps.csv is the take's table of times. With cameras first: CAMERA/TAKE.mp4,
-/// CAMERA/TAKE/*.png, CAMERA/plate.png. Pictures directly in TAKE are one image per camera. Footage is listed, not opened.
+/// CAMERA/TAKE/*.png, CAMERA/plate.png. Images directly in TAKE are one image per camera. Footage is listed, not opened.
 /// Throws FormatError when cameras have different numbers of recordings that only their order could pair.
 ScannedSession ScanRaw(const std::string& raw, SessionLayout layout = SessionLayout::kAuto);
 /// Same of folder/raw.

@@ -129,7 +129,7 @@ int SampleStep(size_t frames, int picture_step) {
   return picture_step * std::max(1, decoded / 8);
 }
 
-/// Pictures that no joints belong to: a step's worth is decoded, nothing is missing.
+/// Images that no joints belong to: a step's worth is decoded, nothing is missing.
 void PicturesAlone(const PanopticFootage& footage, const VerifyOptions& options, Checker* checker) {
   const int sample = SampleStep(footage.pictures.size(), options.picture_step);
   int position = 0;

@@ -47,7 +47,7 @@ struct VerifyReport {
 
 /// Checks a dataset folder in Panoptic layout, from mvstudio or elsewhere, and lists all defects. Checked are calibration,
 /// names, sizes, joints, faces, hands, sync tables, missing, damaged or repeated images and videos, masks, and joints
-/// off the masks. Pictures and masks that are missing are a warning, for a camera without any an error. Throws IoError when the
+/// off the masks. Images and masks that are missing are a warning, for a camera without any an error. Throws IoError when the
 /// folder or its calibration is missing.
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options = {}, const RunContext& run = {});
 

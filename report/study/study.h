@@ -17,7 +17,7 @@ struct StudyPicture {
   std::string truth, a, b;
 };
 
-/// Pictures with the same file name in three folders (without subfolders), sorted; names that are not in all three are
+/// Images with the same file name in three folders (without subfolders), sorted; names that are not in all three are
 /// listed in `unmatched`. Throws IoError for missing folders. Throws FormatError when no name is in all three, for content
 /// that is not an image, for PNG files of different sizes, and unless `follow_links` for links that lead out of a folder.
 std::vector<StudyPicture> ReadStudyPictures(const std::string& truth_folder, const std::string& a_folder,

@@ -11,7 +11,7 @@
 #include "core/progress.h"
 #include "dataset/footage/mask_io.h"
 
-/// Pictures of two folders with the same name, and their similarity. Needs no network and no libtorch.
+/// Images of two folders with the same name, and their similarity. Needs no network and no libtorch.
 namespace mvstudio::stages {
 
 /// What is behind pixels with opacity, which is taken as not premultiplied.

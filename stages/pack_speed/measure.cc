@@ -179,7 +179,7 @@ class Measurement {
     return path;
   }
 
-  /// Pictures a second when nothing is done but reading them and their masks.
+  /// Images a second when nothing is done but reading them and their masks.
   double DecodeRate(const std::string& root, int threads) {
     if (decode_rate_ > 0) return decode_rate_;
     const dataset::PanopticDataset data = dataset::OpenPanopticDataset(root);

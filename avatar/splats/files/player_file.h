@@ -29,7 +29,7 @@ struct PlayerLimits {
 std::string PlayerBytes(const Cloud& cloud, bool mip, const body::BodyTemplate& body,
                         const std::vector<PlayerInstant>& instants, const PlayerLimits& limits = {});
 
-/// What is up in the world of posed bodies: from the lowest tenth of the body at rest to its highest, the mean of all instants;
+/// What is up in the world of posed bodies: from the lowest tenth of the body at rest to its highest, the mean of all time steps;
 /// an axis of the world where one is within 25 degrees. Zero without a time step.
 Eigen::Vector3f UpOf(const body::BodyTemplate& body, const std::vector<PlayerInstant>& instants);
 

@@ -55,7 +55,7 @@ Loaded Load(const std::string& run_folder, const avatar::RunConfig& config) {
   return loaded;
 }
 
-/// Pictures as files of a folder, as one video a view, or both.
+/// Images as files of a folder, as one video a view, or both.
 class PictureSink {
  public:
   PictureSink(const AvatarRenderOptions& options, const RenderPlan& plan)
