@@ -15,7 +15,7 @@
 ///   start METHOD WIDTH SIZE BATCH FILE   a fresh model and a made-up batch, both written to FILE (safetensors); answers
 ///                                        "PARAMETERS"
 ///   step                                 one training step on that batch; answers "LOSS SECONDS CPU_SECONDS"
-///   render                               one picture from its pose, bone maps included; answers "MEAN SECONDS CPU_SECONDS"
+///   render                               one image from its pose, bone maps included; answers "MEAN SECONDS CPU_SECONDS"
 ///   threads N                            answers "ok"
 ///   memory                               answers the peak of resident memory so far, MB
 namespace mvstudio::avatar {

@@ -46,7 +46,8 @@ Rigid3 RandomBoard(const calib::Board& board, Rng* rng) {
 }
 
 /// The corners of a board that a camera sees; none when too few.
-calib::Detection Observe(const calib::Board& board, const calib::RigState& truth, int camera, int frame, double noise_px, Rng* rng) {
+calib::Detection Observe(const calib::Board& board, const calib::RigState& truth, int camera, int frame, double noise_px,
+                         Rng* rng) {
   const geometry::Projector projector(truth.cameras[camera]);
   const Eigen::Matrix3Xd corners = calib::CornersInBoard(board);
   const Eigen::Matrix2Xd warp = calib::WarpBasis(corners);
@@ -55,8 +56,8 @@ calib::Detection Observe(const calib::Board& board, const calib::RigState& truth
   detection.camera_idx = camera;
   detection.frame_idx = frame;
   const Eigen::Vector3d into_board = cam_from_board.rotation * Eigen::Vector3d::UnitZ();
-  const Eigen::Vector3d sight = (cam_from_board * Eigen::Vector3d(corners.rowwise().mean())).normalized();
-  if (into_board.dot(sight) < std::cos(kMaxSlantRad)) return detection;  // the printed side looks away
+  const Eigen::Vector3d observation = (cam_from_board * Eigen::Vector3d(corners.rowwise().mean())).normalized();
+  if (into_board.dot(observation) < std::cos(kMaxSlantRad)) return detection;  // the printed side looks away
   std::vector<Eigen::Vector2d> points;
   for (int i = 0; i < corners.cols(); ++i) {
     const Eigen::Vector3d bent = corners.col(i) + Eigen::Vector3d(0, 0, warp.col(i).dot(truth.board_warp_m[0]));
@@ -65,7 +66,8 @@ calib::Detection Observe(const calib::Board& board, const calib::RigState& truth
     detection.corner_ids.push_back(i);
     points.push_back(projection.px + noise_px * Eigen::Vector2d(rng->Normal(), rng->Normal()));
   }
-  if (static_cast<double>(points.size()) < kShareInImage * static_cast<double>(corners.cols())) detection.corner_ids.clear(), points.clear();
+  if (static_cast<double>(points.size()) < kShareInImage * static_cast<double>(corners.cols()))
+    detection.corner_ids.clear(), points.clear();
   detection.points_px.resize(2, static_cast<Eigen::Index>(points.size()));
   for (size_t i = 0; i < points.size(); ++i) detection.points_px.col(static_cast<Eigen::Index>(i)) = points[i];
   return detection;
@@ -111,7 +113,8 @@ RigScene MakeRigScene(int num_cameras, int num_corners, double noise_px, uint64_
       detections.push_back(detection);
     }
   }
-  for (const calib::Detection& detection : detections) scene.views.push_back(calib::MakeView({scene.board}, detection, truth.frames));
+  for (const calib::Detection& detection : detections)
+    scene.views.push_back(calib::MakeView({scene.board}, detection, truth.frames));
   scene.start = NearTruth(truth, &rng);
   return scene;
 }

@@ -18,7 +18,7 @@
 #include "stages/pack_speed/measure.h"
 
 /// bench_pack [SEED] [JSON or -] [DATASET or -] [FRAMES]: random access to crops of people, packs beside a folder of JPEG
-/// pictures cropped when read, on a made studio of 1920x1080 pictures and on the dataset when given. See docs/packs.md.
+/// images cropped when read, on a made studio of 1920x1080 images and on the dataset when given. See docs/packs.md.
 namespace mvstudio {
 namespace {
 
@@ -57,7 +57,7 @@ dataset::Coco19Pose MakePose(double phase) {
 
 /// Waves from 5 px to 300 px, fainter the finer and with less colour than brightness, as in photographs, and noise of 1.5
 /// levels.
-Image MakePicture(uint64_t seed) {
+Image MakeImage(uint64_t seed) {
   constexpr int kWaves = 14;
   Rng rng(seed);
   double waves[kWaves][7];  // frequencies, size, phases of the colours, share of colour
@@ -68,7 +68,7 @@ Image MakePicture(uint64_t seed) {
     for (int c = 3; c < 6; ++c) waves[k][c] = rng.Uniform(0, 2 * kPi);
     waves[k][6] = std::min(0.4, period / 100);
   }
-  Image picture(kWidth, kHeight, 3);
+  Image image(kWidth, kHeight, 3);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
       float sum[3] = {127.5f, 127.5f, 127.5f};
@@ -80,11 +80,11 @@ Image MakePicture(uint64_t seed) {
       }
       const double noise = 1.5 * (rng.Uniform() + rng.Uniform() + rng.Uniform() + rng.Uniform() - 2) * std::sqrt(3.0);
       for (int c = 0; c < 3; ++c) {
-        picture.Pixel(x, y)[c] = static_cast<uint8_t>(std::lround(std::clamp<double>(sum[c] + noise, 0, 255)));
+        image.Pixel(x, y)[c] = static_cast<uint8_t>(std::lround(std::clamp<double>(sum[c] + noise, 0, 255)));
       }
     }
   }
-  return picture;
+  return image;
 }
 
 /// Writes the made studio twice: as JPEG (quality 95) and as PNG.
@@ -99,15 +99,15 @@ void MakeStudio(const std::string& jpeg, const std::string& png, int frames, uin
     }
   }
   ParallelFor(int64_t{frames} * kCameras, 0, [&](int64_t i) {
-    const Image picture = MakePicture(seed * 1000003 + static_cast<uint64_t>(i));
+    const Image image = MakeImage(seed * 1000003 + static_cast<uint64_t>(i));
     const std::string name = Format("/hdImgs/00_%02d/00_%02d_%08d", static_cast<int>(i % kCameras),
                                     static_cast<int>(i % kCameras), static_cast<int>(i / kCameras));
-    dataset::WriteImage(picture, jpeg + name + ".jpg", 95);
-    dataset::WriteImage(picture, png + name + ".png");
+    dataset::WriteImage(image, jpeg + name + ".jpg", 95);
+    dataset::WriteImage(image, png + name + ".png");
   });
 }
 
-/// The pictures of a dataset seen by cameras of 1920x1080 with the same height of view.
+/// The images of a dataset seen by cameras of 1920x1080 with the same height of view.
 void Enlarge(const std::string& from, const std::string& to, int frames) {
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(from);
   geometry::Rig rig;
@@ -125,7 +125,7 @@ void Enlarge(const std::string& from, const std::string& to, int frames) {
     const std::string& name = rig.cameras[i % cameras].camera.name;
     const dataset::ResampleMap map(data.rig.cameras[i % cameras], rig.cameras[i % cameras]);
     const std::string file = Format("/%s/%s_%08d", name.c_str(), name.c_str(), frame);
-    dataset::WriteImage(map.Picture(dataset::ReadImage(data.ImagePath(name, frame)), dataset::Border::kLeave),
+    dataset::WriteImage(map.Apply(dataset::ReadImage(data.ImagePath(name, frame)), dataset::Border::kLeave),
                         to + "/hdImgs" + file + ".jpg", 95);
     dataset::WriteImage(map.Mask(dataset::ReadImage(data.MaskPath(name, frame), true)), to + "/masks" + file + ".png");
     if (i % cameras) return;

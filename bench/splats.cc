@@ -1,4 +1,4 @@
-// Gaussians on a body: pictures and training steps a second against their number, the pixels and the threads.
+// Gaussians on a body: images and training steps a second against their number, the pixels and the threads.
 //
 // Usage: bench_splats [SECONDS_EACH]. Prints a table.
 
@@ -52,9 +52,9 @@ void Row(const body::BodyTemplate& body, const body::Textures& textures, int64_t
   view.image = rendered.image, view.mask = rendered.cover;
   splats::SetFilters(splats::PixelSizes(cloud, body.faces, {splats::ViewOf<float>(view.camera)}, {view.vertices.get()}, 1),
                      &cloud);
-  double pictures[2], steps[2];
+  double images[2], steps[2];
   for (const int threads : {1, 2}) {
-    pictures[threads - 1] = Rate(seconds, [&] {
+    images[threads - 1] = Rate(seconds, [&] {
       splats::RenderGaussians(cloud, body, body.vertices, view.camera, {true, threads});
     });
     splats::AdamState adam = splats::MakeAdam(cloud.size(), 0);
@@ -64,8 +64,8 @@ void Row(const body::BodyTemplate& body, const body::Textures& textures, int64_t
       splats::AdamStep(step.gradient, {}, 1, &adam, &learned.values);
     });
   }
-  std::printf("%9lld %6d %13.1f %13.1f %13.1f %13.1f\n", static_cast<long long>(count), size_px, pictures[0], pictures[1],
-              steps[0], steps[1]);
+  std::printf("%9lld %6d %13.1f %13.1f %13.1f %13.1f\n", static_cast<long long>(count), size_px, images[0], images[1], steps[0],
+              steps[1]);
 }
 
 }  // namespace

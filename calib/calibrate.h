@@ -108,7 +108,7 @@ struct CalibrateReport {
   std::vector<CameraReport> cameras;
   std::vector<CornerResidual> residuals;
   std::vector<std::vector<int>> components;  ///< groups of cameras linked by shared boards
-  std::vector<int> culprits;  ///< without a solution: cameras whose lenses or links are the reason, as far as that is known
+  std::vector<int> suspects;  ///< without a solution: cameras whose lenses or links are the reason, as far as that is known
   double rms_px = 0, sigma_px = 0;  ///< 2-D RMS over kept corners; standard deviation per coordinate
   double holdout_rms_px = 0, holdout_median_px = 0, holdout_gross_fraction = 0;
   std::vector<SelectionRow> selection;
@@ -118,12 +118,12 @@ struct CalibrateReport {
                                        ///< empty: none
   std::vector<FrameRate> frame_rates;  ///< per camera, how its frame numbers were changed; empty: not
   std::vector<FrameDrop> frame_drops;  ///< frames that cameras lost, after which they were renumbered
-  std::string held_doubt;              ///< the given lens or pose, fixed by `fix`, that the boards contradict; empty: none
+  std::string held_conflict;           ///< the given lens or pose, fixed by `fix`, that the boards contradict; empty: none
   bool free_boards = false;            ///< each of several boards has a place of its own in every time step
   std::vector<BoardMove> board_moves;  ///< with free_boards
   std::string boards_moved;            ///< how boards moved against each other, and what giving each its own place explains;
                                        ///< empty: they did not, or nobody asked
-  std::string frames_doubt;            ///< why frames with the same number may not be simultaneous; empty: no doubt
+  std::string frames_conflict;  ///< why frames with the same number may not be simultaneous; empty: nothing contradicts it
   std::vector<Eigen::Vector2d> board_warp_m;   ///< per board; zero when it is taken as flat
   std::vector<Eigen::Vector2d> board_stretch;  ///< per board: shear and aspect, see RigState; empty when it is taken as
                                                ///< square
@@ -138,7 +138,7 @@ struct CalibrateReport {
                               ///< them, or there is nothing to explain
   double unexplained_px = 0;  ///< shift of the camera's corners by that cause
   std::vector<NumberingFault> numbering;
-  std::vector<TurnedCamera> turned;  ///< cameras of which views were numbered from the board's other end, see FindTurnedViews
+  std::vector<RotatedCamera> rotated;  ///< cameras of which views were numbered from the board's other end, see FindTurnedViews
   std::optional<LayoutFault> layout;
   BoardBending bending;
   UncertaintySummary uncertainty;

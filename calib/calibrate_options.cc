@@ -10,10 +10,10 @@ namespace {
 
 constexpr ChoiceWords<LensSharing::Kind, 3> kSharings = {
     {{LensSharing::Kind::kAuto, "auto"}, {LensSharing::Kind::kNone, "none"}, {LensSharing::Kind::kAll, "all"}}};
-constexpr ChoiceWords<LatenessChoice, 4> kLatenessChoices = {{{LatenessChoice::kAuto, "auto"},
-                                                              {LatenessChoice::kOn, "on"},
-                                                              {LatenessChoice::kClocks, "clocks"},
-                                                              {LatenessChoice::kNone, "none"}}};
+constexpr ChoiceWords<TimeOffsetChoice, 4> kTimeOffsetChoices = {{{TimeOffsetChoice::kAuto, "auto"},
+                                                                  {TimeOffsetChoice::kOn, "on"},
+                                                                  {TimeOffsetChoice::kClocks, "clocks"},
+                                                                  {TimeOffsetChoice::kNone, "none"}}};
 constexpr ChoiceWords<HeldPart::What, 2> kHeldParts = {
     {{HeldPart::What::kLenses, "lenses"}, {HeldPart::What::kPoses, "poses"}}};
 constexpr ChoiceWords<Engine, 2> kEngines = {{{Engine::kMvstudio, "mvstudio"}, {Engine::kMrcal, "mrcal"}}};
@@ -50,10 +50,10 @@ void FromString(const std::string& text, LensSharing* sharing) {
   for (const std::string& group : SplitNames(text, ';')) sharing->groups.push_back(SplitNames(group, ','));
 }
 
-std::string_view ToString(LatenessChoice lateness) { return WordOf(kLatenessChoices, lateness); }
+std::string_view ToString(TimeOffsetChoice time_offset) { return WordOf(kTimeOffsetChoices, time_offset); }
 
-void FromString(const std::string& text, LatenessChoice* lateness) {
-  *lateness = KnownChoice(kLatenessChoices, text, "option 'time-offset' " + text + ": expected auto, on, clocks or none");
+void FromString(const std::string& text, TimeOffsetChoice* time_offset) {
+  *time_offset = KnownChoice(kTimeOffsetChoices, text, "option 'time-offset' " + text + ": expected auto, on, clocks or none");
 }
 
 std::string ToString(const WorldOrigin& origin) {

@@ -26,9 +26,9 @@ void FromString(const std::string& text, LensSharing* sharing);
 
 /// Whether cameras may be late by a fraction of a frame: what held-out frames say; yes, by a constant one; yes, and their
 /// clocks may run at different rates; no.
-enum class LatenessChoice { kAuto, kOn, kClocks, kNone };
-std::string_view ToString(LatenessChoice lateness);
-void FromString(const std::string& text, LatenessChoice* lateness);
+enum class TimeOffsetChoice { kAuto, kOn, kClocks, kNone };
+std::string_view ToString(TimeOffsetChoice time_offset);
+void FromString(const std::string& text, TimeOffsetChoice* time_offset);
 
 /// What defines the world: "camera", "camera:NAME" or "board:FRAME".
 struct WorldOrigin {
@@ -76,7 +76,7 @@ struct CalibrateOptions {
   LensSharing share_intrinsics;
   AutoOnOff warp = AutoOnOff::kAuto;     ///< two parameters for the warp of each board
   AutoOnOff stretch = AutoOnOff::kAuto;  ///< two parameters for the shear and aspect of each board
-  LatenessChoice time_offset = LatenessChoice::kAuto;
+  TimeOffsetChoice time_offset = TimeOffsetChoice::kAuto;
   bool seek_numbers = true;  ///< whether cameras that count frames at other rates, or lost some, are looked for; off once they
                              ///< were
   AutoOnOff free_boards = AutoOnOff::kAuto;  ///< several boards move against each other: each has a pose of its own in every

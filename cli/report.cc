@@ -42,8 +42,7 @@ void RegisterReport(CLI::App& app, Registry& registry) {
             "folders with the same file names, each FOLDER or NAME=FOLDER")
       ->expected(2);
   AddOption(sub, "--truth", study->truth, "study: folder of the true images; of runs, the truth that they were scored with");
-  AddOption(sub, "--study-pictures", study->pictures, "study: questions at most, evenly over the images")
-      ->capture_default_str();
+  AddOption(sub, "--study-pictures", study->images, "study: questions at most, evenly over the images")->capture_default_str();
   AddFlag(sub, "--overwrite", *anew, "needs not be given: a report is always written anew");
   AddOption(sub, "--study-tally", study->tally, "instead of a report: count these files of answers");
   registry.Add(sub, "report", [=](CommandContext& context) {

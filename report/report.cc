@@ -99,7 +99,7 @@ std::vector<Section> ClientSections(SectionContext* context) {
 bool ForClient(const ReportOptions& options) { return options.audience == "client"; }
 
 Report BuildReport(const std::string& run_folder, const ReportOptions& options) {
-  MVS_CHECK(options.max_heldout_pictures >= 0 && options.max_picture_mb >= 0 && options.max_pictures_total_mb >= 0,
+  MVS_CHECK(options.max_heldout_images >= 0 && options.max_image_mb >= 0 && options.max_images_total_mb >= 0,
             "limits of images must not be negative");
   const bool client = ForClient(options);
   if (!client && options.audience != "studio") throw UsageError("option 'for' " + options.audience + ": give studio or client");

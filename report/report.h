@@ -16,9 +16,9 @@ struct ReportOptions {
   std::string generated_at;         ///< shown as it is; empty: left out (the library reads no clock)
   std::string version;              ///< of the program that writes the report
   bool follow_links = false;        ///< read what lies outside of the run's folder, too
-  int max_heldout_pictures = 24;    ///< of each evaluation; the rest is listed by name
-  int max_picture_mb = 8;           ///< a larger image is named, not embedded
-  int max_pictures_total_mb = 48;   ///< all images together
+  int max_heldout_images = 24;      ///< of each evaluation; the rest is listed by name
+  int max_image_mb = 8;             ///< a larger image is named, not embedded
+  int max_images_total_mb = 48;     ///< all images together
 };
 
 template <class Visitor>
@@ -29,9 +29,9 @@ void VisitFields(Visitor&& visit, ReportOptions& o) {
         "studio, or client: begins with videos of the avatar and leaves paths, command lines, the machine and what to fix out");
   visit("follow-links", o.follow_links,
         "embed images, and read results, that a run names or links to outside of its folder; off names them instead");
-  visit("max-heldout-pictures", o.max_heldout_pictures, "images shown of each evaluation");
-  visit("max-picture-mb", o.max_picture_mb, "MB; a larger image is named instead of embedded");
-  visit("max-pictures-total-mb", o.max_pictures_total_mb, "MB of images embedded in all");
+  visit("max-heldout-pictures", o.max_heldout_images, "images shown of each evaluation");
+  visit("max-picture-mb", o.max_image_mb, "MB; a larger image is named instead of embedded");
+  visit("max-pictures-total-mb", o.max_images_total_mb, "MB of images embedded in all");
 }
 
 struct Report {

@@ -243,7 +243,7 @@ std::string EvalBody(SectionContext* context, const Stage& stage) {
   if (!scores.empty()) html += DetailsHtml("Scores and baselines", scores);
   const std::string cameras = ObjectsTable("", metrics["per_camera"]);
   if (!cameras.empty()) html += DetailsHtml("Scores of each camera", cameras);
-  html += PicturesOf(context, stage, {"textures", "Texture atlas", {}});
+  html += ImagesOf(context, stage, {"textures", "Texture atlas", {}});
   const std::string all = NumbersTable("", metrics);
   return html + (all.empty() ? "" : DetailsHtml("All numbers", all));
 }
@@ -264,7 +264,7 @@ Section AvatarSection(SectionContext* context) {
   }
   for (const Stage& stage : context->data.stages) {
     if (stage.command != "avatar train" && stage.command != "avatar resume") continue;
-    section.body_html += PicturesOf(context, stage, {"textures", "Texture atlas", {}});
+    section.body_html += ImagesOf(context, stage, {"textures", "Texture atlas", {}});
     for (const Value& output : stage.result["outputs"].items())
       if (output["role"].Text() == "gaussians-player") section.body_html += EmbedPlayer(context, stage, output);
     const std::string all = NumbersTable("", stage.metrics());

@@ -6,7 +6,7 @@
 #include "core/error.h"
 #include "core/join.h"
 #include "report/page/format.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 #include "report/page/player.h"
 #include "report/page/slider.h"
 #include "report/sections.h"
@@ -157,13 +157,13 @@ std::string ReadOutput(SectionContext* context, const Stage& stage, const Value&
     std::error_code code;
     const auto bytes = static_cast<int64_t>(std::filesystem::file_size(path, code));
     if (code) return leave_out("cannot be read: " + code.message(), "");
-    if (bytes > int64_t{context->options.max_picture_mb} << 20) return leave_out("is too large to embed", limits_hint);
-    if (context->picture_bytes + bytes > int64_t{context->options.max_pictures_total_mb} << 20) {
+    if (bytes > int64_t{context->options.max_image_mb} << 20) return leave_out("is too large to embed", limits_hint);
+    if (context->image_bytes + bytes > int64_t{context->options.max_images_total_mb} << 20) {
       return leave_out("is left out: the images together are too large", limits_hint);
     }
     std::string content = ReadFile(path);
     if (!is_right(content)) return leave_out("is " + what_is_wrong, "");
-    context->picture_bytes += bytes;
+    context->image_bytes += bytes;
     return content;
   } catch (const Error& error) {
     return leave_out(std::string("cannot be read: ") + error.what(), "");
@@ -177,7 +177,7 @@ void NeedScript(SectionContext* context, std::string_view script) {
 std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value& output, const std::string& caption,
                         const std::vector<std::string>& legend, bool compared) {
   const std::string content = ReadOutput(
-      context, stage, output, [](std::string_view bytes) { return !PictureType(bytes).empty(); }, "neither PNG nor JPEG");
+      context, stage, output, [](std::string_view bytes) { return !ImageType(bytes).empty(); }, "neither PNG nor JPEG");
   if (content.empty()) return {};
   int width = 0, height = 0;
   const bool with_slider = compared && legend.size() > 1 && PngSize(content, &width, &height) && width >= 2 * height;
@@ -188,7 +188,7 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
     for (const std::string& part : legend) html += "<span>" + EscapeHtml(part) + "</span>";
     html += "</div>";
   }
-  return FigureHtml(html + PictureHtml(content, caption) + "</div>", caption);
+  return FigureHtml(html + ImageHtml(content, caption) + "</div>", caption);
 }
 
 std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value& output) {

@@ -127,13 +127,13 @@ std::vector<std::pair<std::string, std::string>> SharedImages(const SectionConte
                                                               const std::vector<Method>& methods) {
   std::vector<std::pair<std::string, std::string>> first, others;
   std::set<std::string> cameras;
-  for (const Value& picture : methods.front().stage->metrics()["pictures"].items()) {
-    const std::string name = fs::path(picture["path"].Text()).filename().string(), camera = picture["camera"].Text();
+  for (const Value& image : methods.front().stage->metrics()["pictures"].items()) {
+    const std::string name = fs::path(image["path"].Text()).filename().string(), camera = image["camera"].Text();
     const bool all = std::all_of(methods.begin(), methods.end(), [&](const Method& method) {
       return !ImageOfEval(context, *method.stage, "render", name).IsNull();
     });
     if (name.empty() || !all) continue;
-    const std::string caption = "camera " + camera + ", frame " + FormatNumber(picture["frame"].Number(), 9);
+    const std::string caption = "camera " + camera + ", frame " + FormatNumber(image["frame"].Number(), 9);
     (cameras.insert(camera).second ? first : others).emplace_back(name, caption);
   }
   first.insert(first.end(), others.begin(), others.end());
@@ -151,9 +151,9 @@ std::string Strips(SectionContext* context, const std::vector<Method>& methods) 
     for (const Method& method : methods) {
       const Value& holdout = method.stage->metrics();
       std::string score;
-      for (const Value& picture : holdout["pictures"].items()) {
-        if (fs::path(picture["path"].Text()).filename() == name && picture["ssim"].IsNumber())
-          score = ", SSIM " + FormatFixed(picture["ssim"].Number(), 3);
+      for (const Value& image : holdout["pictures"].items()) {
+        if (fs::path(image["path"].Text()).filename() == name && image["ssim"].IsNumber())
+          score = ", SSIM " + FormatFixed(image["ssim"].Number(), 3);
       }
       const Value image = ImageOfEval(*context, *method.stage, "render", name);
       figures.push_back(EmbedOutput(context, *method.stage, image, method.name + score));

@@ -4,7 +4,7 @@
 
 #include "core/statistics.h"
 #include "report/page/format.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 #include "report/sections.h"
 #include "report/svg/svg.h"
 
@@ -15,14 +15,14 @@ namespace {
 constexpr size_t kMaxPoints = 2000;  // of one image
 
 /// [x, y, width, height] in pixels of the frame; a figure is as wide or as high as all others.
-void ReadBox(const Value& box, PictureOverlaySpec* spec) {
+void ReadBox(const Value& box, ImageOverlaySpec* spec) {
   spec->left_px = box.At(0).Number() - 0.5, spec->top_px = box.At(1).Number() - 0.5;
   spec->width_px = box.At(2).Number(), spec->height_px = box.At(3).Number();
   spec->width = std::min(spec->width, spec->width * spec->width_px / spec->height_px);
 }
 
 /// Points [x, y, dx, dy, flag] px; those whose flag is not 0 are rejected.
-void ReadPoints(const Value& list, PictureOverlaySpec* spec) {
+void ReadPoints(const Value& list, ImageOverlaySpec* spec) {
   for (size_t i = 0; i < std::min(kMaxPoints, list.items().size()); ++i) {
     const Value& item = list.items()[i];
     const ImageArrow point{item.At(0).Number(), item.At(1).Number(), item.At(2).Number(), item.At(3).Number()};
@@ -31,11 +31,11 @@ void ReadPoints(const Value& list, PictureOverlaySpec* spec) {
 }
 
 /// The image of a view; empty when there is none or it cannot be embedded.
-std::string ReadViewPicture(SectionContext* context, const Stage& stage, const Value& view) {
+std::string ReadViewImage(SectionContext* context, const Stage& stage, const Value& view) {
   if (!view["picture"].IsText()) return {};
   return ReadOutput(
       context, stage, Value::Object().Set("path", view["picture"]),
-      [](std::string_view bytes) { return !PictureType(bytes).empty(); }, "neither PNG nor JPEG");
+      [](std::string_view bytes) { return !ImageType(bytes).empty(); }, "neither PNG nor JPEG");
 }
 
 /// The figure of a view, marked so that the page's viewer finds the image of a camera in it.
@@ -51,24 +51,24 @@ std::string ViewFigure(const Value& view, const std::string& figure, const std::
 std::string FrameText(const Value& view) { return "frame " + FormatNumber(view["frame"].Number(), 9); }
 
 std::string BoardView(SectionContext* context, const Stage& stage, const Value& view) {
-  PictureOverlaySpec spec;
+  ImageOverlaySpec spec;
   const bool worst = view["kind"].Text() == "worst";
   spec.title = view["camera"].Text("?") + ", " + FrameText(view) + (worst ? ": largest residuals" : ": an ordinary view");
   ReadBox(view["box_px"], &spec);
   spec.enlarge = true;
   ReadPoints(view["corners"], &spec);
-  const std::string picture = ReadViewPicture(context, stage, view);
-  spec.picture = picture;
-  const std::string figure = PictureOverlay(spec);
+  const std::string image = ReadViewImage(context, stage, view);
+  spec.image = image;
+  const std::string figure = ImageOverlay(spec);
   if (figure.empty()) return {};
   std::string caption = FormatCount(static_cast<double>(spec.points.size())) + " corners, rms " +
                         FormatWithUnit(view["rms_px"].Number(), "px", 3);
   if (!spec.rejected.empty()) caption += "; " + FormatCount(static_cast<double>(spec.rejected.size())) + " rejected (crosses)";
-  return ViewFigure(view, figure, caption + (picture.empty() ? "; the image itself is not at hand." : "."));
+  return ViewFigure(view, figure, caption + (image.empty() ? "; the image itself is not at hand." : "."));
 }
 
 /// Joints [x, y of the projection, x, y of the keypoint] px of several persons, `num_joints` each.
-void ReadJoints(const Value& joints, const Value& bones, size_t num_joints, PictureOverlaySpec* spec) {
+void ReadJoints(const Value& joints, const Value& bones, size_t num_joints, ImageOverlaySpec* spec) {
   const size_t count = std::min(kMaxPoints, joints.items().size());
   const auto projected = [&](size_t i) { return ImagePoint{joints.At(i).At(0).Number(), joints.At(i).At(1).Number()}; };
   for (size_t i = 0; i < count; ++i) {
@@ -85,21 +85,21 @@ void ReadJoints(const Value& joints, const Value& bones, size_t num_joints, Pict
 }
 
 std::string TakeOverlay(SectionContext* context, const Stage& stage, const Value& view) {
-  PictureOverlaySpec spec;
+  ImageOverlaySpec spec;
   const bool in_footage = view["frame"].IsNumber();
   spec.title = view["camera"].Text("?") + ", " +
                (in_footage ? FrameText(view) : "time step " + FormatNumber(view["instant"].Number(), 9));
   ReadBox(view["box_px"], &spec);
   const Value& overlays = stage.metrics()["overlays"];
   ReadJoints(view["joints"], overlays["bones"], static_cast<size_t>(std::max(0.0, overlays["num_joints"].Number(0))), &spec);
-  const std::string picture = ReadViewPicture(context, stage, view);
-  spec.picture = picture;
-  const std::string figure = PictureOverlay(spec);
+  const std::string image = ReadViewImage(context, stage, view);
+  spec.image = image;
+  const std::string figure = ImageOverlay(spec);
   if (figure.empty()) return {};
   return ViewFigure(view, figure,
                     "median distance " + FormatWithUnit(view["median_px"].Number(), "px", 3) + ", largest " +
                         FormatWithUnit(view["max_px"].Number(), "px", 3) + ", " + FormatCount(view["num_points"].Number()) +
-                        " keypoints" + (picture.empty() ? "; the image itself is not at hand." : "."));
+                        " keypoints" + (image.empty() ? "; the image itself is not at hand." : "."));
 }
 
 size_t NumCameras(const Value& views) {

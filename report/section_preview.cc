@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "report/page/picture.h"
+#include "report/page/image.h"
 #include "report/sections.h"
 
 namespace mvstudio::report {

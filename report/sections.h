@@ -22,9 +22,9 @@ struct SectionContext {
   const ReportOptions& options;
   Value json = Value::Object();
   std::vector<Notice> warnings;
-  int64_t picture_bytes = 0;  ///< embedded so far
-  std::string script;         ///< that the embedded parts need
-  std::string worst_step;     ///< HTML: the take's worst time steps, as the studio in 3D found them
+  int64_t image_bytes = 0;  ///< embedded so far
+  std::string script;       ///< that the embedded parts need
+  std::string worst_step;   ///< HTML: the take's worst time steps, as the studio in 3D found them
 };
 
 /// Adds a script to those that the page needs, once.
@@ -94,13 +94,13 @@ std::string EmbedOutput(SectionContext* context, const Stage& stage, const Value
                         const std::vector<std::string>& legend = {}, bool compared = false);
 
 /// Outputs of one role and how they are shown.
-struct PictureRole {
+struct ImageRole {
   std::string name, title;
   std::vector<std::string> legend;
   bool compared = false;
 };
 /// Those images of a result, the worst by SSIM first, with camera, frame and scores as captions; empty without.
-std::string PicturesOf(SectionContext* context, const Stage& stage, const PictureRole& role);
+std::string ImagesOf(SectionContext* context, const Stage& stage, const ImageRole& role);
 /// RUN/eval/KIND/NAME of a scored run ("render", "truth") as an output; null where the run does not hold it.
 Value ImageOfEval(const SectionContext& context, const Stage& stage, const char* kind, const std::string& name);
 /// "cam_01.sheet.png" -> "cam 01"

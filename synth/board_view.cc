@@ -59,7 +59,7 @@ BoardPainter::Box BoardPainter::PixelBox(const geometry::Rigid3& world_from_boar
 }
 
 void BoardPainter::Draw(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera, const LensRays& rays,
-                        int samples, Image* picture) const {
+                        int samples, Image* image) const {
   const Eigen::Matrix3d board_from_world = world_from_board.rotation.toRotationMatrix().transpose();
   const Eigen::Vector3d eye = board_from_world * (camera.CenterInWorld() - world_from_board.translation);
   const bool front = eye[2] < 0, printed_side = front || board_.back_m;
@@ -83,7 +83,7 @@ void BoardPainter::Draw(const geometry::Rigid3& world_from_board, const geometry
         sum += printed_side ? light * Print(u, v) : light * 120;
       }
       if (hits == 0) continue;
-      uint8_t* pixel = picture->Pixel(x, y);
+      uint8_t* pixel = image->Pixel(x, y);
       const float total = static_cast<float>(samples * samples);
       for (int k = 0; k < 3; ++k) {
         pixel[k] = static_cast<uint8_t>(std::clamp((sum + (total - hits) * pixel[k]) / total + 0.5f, 0.f, 255.f));

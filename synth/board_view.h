@@ -12,10 +12,10 @@ class BoardPainter {
  public:
   explicit BoardPainter(const calib::Board& board);
 
-  /// Draws the board over `picture` by exact ray-plane intersection, `samples` x `samples` samples per pixel. The back is
+  /// Draws the board over `image` by exact ray-plane intersection, `samples` x `samples` samples per pixel. The back is
   /// plain card, or that of a two-sided board.
   void Draw(const geometry::Rigid3& world_from_board, const geometry::RigCamera& camera, const LensRays& rays, int samples,
-            Image* picture) const;
+            Image* image) const;
 
  private:
   struct Box {

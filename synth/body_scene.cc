@@ -187,7 +187,7 @@ BodyScene::~BodyScene() {
   if (impl_ && impl_->scene) rtcReleaseScene(impl_->scene);
 }
 
-BodyScene::Truth BodyScene::Draw(const geometry::RigCamera& camera, const LensRays& rays, int samples, Image* picture) const {
+BodyScene::Truth BodyScene::Draw(const geometry::RigCamera& camera, const LensRays& rays, int samples, Image* image) const {
   const std::vector<uint8_t> candidates = GrownSilhouette(body::RasterizeBody(impl_->body, impl_->vertices, camera));
   Truth truth;
   truth.part.assign(candidates.size(), 0);
@@ -204,7 +204,7 @@ BodyScene::Truth BodyScene::Draw(const geometry::RigCamera& camera, const LensRa
       }
       directions[count] = rays.Direction(x, y, 0, 0);
       impl_->Trace(rays.origin(), directions.data(), count + 1, hits.data());
-      impl_->Blend(hits, count, picture->Pixel(x, y));
+      impl_->Blend(hits, count, image->Pixel(x, y));
       if (hits[count].face < 0) continue;
       const Eigen::Vector2f uv = impl_->ChartUv(hits[count]).cwiseMax(0.f).cwiseMin(1.f);
       truth.part[at] = static_cast<uint8_t>(impl_->body.face_part[hits[count].face]);

@@ -28,8 +28,8 @@ class BodyScene {
     std::vector<uint8_t> u, v;  // (H, W), chart coordinates times 255
   };
 
-  /// Draws the person over `picture`, `samples` x `samples` samples per pixel, and returns the truth at pixel centres.
-  Truth Draw(const geometry::RigCamera& camera, const LensRays& rays, int samples, Image* picture) const;
+  /// Draws the person over `image`, `samples` x `samples` samples per pixel, and returns the truth at pixel centres.
+  Truth Draw(const geometry::RigCamera& camera, const LensRays& rays, int samples, Image* image) const;
 
   /// Thickness of body, metres, between the first surface and the point as seen from `origin`; 0 when nothing is in front.
   double DepthBehindSurface(const Eigen::Vector3d& origin, const Eigen::Vector3d& x_in_world) const;

@@ -77,7 +77,7 @@ std::vector<Recorder> OpenRecorders(const Studio& studio, const std::string& rel
 }
 
 /// Renders `count` frames in batches, all cameras of a batch in parallel, and encodes them in order. `prepare(first, last)`
-/// sets a batch up; `draw(frame, camera, picture)` renders over the empty studio.
+/// sets a batch up; `draw(frame, camera, image)` renders over the empty studio.
 void Record(const Studio& studio, const std::string& relative, int count, const std::string& stage_name,
             const std::function<void(int, int)>& prepare, const std::function<void(int, int, Image*)>& draw) {
   std::vector<Recorder> recorders = OpenRecorders(studio, relative);
@@ -86,14 +86,14 @@ void Record(const Studio& studio, const std::string& relative, int count, const 
   for (int first = 0; first < count; first += kBatch) {
     const int last = std::min(count, first + kBatch);
     prepare(first, last);
-    std::vector<Image> pictures(static_cast<size_t>(last - first) * cameras);
-    ParallelFor(static_cast<int64_t>(pictures.size()), threads, [&](int64_t i) {
+    std::vector<Image> images(static_cast<size_t>(last - first) * cameras);
+    ParallelFor(static_cast<int64_t>(images.size()), threads, [&](int64_t i) {
       const int camera_idx = static_cast<int>(i % cameras), frame_idx = first + static_cast<int>(i / cameras);
-      pictures[i] = studio.plates[camera_idx];
-      draw(frame_idx, camera_idx, &pictures[i]);
+      images[i] = studio.plates[camera_idx];
+      draw(frame_idx, camera_idx, &images[i]);
     });
     ParallelFor(cameras, threads, [&](int64_t c) {
-      for (int f = first; f < last; ++f) recorders[c].Write(pictures[static_cast<size_t>(f - first) * cameras + c]);
+      for (int f = first; f < last; ++f) recorders[c].Write(images[static_cast<size_t>(f - first) * cameras + c]);
     });
     stage.Advance(last - first);
   }
@@ -109,8 +109,8 @@ void RecordBoard(const Studio& studio) {
   const int samples = studio.options.samples + 2;
   Record(
       studio, "raw/board", studio.options.board_frames, "board footage", [](int, int) {},
-      [&](int frame_idx, int camera_idx, Image* picture) {
-        painter.Draw(poses[frame_idx], studio.rig.cameras[camera_idx], studio.rays[camera_idx], samples, picture);
+      [&](int frame_idx, int camera_idx, Image* image) {
+        painter.Draw(poses[frame_idx], studio.rig.cameras[camera_idx], studio.rays[camera_idx], samples, image);
       });
   WriteBoardPoses(board, poses, studio.Path("truth/board_poses.json"));
 }
@@ -159,11 +159,11 @@ class Take {
     }
   }
 
-  void Draw(int frame_idx, int camera_idx, Image* picture) {
+  void Draw(int frame_idx, int camera_idx, Image* image) {
     const geometry::RigCamera& camera = studio_.rig.cameras[camera_idx];
     const BodyScene& scene = *scenes_[frame_idx - first_];
-    const BodyScene::Truth truth = scene.Draw(camera, studio_.rays[camera_idx], studio_.options.samples, picture);
-    Image mask(picture->width, picture->height, 1), part_uv(picture->width, picture->height, 3);
+    const BodyScene::Truth truth = scene.Draw(camera, studio_.rays[camera_idx], studio_.options.samples, image);
+    Image mask(image->width, image->height, 1), part_uv(image->width, image->height, 3);
     for (size_t i = 0; i < truth.part.size(); ++i) {
       mask.pixels[i] = truth.part[i] ? 255 : 0;
       part_uv.pixels[3 * i] = truth.part[i], part_uv.pixels[3 * i + 1] = truth.u[i], part_uv.pixels[3 * i + 2] = truth.v[i];
@@ -214,7 +214,7 @@ void RecordTake(const Studio& studio, Subject* subject, SynthSummary* summary) {
   Record(
       studio, "raw/take1", studio.options.all_take_frames(), "person footage",
       [&](int first, int last) { take.Prepare(first, last); },
-      [&](int frame_idx, int camera_idx, Image* picture) { take.Draw(frame_idx, camera_idx, picture); });
+      [&](int frame_idx, int camera_idx, Image* image) { take.Draw(frame_idx, camera_idx, image); });
   take.WriteJoints();
   summary->beyond_skinning = take.beyond_skinning();
 }

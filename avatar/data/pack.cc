@@ -69,7 +69,7 @@ void RequireEach(const AvatarPack& pack, const at::Tensor& good, const char* wha
   const at::Tensor rows = good.reshape({pack.size(), -1}).all(1);
   if (rows.all().item<bool>()) return;
   const int64_t i = rows.logical_not().nonzero()[0].item<int64_t>();
-  MVS_CHECK(false, PictureName(pack, i) << ": " << what);
+  MVS_CHECK(false, ImageName(pack, i) << ": " << what);
 }
 
 }  // namespace
@@ -85,7 +85,7 @@ PoseBatch PosesOf(const AvatarPack& pack, const at::Tensor& rows) {
           {of(pack.template_maps), share(pack.template_colours), share(pack.references)}};
 }
 
-std::string PictureName(const AvatarPack& pack, int64_t i) {
+std::string ImageName(const AvatarPack& pack, int64_t i) {
   const int64_t camera = pack.camera_idx[i].item<int64_t>();
   const bool known = camera >= 0 && camera < static_cast<int64_t>(pack.cameras.size());
   return "camera " + (known ? pack.cameras[camera] : std::to_string(camera)) + ", frame " +

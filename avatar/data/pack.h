@@ -64,7 +64,7 @@ PoseBatch PosesOf(const AvatarPack& pack);
 PoseBatch PosesOf(const AvatarPack& pack, const at::Tensor& rows);
 
 /// "camera 00_03, frame 17" of image i, for messages.
-std::string PictureName(const AvatarPack& pack, int64_t i);
+std::string ImageName(const AvatarPack& pack, int64_t i);
 
 /// Throws ContractViolation for wrong shapes, types, sizes or indices, and for values that are not finite or out of range.
 /// Messages about values name the camera and the frame.

@@ -122,9 +122,9 @@ Box MaskBox(const Mask& mask, int width, int height, double margin, int least) {
   return box;
 }
 
-Score Flicker(const Picture& truth_before, const Picture& truth, const Picture& image_before, const Picture& image,
-              const Mask& mask_before, const Mask& mask) {
-  for (const Picture* other : {&truth_before, &image_before, &image}) {
+Score Flicker(const PlanarImage& truth_before, const PlanarImage& truth, const PlanarImage& image_before,
+              const PlanarImage& image, const Mask& mask_before, const Mask& mask) {
+  for (const PlanarImage* other : {&truth_before, &image_before, &image}) {
     const Status status = Check(truth, *other);
     if (status != Status::kOk) return {status};
   }

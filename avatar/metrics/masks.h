@@ -26,7 +26,7 @@ Box MaskBox(const Mask& mask, int width, int height, double margin, int least);
 
 /// Temporal flicker: mean |(b_t - b_(t-1)) - (a_t - a_(t-1))| / range over the pixels of both masks of the truth and all
 /// channels. Measures changes in the render that are not in the truth; 0 for a render that is the truth plus a constant.
-Score Flicker(const Picture& truth_before, const Picture& truth, const Picture& image_before, const Picture& image,
-              const Mask& mask_before, const Mask& mask);
+Score Flicker(const PlanarImage& truth_before, const PlanarImage& truth, const PlanarImage& image_before,
+              const PlanarImage& image, const Mask& mask_before, const Mask& mask);
 
 }  // namespace mvstudio::metrics

@@ -16,7 +16,7 @@ Score FromSum(double squares, double count) {
 }
 
 /// Rows are added plainly and their sums with what rounding loses: an image of 1e7 pixels keeps 13 digits.
-double Squares(const Picture& a, const Picture& b, const Box& box) {
+double Squares(const PlanarImage& a, const PlanarImage& b, const Box& box) {
   Sum sum;
   const double range = a.range;
   for (int c = 0; c < a.channels; ++c) {
@@ -33,7 +33,7 @@ double Squares(const Picture& a, const Picture& b, const Box& box) {
 
 }  // namespace
 
-Score PsnrDb(const Picture& a, const Picture& b) { return PsnrDb(a, b, Box{0, 0, a.width, a.height}); }
+Score PsnrDb(const PlanarImage& a, const PlanarImage& b) { return PsnrDb(a, b, Box{0, 0, a.width, a.height}); }
 
 Score PsnrDb(const Image& a, const Image& b) {
   const Status status = Check(a, b);
@@ -46,7 +46,7 @@ Score PsnrDb(const Image& a, const Image& b) {
   return FromSum(static_cast<double>(sum) / (255 * 255), static_cast<double>(a.pixels.size()));
 }
 
-Score PsnrDb(const Picture& a, const Picture& b, const Box& box) {
+Score PsnrDb(const PlanarImage& a, const PlanarImage& b, const Box& box) {
   const Status status = Check(a, b);
   if (status != Status::kOk) return {status};
   const Box inside{std::max(0, box.x0), std::max(0, box.y0), std::min(a.width, box.x1), std::min(a.height, box.y1)};
@@ -55,7 +55,7 @@ Score PsnrDb(const Picture& a, const Picture& b, const Box& box) {
   return FromSum(Squares(a, b, inside), pixels * a.channels);
 }
 
-Score PsnrDb(const Picture& a, const Picture& b, const Mask& mask) {
+Score PsnrDb(const PlanarImage& a, const PlanarImage& b, const Mask& mask) {
   const Status status = Check(a, b);
   if (status != Status::kOk) return {status};
   MVS_CHECK(mask.size() == a.PlaneSize(), "the mask has another size");

@@ -9,10 +9,10 @@ namespace mvstudio::metrics {
 
 /// -10 log10(mean squared error / range^2) over all channels, dB; infinity for equal images. With a box or a mask, over
 /// its pixels only.
-Score PsnrDb(const Picture& a, const Picture& b);
+Score PsnrDb(const PlanarImage& a, const PlanarImage& b);
 Score PsnrDb(const Image& a, const Image& b);
-Score PsnrDb(const Picture& a, const Picture& b, const Box& box);
-Score PsnrDb(const Picture& a, const Picture& b, const Mask& mask);
+Score PsnrDb(const PlanarImage& a, const PlanarImage& b, const Box& box);
+Score PsnrDb(const PlanarImage& a, const PlanarImage& b, const Mask& mask);
 
 /// Mean of the decibels (not the decibels of the mean error) over the images with a finite value.
 struct PsnrSummary {

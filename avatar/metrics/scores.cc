@@ -22,19 +22,19 @@ struct Maps {
   SsimMap rgb, luma, skimage;
 };
 
-Maps MakeMaps(const Picture& truth, const Picture& image) {
+Maps MakeMaps(const PlanarImage& truth, const PlanarImage& image) {
   return {ComputeSsimMap(truth, image), ComputeSsimMap(Luma(truth), Luma(image)),
           ComputeSsimMap(truth, image, SsimWindow::kUniform7)};
 }
 
 /// `region`: a box or a mask.
 template <class Region>
-RegionScore ScoreRegion(const Maps& maps, const Picture& truth, const Picture& image, const Region& region) {
+RegionScore ScoreRegion(const Maps& maps, const PlanarImage& truth, const PlanarImage& image, const Region& region) {
   return {Value(Mean(maps.rgb, region), "SSIM"), Value(Mean(maps.luma, region), "SSIM of luma"),
           Value(Mean(maps.skimage, region), "SSIM by scikit-image's default"), Value(PsnrDb(truth, image, region), "PSNR")};
 }
 
-/// `Pixels`: Picture or Image.
+/// `Pixels`: PlanarImage or Image.
 template <class Pixels>
 RegionScore ScoreWholeOf(const Pixels& truth, const Pixels& image) {
   return {Value(Ssim(truth, image), "SSIM"), Value(SsimOfLuma(truth, image), "SSIM of luma"),
@@ -50,16 +50,16 @@ double WindowsOf(const SsimMap& map, const Mask& mask, const Box& box) {
 
 }  // namespace
 
-RegionScore ScoreWhole(const Picture& truth, const Picture& image) { return ScoreWholeOf(truth, image); }
+RegionScore ScoreWhole(const PlanarImage& truth, const PlanarImage& image) { return ScoreWholeOf(truth, image); }
 
 RegionScore ScoreWhole(const Image& truth, const Image& image) { return ScoreWholeOf(truth, image); }
 
-PictureScore ScorePicture(const Picture& truth, const Mask& true_mask, const Picture& image, const Mask& mask) {
+ImageScore ScoreImage(const PlanarImage& truth, const Mask& true_mask, const PlanarImage& image, const Mask& mask) {
   const int width = truth.width, height = truth.height;
   const Box box = MaskBox(true_mask, width, height, kBoxMargin, SsimWindowSize(SsimWindow::kWang2004));
   MVS_CHECK(box.x1 > box.x0, "a true mask is empty");
   const Maps maps = MakeMaps(truth, image);
-  PictureScore score;
+  ImageScore score;
   score.bbox = ScoreRegion(maps, truth, image, box);
   score.full = ScoreRegion(maps, truth, image, Box{0, 0, width, height});
   score.masked = {WindowsOf(maps.rgb, true_mask, box), WindowsOf(maps.luma, true_mask, box),
@@ -84,11 +84,11 @@ RegionScore Mean(const std::vector<RegionScore>& scores, int64_t* psnr_infinite)
   return mean;
 }
 
-MeanScore Mean(const std::vector<PictureScore>& scores) {
+MeanScore Mean(const std::vector<ImageScore>& scores) {
   std::vector<RegionScore> bbox, full, masked;
   MeanScore mean;
   mean.n = static_cast<int64_t>(scores.size());
-  for (const PictureScore& score : scores) {
+  for (const ImageScore& score : scores) {
     bbox.push_back(score.bbox), full.push_back(score.full), masked.push_back(score.masked);
     mean.mask_iou += score.mask_iou / static_cast<double>(mean.n);
     mean.boundary_f += score.boundary_f / static_cast<double>(mean.n);

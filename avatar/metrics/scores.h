@@ -16,11 +16,11 @@ struct RegionScore {
 };
 
 /// For the whole image. Throws ContractViolation with the reason when there is no score (docs/metrics.md).
-RegionScore ScoreWhole(const Picture& truth, const Picture& image);
+RegionScore ScoreWhole(const PlanarImage& truth, const PlanarImage& image);
 RegionScore ScoreWhole(const Image& truth, const Image& image);
 
 /// One image. Both images are on black before they are compared.
-struct PictureScore {
+struct ImageScore {
   RegionScore bbox;    ///< the true mask's bounding box, enlarged by 5 % of its longer side on each side, at least 11 px: the
                        ///< primary score
   RegionScore full;    ///< the whole crop
@@ -30,7 +30,7 @@ struct PictureScore {
 };
 
 /// truth, image: three channels; masks of their size, the true one not empty (else ContractViolation).
-PictureScore ScorePicture(const Picture& truth, const Mask& true_mask, const Picture& image, const Mask& mask);
+ImageScore ScoreImage(const PlanarImage& truth, const Mask& true_mask, const PlanarImage& image, const Mask& mask);
 
 /// Means over images; PSNR is the mean of the finite decibels, equal images are counted.
 struct MeanScore {
@@ -39,7 +39,7 @@ struct MeanScore {
   double mask_iou = 0, boundary_f = 0;
   int64_t psnr_infinite = 0;  ///< images equal to the truth in their box
 };
-MeanScore Mean(const std::vector<PictureScore>& scores);
+MeanScore Mean(const std::vector<ImageScore>& scores);
 RegionScore Mean(const std::vector<RegionScore>& scores, int64_t* psnr_infinite);
 
 struct Interval {

@@ -45,7 +45,7 @@ Samples AsLuma(Samples samples) {
 
 int SsimWindowSize(SsimWindow window) { return window == SsimWindow::kUniform7 ? 7 : 11; }
 
-SsimMap ComputeSsimMap(const Picture& a, const Picture& b, SsimWindow window, int num_threads) {
+SsimMap ComputeSsimMap(const PlanarImage& a, const PlanarImage& b, SsimWindow window, int num_threads) {
   const int side = SsimWindowSize(window);
   SsimMap map;
   map.status = Check(a, b, side);
@@ -91,7 +91,7 @@ Score Mean(const SsimMap& map, const Mask& mask) {
   return {Status::kOk, sum / static_cast<double>(count)};
 }
 
-Score Ssim(const Picture& a, const Picture& b, SsimWindow window, int num_threads) {
+Score Ssim(const PlanarImage& a, const PlanarImage& b, SsimWindow window, int num_threads) {
   const Status status = Check(a, b, SsimWindowSize(window));
   if (status != Status::kOk) return {status};
   return MeanSsim(SamplesOf(a), SamplesOf(b), window, num_threads);
@@ -103,7 +103,7 @@ Score Ssim(const Image& a, const Image& b, SsimWindow window, int num_threads) {
   return MeanSsim(SamplesOf(a), SamplesOf(b), window, num_threads);
 }
 
-Score SsimOfLuma(const Picture& a, const Picture& b, SsimWindow window, int num_threads) {
+Score SsimOfLuma(const PlanarImage& a, const PlanarImage& b, SsimWindow window, int num_threads) {
   const Status status = Check(a, b, SsimWindowSize(window));
   if (status != Status::kOk) return {status};
   return MeanSsim(AsLuma(SamplesOf(a)), AsLuma(SamplesOf(b)), window, num_threads);

@@ -3,7 +3,7 @@
 #include <limits>
 #include <vector>
 
-#include "avatar/metrics/picture.h"
+#include "avatar/metrics/planar_image.h"
 
 namespace mvstudio::metrics {
 
@@ -25,7 +25,8 @@ struct SsimMap {
   int width = 0, height = 0, border = 0;
   std::vector<double> values;  ///< (height, width), each in [-1, 1]; empty unless kOk
 };
-SsimMap ComputeSsimMap(const Picture& a, const Picture& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
+SsimMap ComputeSsimMap(const PlanarImage& a, const PlanarImage& b, SsimWindow window = SsimWindow::kWang2004,
+                       int num_threads = 1);
 
 /// A score, or the reason for its absence.
 struct Score {
@@ -41,12 +42,12 @@ Score Mean(const SsimMap& map, const Box& box);
 Score Mean(const SsimMap& map, const Mask& mask);
 
 /// Mean(ComputeSsimMap(…)) to rounding, without the memory of a map.
-Score Ssim(const Picture& a, const Picture& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
+Score Ssim(const PlanarImage& a, const PlanarImage& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
 /// Of 8-bit images, range 255, without a copy in float64.
 Score Ssim(const Image& a, const Image& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
 
 /// Ssim(Luma(a), Luma(b), …) without the copies.
-Score SsimOfLuma(const Picture& a, const Picture& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
+Score SsimOfLuma(const PlanarImage& a, const PlanarImage& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
 Score SsimOfLuma(const Image& a, const Image& b, SsimWindow window = SsimWindow::kWang2004, int num_threads = 1);
 
 }  // namespace mvstudio::metrics

@@ -137,8 +137,8 @@ MVS_SIMD void Down11(const double* const* rows, const double* w, double scale, d
 
 }  // namespace
 
-Samples SamplesOf(const Picture& picture) {
-  return {picture.samples.data(), nullptr, picture.width, picture.height, picture.channels, picture.range, false};
+Samples SamplesOf(const PlanarImage& planar) {
+  return {planar.samples.data(), nullptr, planar.width, planar.height, planar.channels, planar.range, false};
 }
 
 Samples SamplesOf(const Image& image) {

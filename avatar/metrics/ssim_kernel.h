@@ -18,7 +18,7 @@ struct Samples {
   int NumPlanes() const { return luma ? 1 : channels; }
 };
 
-Samples SamplesOf(const Picture& picture);
+Samples SamplesOf(const PlanarImage& planar);
 Samples SamplesOf(const Image& image);
 
 /// Number of adjacent windows whose rows of moments fit into the first-level cache.

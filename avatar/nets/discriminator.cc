@@ -51,9 +51,9 @@ DiscriminatorImpl::DiscriminatorImpl(int inputs, int width, int layers, int scal
 
 DiscriminatorImpl::~DiscriminatorImpl() = default;
 
-PatchFeatures DiscriminatorImpl::forward(const at::Tensor& picture) {
+PatchFeatures DiscriminatorImpl::forward(const at::Tensor& image) {
   PatchFeatures features;
-  at::Tensor scaled = picture;
+  at::Tensor scaled = image;
   for (std::vector<nn::Sequential>& scale : parts_->scales) {
     if (!features.empty()) scaled = at::avg_pool2d(scaled, 3, 2, 1, false, false);
     at::Tensor x = scaled;

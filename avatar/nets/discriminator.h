@@ -21,7 +21,7 @@ class DiscriminatorImpl : public torch::nn::Module {
   DiscriminatorImpl(int inputs, int width, int layers, int scales, uint64_t seed);
   ~DiscriminatorImpl() override;
   /// (B, inputs, H, W), each scale at least 2^(layers + 1) px.
-  PatchFeatures forward(const at::Tensor& picture);
+  PatchFeatures forward(const at::Tensor& image);
 
  private:
   struct Parts;

@@ -106,7 +106,7 @@ class TorchScriptNet : public FeatureNet {
   bool detector_;
 };
 
-class TorchScriptDistance : public PictureDistance {
+class TorchScriptDistance : public ImageDistance {
  public:
   explicit TorchScriptDistance(const std::string& path) : script_(path) {}
 
@@ -149,7 +149,7 @@ at::Tensor FeatureNet::Pooled(const at::Tensor& rgb) const {
 
 std::shared_ptr<const FeatureNet> LoadTorchScriptNet(const std::string& path) { return std::make_shared<TorchScriptNet>(path); }
 
-std::shared_ptr<const PictureDistance> LoadPictureDistance(const std::string& path) {
+std::shared_ptr<const ImageDistance> LoadImageDistance(const std::string& path) {
   return std::make_shared<TorchScriptDistance>(path);
 }
 

@@ -46,15 +46,15 @@ at::Tensor PerceptualLoss(const FeatureNet& net, const at::Tensor& a, const at::
 
 /// A learned distance between two images (LPIPS, Zhang et al., CVPR 2018): a TorchScript file that takes two tensors (B,
 /// 3, H, W) in [-1, 1] and returns one number per image, in any shape of B elements.
-class PictureDistance {
+class ImageDistance {
  public:
-  virtual ~PictureDistance() = default;
+  virtual ~ImageDistance() = default;
   virtual std::string name() const = 0;  ///< the file's
   virtual std::string sha256() const = 0;
   /// a, b: (B, 3, H, W) in [0, 1]. Returns (B) float64. Throws FormatError when the file returns something else or NaN.
   virtual at::Tensor operator()(const at::Tensor& a, const at::Tensor& b) const = 0;
 };
 /// Throws IoError / FormatError.
-std::shared_ptr<const PictureDistance> LoadPictureDistance(const std::string& path);
+std::shared_ptr<const ImageDistance> LoadImageDistance(const std::string& path);
 
 }  // namespace mvstudio::avatar

@@ -192,12 +192,12 @@ std::pair<at::Tensor, at::Tensor> Predict(AvatarModel& model, const at::Tensor& 
   return {first, second};
 }
 
-at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px) {
-  const int64_t height = pictures.size(2), width = pictures.size(3);
+at::Tensor Warp(const at::Tensor& images, const at::Tensor& flow_px) {
+  const int64_t height = images.size(2), width = images.size(3);
   const at::Tensor x = at::arange(width, flow_px.options()).view({1, 1, width}) + flow_px.select(1, 0);
   const at::Tensor y = at::arange(height, flow_px.options()).view({1, height, 1}) + flow_px.select(1, 1);
   const at::Tensor grid = at::stack({(2 * x + 1) / width - 1, (2 * y + 1) / height - 1}, 3);
-  return at::grid_sampler(pictures, grid, /*bilinear*/ 0, /*border*/ 1, /*align_corners=*/false);
+  return at::grid_sampler(images, grid, /*bilinear*/ 0, /*border*/ 1, /*align_corners=*/false);
 }
 
 at::Tensor FlowOf(const at::Tensor& second_head) { return 20 * second_head.slice(1, 3, 5); }

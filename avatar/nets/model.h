@@ -57,7 +57,7 @@ at::Tensor CleanImage(const AvatarModel& model, const at::Tensor& first_head, co
                       const at::Tensor& background, const at::Tensor& previous = {});
 
 /// Samples images at the positions of the flow (B, 2, H, W), x then y, px; borders are repeated outwards.
-at::Tensor Warp(const at::Tensor& pictures, const at::Tensor& flow_px);
+at::Tensor Warp(const at::Tensor& images, const at::Tensor& flow_px);
 
 /// The flow of a `v2v` head, px: 20 times the network's output, as in vid2vid.
 at::Tensor FlowOf(const at::Tensor& second_head);

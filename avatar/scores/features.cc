@@ -102,11 +102,11 @@ at::Tensor Features(const at::Tensor& rgb, const at::Tensor& bank) {
 
 }  // namespace
 
-at::Tensor GaborFeatures(const at::Tensor& pictures) {
-  MVS_CHECK(pictures.defined() && pictures.dim() == 4 && pictures.size(1) == 3, "images must be (N, 3, H, W)");
-  MVS_CHECK(pictures.size(0) > 0 && pictures.size(2) >= kGaborFeatureMinPx && pictures.size(3) >= kGaborFeatureMinPx,
-            "images must be at least 32x32, are " << pictures.sizes());
-  const at::Tensor x = pictures.detach().to(at::kCPU, at::kDouble);
+at::Tensor GaborFeatures(const at::Tensor& images) {
+  MVS_CHECK(images.defined() && images.dim() == 4 && images.size(1) == 3, "images must be (N, 3, H, W)");
+  MVS_CHECK(images.size(0) > 0 && images.size(2) >= kGaborFeatureMinPx && images.size(3) >= kGaborFeatureMinPx,
+            "images must be at least 32x32, are " << images.sizes());
+  const at::Tensor x = images.detach().to(at::kCPU, at::kDouble);
   MVS_CHECK(at::isfinite(x).all().item<bool>(), "images hold NaN or infinity");
   const at::Tensor bank = GaborBank();
   std::vector<at::Tensor> rows(x.size(0));

@@ -18,7 +18,7 @@ inline constexpr int kGaborFeatureMinPx = 32;
 ///    12  correlations of orientation-summed m between the 3 pairs of channels, each octave
 ///     6  mean and standard deviation of each channel
 /// Filter energies and their joint statistics are those of Portilla and Simoncelli, "A parametric texture model", IJCV 2000.
-/// pictures: (N, 3, H, W) in [0, 1], at least 32x32, all of one size. Returns (N, 240) float64.
-at::Tensor GaborFeatures(const at::Tensor& pictures);
+/// images: (N, 3, H, W) in [0, 1], at least 32x32, all of one size. Returns (N, 240) float64.
+at::Tensor GaborFeatures(const at::Tensor& images);
 
 }  // namespace mvstudio::avatar

@@ -133,12 +133,12 @@ SetDistance CompareFeatures(const at::Tensor& reference, const at::Tensor& other
           name};
 }
 
-at::Tensor FeatureRows(const FeatureNet& net, const at::Tensor& pictures) {
+at::Tensor FeatureRows(const FeatureNet& net, const at::Tensor& images) {
   constexpr int64_t kAtATime = 16;
   const at::NoGradGuard no_gradients;
   std::vector<at::Tensor> rows;
-  for (int64_t i = 0; i < pictures.size(0); i += kAtATime)
-    rows.push_back(net.Pooled(pictures.slice(0, i, std::min(pictures.size(0), i + kAtATime))).to(at::kDouble));
+  for (int64_t i = 0; i < images.size(0); i += kAtATime)
+    rows.push_back(net.Pooled(images.slice(0, i, std::min(images.size(0), i + kAtATime))).to(at::kDouble));
   return at::cat(rows);
 }
 

@@ -64,7 +64,7 @@ SetDistance CompareFeatures(const at::Tensor& reference, const at::Tensor& other
 std::optional<SetDistance> CompareSets(const at::Tensor& truth, const at::Tensor& images, const FeatureNet& net, uint64_t seed);
 
 /// Rows of `net` for (N, 3, H, W), a few images at a time: (N, d) float64.
-at::Tensor FeatureRows(const FeatureNet& net, const at::Tensor& pictures);
+at::Tensor FeatureRows(const FeatureNet& net, const at::Tensor& images);
 
 /// The fixed statistics of avatar/scores/features.h as a net, available on every machine.
 std::shared_ptr<const FeatureNet> GaborNet();

@@ -176,13 +176,13 @@ void Validate(const TrainOptions& o) {
   Require(o.critic_width >= 1 && o.critic_width <= 256, "critic-width", "in 1..256");
   Require(o.critic_layers >= 1 && o.critic_layers <= 5, "critic-layers", "in 1..5");
   Require(o.critic_scales >= 1 && o.critic_scales <= 4, "critic-scales", "in 1..4");
-  Require(o.texture_pictures >= 1, "texture-pictures", "at least 1");
-  Require(o.save_every >= 1 && o.report_every >= 1 && o.validate_pictures >= 0, "save-every (report-every, validate-pictures)",
+  Require(o.texture_images >= 1, "texture-pictures", "at least 1");
+  Require(o.save_every >= 1 && o.report_every >= 1 && o.validate_images >= 0, "save-every (report-every, validate-pictures)",
           "at least 1");
   Require(o.ema >= 0 && o.ema < 1, "ema", "in [0, 1)");
   Require(o.patience >= 0, "patience", "at least 0");
   Require(o.least_gain >= 0 && o.least_gain <= 1, "least-gain", "in [0, 1]");
-  Require(o.picture_every >= 0, "picture-every", "at least 0");
+  Require(o.image_every >= 0, "picture-every", "at least 0");
   Require(o.device == "auto" || o.device == "cpu" || o.device.rfind("cuda", 0) == 0, "device", "auto, cpu or cuda");
 }
 

@@ -173,13 +173,13 @@ struct TrainOptions {
   double jitter_roll_deg = 5.0;
   double ema = 0.0;
   bool freeze_unseen = true;
-  int texture_pictures = 64;
+  int texture_images = 64;
   int save_every = 200;
   int report_every = 20;
-  int validate_pictures = 8;
+  int validate_images = 8;
   int patience = 0;
   double least_gain = 0.01;
-  int picture_every = 0;
+  int image_every = 0;
   std::string device = "auto";
   bool amp = false;
 };
@@ -248,17 +248,17 @@ void VisitFields(Visitor&& visit, TrainOptions& o) {
   visit("freeze-unseen", o.freeze_unseen,
         "texels that no image shows keep the colours of their neighbours; off: they follow the faint gradients that reach "
         "them");
-  visit("texture-pictures", o.texture_pictures, "images whose colours are averaged into the first textures");
+  visit("texture-pictures", o.texture_images, "images whose colours are averaged into the first textures");
   StartGroup(visit, "Checkpoints and validation");
   visit("save-every", o.save_every, "steps between checkpoints");
   visit("report-every", o.report_every, "steps between rows of the history");
-  visit("validate-pictures", o.validate_pictures, "held-out images scored at each checkpoint");
+  visit("validate-pictures", o.validate_images, "held-out images scored at each checkpoint");
   visit("patience", o.patience,
         "training ends after this many checkpoints in a row without a better score on the validation images, and the weights "
         "of the best one are used; 0: train to the end and use the last");
   visit("least-gain", o.least_gain,
         "a network that adds less SSIM than this to its fitted body on validation images is left out; 0: never");
-  visit("picture-every", o.picture_every,
+  visit("picture-every", o.image_every,
         "steps between pictures/step_NNNNNN.png: truth, rendering, error, network input; 0: none");
   StartGroup(visit, "Machine");
   visit("device", o.device, "auto (the GPU when libtorch finds one), cpu or cuda");

@@ -45,12 +45,12 @@ MVS_SIMD void Blend(const TileJob<float>& job, TileSums<float>* sums) { BlendTil
 void Blend(const TileJob<double>& job, TileSums<double>* sums) { BlendTile(job, sums); }
 
 template <class S>
-void Store(const TileJob<S>& job, const TileSums<S>& sums, Picture<S>* picture) {
+void Store(const TileJob<S>& job, const TileSums<S>& sums, RasterImage<S>* image) {
   for (int y = 0; y < job.rows; ++y) {
-    const size_t at = static_cast<size_t>(job.y0 + y) * picture->width + job.x0;
+    const size_t at = static_cast<size_t>(job.y0 + y) * image->width + job.x0;
     for (int l = 0; l < job.columns; ++l) {
-      for (int c = 0; c < 3; ++c) picture->Plane(c)[at + l] = sums.rgb[y][c][l];
-      picture->Plane(3)[at + l] = 1 - sums.through[y][l];
+      for (int c = 0; c < 3; ++c) image->Plane(c)[at + l] = sums.rgb[y][c][l];
+      image->Plane(3)[at + l] = 1 - sums.through[y][l];
     }
   }
 }
@@ -58,10 +58,10 @@ void Store(const TileJob<S>& job, const TileSums<S>& sums, Picture<S>* picture) 
 }  // namespace
 
 template <class S>
-Picture<S> Rasterise(const std::vector<Splat<S>>& splats, const Tiles& tiles, int width, int height, int num_threads) {
-  Picture<S> picture;
-  picture.width = width, picture.height = height;
-  picture.values.assign(4 * picture.area(), S(0));
+RasterImage<S> Rasterise(const std::vector<Splat<S>>& splats, const Tiles& tiles, int width, int height, int num_threads) {
+  RasterImage<S> image;
+  image.width = width, image.height = height;
+  image.values.assign(4 * image.area(), S(0));
   ParallelFor(tiles.down, num_threads, [&](int64_t row) {
     for (int column = 0; column < tiles.across; ++column) {
       const size_t tile = static_cast<size_t>(row) * tiles.across + column;
@@ -76,13 +76,13 @@ Picture<S> Rasterise(const std::vector<Splat<S>>& splats, const Tiles& tiles, in
                            std::min(kTilePx, width - x0)};
       TileSums<S> sums;
       Blend(job, &sums);
-      Store(job, sums, &picture);
+      Store(job, sums, &image);
     }
   });
-  return picture;
+  return image;
 }
 
-template Picture<float> Rasterise(const std::vector<Splat<float>>&, const Tiles&, int, int, int);
-template Picture<double> Rasterise(const std::vector<Splat<double>>&, const Tiles&, int, int, int);
+template RasterImage<float> Rasterise(const std::vector<Splat<float>>&, const Tiles&, int, int, int);
+template RasterImage<double> Rasterise(const std::vector<Splat<double>>&, const Tiles&, int, int, int);
 
 }  // namespace mvstudio::splats

@@ -9,7 +9,7 @@ namespace mvstudio::splats {
 /// Red, green, blue, premultiplied, and alpha: planes of height x width, rows from the top. Values in [0, 1], but colours can
 /// be more where Gaussians are brighter than white.
 template <class S>
-struct Picture {
+struct RasterImage {
   int width = 0, height = 0;
   std::vector<S> values;  // (4, H, W)
 
@@ -24,7 +24,7 @@ inline constexpr double kFullPixel = 1e-4;
 /// Blends the splats of each tile front to back on black. Colour C = sum of T alpha rgb, T = product of 1 - alpha before, alpha
 /// = min(kMostAlpha, opacity exp(-d^T [a b; b c] d / 2)), or 0 below kLeastAlpha.
 template <class S>
-Picture<S> Rasterise(const std::vector<Splat<S>>& splats, const Tiles& tiles, int width, int height, int num_threads);
+RasterImage<S> Rasterise(const std::vector<Splat<S>>& splats, const Tiles& tiles, int width, int height, int num_threads);
 
 /// What the loss changes by each number of a splat.
 template <class S>
@@ -37,13 +37,14 @@ struct SplatGradient {
 /// tiles in order, so they do not depend on the number of threads.
 template <class S>
 std::vector<SplatGradient<S>> RasteriseBackward(const std::vector<Splat<S>>& splats, const Tiles& tiles,
-                                                const Picture<S>& picture, const Picture<S>& by_picture, int num_threads);
+                                                const RasterImage<S>& image, const RasterImage<S>& by_image, int num_threads);
 
-extern template Picture<float> Rasterise(const std::vector<Splat<float>>&, const Tiles&, int, int, int);
-extern template Picture<double> Rasterise(const std::vector<Splat<double>>&, const Tiles&, int, int, int);
+extern template RasterImage<float> Rasterise(const std::vector<Splat<float>>&, const Tiles&, int, int, int);
+extern template RasterImage<double> Rasterise(const std::vector<Splat<double>>&, const Tiles&, int, int, int);
 extern template std::vector<SplatGradient<float>> RasteriseBackward(const std::vector<Splat<float>>&, const Tiles&,
-                                                                    const Picture<float>&, const Picture<float>&, int);
+                                                                    const RasterImage<float>&, const RasterImage<float>&, int);
 extern template std::vector<SplatGradient<double>> RasteriseBackward(const std::vector<Splat<double>>&, const Tiles&,
-                                                                     const Picture<double>&, const Picture<double>&, int);
+                                                                     const RasterImage<double>&, const RasterImage<double>&,
+                                                                     int);
 
 }  // namespace mvstudio::splats

@@ -71,21 +71,21 @@ MVS_SIMD void Backward(BackwardTile<float>* tile, SplatGradient<float>* gradient
 void Backward(BackwardTile<double>* tile, SplatGradient<double>* gradients) { BackwardOf(tile, gradients); }
 
 template <class S>
-void LoadTile(const Picture<S>& picture, const Picture<S>& by_picture, BackwardTile<S>* tile) {
-  const int columns = std::min(kTilePx, picture.width - tile->x0);
+void LoadTile(const RasterImage<S>& image, const RasterImage<S>& by_image, BackwardTile<S>* tile) {
+  const int columns = std::min(kTilePx, image.width - tile->x0);
   for (int y = 0; y < kTilePx; ++y) {
     for (int c = 0; c < 3; ++c) tile->by_rgb[y][c] = Row<S>{};
     tile->by_alpha[y] = tile->rest[y] = Row<S>{};
     if (y >= tile->rows) continue;
-    const size_t at = static_cast<size_t>(tile->y0 + y) * picture.width + tile->x0;
+    const size_t at = static_cast<size_t>(tile->y0 + y) * image.width + tile->x0;
     for (int l = 0; l < columns; ++l) {
       S rest = 0;
       for (int c = 0; c < 3; ++c) {
-        tile->by_rgb[y][c][l] = by_picture.Plane(c)[at + l];
-        rest += by_picture.Plane(c)[at + l] * picture.Plane(c)[at + l];
+        tile->by_rgb[y][c][l] = by_image.Plane(c)[at + l];
+        rest += by_image.Plane(c)[at + l] * image.Plane(c)[at + l];
       }
-      tile->by_alpha[y][l] = by_picture.Plane(3)[at + l];
-      tile->rest[y][l] = rest + by_picture.Plane(3)[at + l] * picture.Plane(3)[at + l];
+      tile->by_alpha[y][l] = by_image.Plane(3)[at + l];
+      tile->rest[y][l] = rest + by_image.Plane(3)[at + l] * image.Plane(3)[at + l];
     }
   }
 }
@@ -100,7 +100,7 @@ void Add(const SplatGradient<S>& from, SplatGradient<S>* to) {
 
 template <class S>
 std::vector<SplatGradient<S>> RasteriseBackward(const std::vector<Splat<S>>& splats, const Tiles& tiles,
-                                                const Picture<S>& picture, const Picture<S>& by_picture, int num_threads) {
+                                                const RasterImage<S>& image, const RasterImage<S>& by_image, int num_threads) {
   std::vector<SplatGradient<S>> entries(tiles.splat.size());
   ParallelFor(tiles.down, num_threads, [&](int64_t row) {
     for (int column = 0; column < tiles.across; ++column) {
@@ -110,8 +110,8 @@ std::vector<SplatGradient<S>> RasteriseBackward(const std::vector<Splat<S>>& spl
       tile.splats = splats.data(), tile.list = tiles.splat.data() + tiles.begin[at];
       tile.count = tiles.begin[at + 1] - tiles.begin[at];
       tile.x0 = column * kTilePx, tile.y0 = static_cast<int>(row) * kTilePx;
-      tile.rows = std::min(kTilePx, picture.height - tile.y0);
-      LoadTile(picture, by_picture, &tile);
+      tile.rows = std::min(kTilePx, image.height - tile.y0);
+      LoadTile(image, by_image, &tile);
       Backward(&tile, entries.data() + tiles.begin[at]);
     }
   });
@@ -123,8 +123,8 @@ std::vector<SplatGradient<S>> RasteriseBackward(const std::vector<Splat<S>>& spl
 }
 
 template std::vector<SplatGradient<float>> RasteriseBackward(const std::vector<Splat<float>>&, const Tiles&,
-                                                             const Picture<float>&, const Picture<float>&, int);
+                                                             const RasterImage<float>&, const RasterImage<float>&, int);
 template std::vector<SplatGradient<double>> RasteriseBackward(const std::vector<Splat<double>>&, const Tiles&,
-                                                              const Picture<double>&, const Picture<double>&, int);
+                                                              const RasterImage<double>&, const RasterImage<double>&, int);
 
 }  // namespace mvstudio::splats

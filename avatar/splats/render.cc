@@ -27,7 +27,7 @@ Rendered RenderSplats(const Cloud& cloud, const Eigen::Matrix3Xi& faces, const E
   const Projected<float> projected = ProjectSplats(cloud, {faces, vertices_in_world}, view, settings);
   const Tiles tiles = BinSplats(projected.splats, view.width, view.height);
   Rendered out;
-  out.picture = Rasterise(projected.splats, tiles, view.width, view.height, settings.num_threads);
+  out.image = Rasterise(projected.splats, tiles, view.width, view.height, settings.num_threads);
   out.skipped = projected.skipped;
   out.shown = static_cast<int64_t>(projected.splats.size());
   return out;
@@ -38,12 +38,12 @@ body::RenderedBody RenderGaussians(const Cloud& cloud, const body::BodyTemplate&
                                    const RenderSettings& settings) {
   const Rendered rendered = RenderSplats(cloud.values.bends ? BentOn(body, vertices_in_world, cloud) : cloud, body.faces,
                                          vertices_in_world, camera, settings);
-  const Picture<float>& picture = rendered.picture;
-  body::RenderedBody out{Image(picture.width, picture.height, 3), Image(picture.width, picture.height, 1)};
+  const RasterImage<float>& image = rendered.image;
+  body::RenderedBody out{Image(image.width, image.height, 3), Image(image.width, image.height, 1)};
   const auto byte = [](float value) { return static_cast<uint8_t>(std::lround(255 * std::clamp(value, 0.f, 1.f))); };
-  for (size_t i = 0; i < picture.area(); ++i) {
-    for (int c = 0; c < 3; ++c) out.image.pixels[3 * i + static_cast<size_t>(c)] = byte(picture.Plane(c)[i]);
-    out.cover.pixels[i] = byte(picture.Plane(3)[i]);
+  for (size_t i = 0; i < image.area(); ++i) {
+    for (int c = 0; c < 3; ++c) out.image.pixels[3 * i + static_cast<size_t>(c)] = byte(image.Plane(c)[i]);
+    out.cover.pixels[i] = byte(image.Plane(3)[i]);
   }
   return out;
 }

@@ -7,7 +7,7 @@
 namespace mvstudio::splats {
 
 struct Rendered {
-  Picture<float> picture;
+  RasterImage<float> image;
   SkippedSplats skipped;
   int64_t shown = 0;  ///< Gaussians that touch the image
 };

@@ -61,7 +61,7 @@ void MoveBody(const at::Tensor& grid, TemplateView* body) {
 /// Applies one random motion each to the batch, its keypoints and its body.
 void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_t step, int64_t first, TrainBatch& batch,
                  at::Tensor& joints_px, TemplateView* body) {
-  const auto count = static_cast<int64_t>(batch.pictures.size());
+  const auto count = static_cast<int64_t>(batch.images.size());
   at::Tensor theta = at::zeros({count, 2, 3}, at::kFloat);
   Rng random(seed * 0x9e3779b97f4a7c15ull + static_cast<uint64_t>(step) * 2 + 1);
   for (int64_t i = 0; i < first; ++i) DrawJitter(options, size_px, random);
@@ -84,26 +84,26 @@ void ApplyJitter(const TrainOptions& options, int size_px, uint64_t seed, int64_
 
 }  // namespace
 
-std::vector<int64_t> PicturesOfStep(int64_t num_pictures, int64_t batch, uint64_t seed, int64_t step) {
-  std::vector<int64_t> rows, order(num_pictures);
+std::vector<int64_t> ImagesOfStep(int64_t num_images, int64_t batch, uint64_t seed, int64_t step) {
+  std::vector<int64_t> rows, order(num_images);
   int64_t shuffled_epoch = -1;
   for (int64_t k = step * batch; k < (step + 1) * batch; ++k) {
-    if (const int64_t epoch = k / num_pictures; epoch != shuffled_epoch) {
+    if (const int64_t epoch = k / num_images; epoch != shuffled_epoch) {
       shuffled_epoch = epoch;
       std::iota(order.begin(), order.end(), 0);
       Rng random(seed * 0xd1342543de82ef95ull + static_cast<uint64_t>(epoch));
-      for (int64_t i = num_pictures - 1; i > 0; --i) std::swap(order[i], order[random.Index(i + 1)]);
+      for (int64_t i = num_images - 1; i > 0; --i) std::swap(order[i], order[random.Index(i + 1)]);
     }
-    rows.push_back(order[k % num_pictures]);
+    rows.push_back(order[k % num_images]);
   }
   return rows;
 }
 
 TrainBatch MakeBatch(const AvatarPack& pack, const AvatarModel& model, const TrainOptions& options,
-                     const std::vector<int64_t>& pictures, bool jitter, uint64_t seed, int64_t step, int64_t first) {
-  const at::Tensor rows = at::tensor(pictures, at::kLong);
+                     const std::vector<int64_t>& images, bool jitter, uint64_t seed, int64_t step, int64_t first) {
+  const at::Tensor rows = at::tensor(images, at::kLong);
   TrainBatch batch;
-  batch.pictures = pictures;
+  batch.images = images;
   batch.mask = pack.masks.index_select(0, rows).to(at::kFloat) / 255;
   batch.image = pack.images.index_select(0, rows).to(at::kFloat) / 255 * batch.mask.unsqueeze(1);
   batch.part = pack.part.index_select(0, rows).to(at::kLong);

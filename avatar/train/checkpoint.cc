@@ -96,7 +96,7 @@ Trainer::Trainer(const AvatarPack& pack, const TensorFile& checkpoint, const std
   state_->model = ModelFromTensors(checkpoint, path);
   state_->Prepare(pack, run);
   state_->Restore(checkpoint, path);
-  state_->pictures_per_step = int64_t{TrainOptionsFrom(checkpoint, path).batch} * RanksFrom(checkpoint, path);
+  state_->images_per_step = int64_t{TrainOptionsFrom(checkpoint, path).batch} * RanksFrom(checkpoint, path);
 }
 
 TensorFile Trainer::Checkpoint() const {

@@ -40,7 +40,7 @@ void AddPast(AvatarModel& model, const std::vector<int64_t>& previous, const std
   input->has_previous = has1.view({-1});
 }
 
-void AddPicture(const at::Tensor& prob, const at::Tensor& uv, const TrainBatch& batch, TextureSums* sums) {
+void AddImage(const at::Tensor& prob, const at::Tensor& uv, const TrainBatch& batch, TextureSums* sums) {
   const at::Tensor part = prob.slice(1, 1).argmax(1) + 1, channel = (part - 1).unsqueeze(1);
   const at::Tensor u = uv.slice(1, 0, 24).gather(1, channel).flatten(), v = uv.slice(1, 24, 48).gather(1, channel).flatten();
   const at::Tensor pixels = batch.mask.to(at::kCPU).flatten().ge(0.5).nonzero().squeeze(1);
@@ -92,13 +92,13 @@ void Trainer::State::AverageTextures() {
   torch::NoGradGuard no_grad;
   model.generator->eval();
   TextureSums sums = ZeroTextureSums(model.options.texture_px);
-  for (const int64_t row : SpreadRows(pack.size(), options.texture_pictures)) {
+  for (const int64_t row : SpreadRows(pack.size(), options.texture_images)) {
     const TrainBatch batch = MakeBatch(pack, model, options, {row}, false, seed, 0);
     const auto [logits, raw_uv] = Predict(model, batch.maps);
-    AddPicture(at::softmax(logits, 1).to(at::kCPU), CoordinatesOf(model.options, raw_uv).to(at::kCPU), batch, &sums);
+    AddImage(at::softmax(logits, 1).to(at::kCPU), CoordinatesOf(model.options, raw_uv).to(at::kCPU), batch, &sums);
   }
-  constexpr int64_t kGuessesPerPicture = 4;  // they cost no run of the network
-  for (const int64_t row : SpreadRows(pack.size(), kGuessesPerPicture * options.texture_pictures)) AddGuess(pack, row, &sums);
+  constexpr int64_t kGuessesPerImage = 4;  // they cost no run of the network
+  for (const int64_t row : SpreadRows(pack.size(), kGuessesPerImage * options.texture_images)) AddGuess(pack, row, &sums);
   model.textures.copy_(FillTextures(sums));
   model.seen.copy_(sums.weight);
   textures_ready = true;

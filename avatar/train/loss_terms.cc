@@ -48,12 +48,12 @@ Outputs Forward(AvatarModel& model, const StepInput& input, bool half_precision)
 
 /// With the template the outline is known from the start, so the image is compared as it will be rendered. Without it a faint
 /// person is where the gradient of the outline comes from.
-at::Tensor Picture(const AvatarModel& model, const StepInput& input, const Outputs& out) {
+at::Tensor OutputImage(const AvatarModel& model, const StepInput& input, const Outputs& out) {
   const auto compose = model.options.prior == Prior::kTemplate ? CleanImage : ComposeImage;
   return compose(model, out.first, out.second, at::zeros({3}, input.batch.image.options()), input.previous);
 }
 
-enum TotalIndex { kPicture, kSsim, kPerson, kRest, kMoving };
+enum TotalIndex { kImage, kSsim, kPerson, kRest, kMoving };
 
 at::Tensor TotalOf(const StepInput& input, TotalIndex index) {
   return input.totals.defined() ? input.totals[index] : at::Tensor();
@@ -61,14 +61,14 @@ at::Tensor TotalOf(const StepInput& input, TotalIndex index) {
 
 at::Tensor MovingWeight(const StepInput& input) { return input.has_previous.view({-1, 1, 1}) * input.batch.mask; }
 
-void AddPictureTerms(const TrainOptions& o, const StepInput& input, const at::Tensor& image, const LossContext& context,
-                     LossTerms* terms) {
+void AddImageTerms(const TrainOptions& o, const StepInput& input, const at::Tensor& image, const LossContext& context,
+                   LossTerms* terms) {
   const TrainBatch& batch = input.batch;
   const double foreground = o.foreground_weight;
-  terms->Add("l1", o.weight_l1, WeightedL1(image, batch.image, batch.mask, foreground, TotalOf(input, kPicture)));
+  terms->Add("l1", o.weight_l1, WeightedL1(image, batch.image, batch.mask, foreground, TotalOf(input, kImage)));
   if (o.weight_ssim > 0)
     terms->Add("ssim", o.weight_ssim, SsimLoss(image, batch.image, batch.mask, foreground, TotalOf(input, kSsim)));
-  const at::Tensor weights = PixelWeights(batch.mask, foreground, TotalOf(input, kPicture));
+  const at::Tensor weights = PixelWeights(batch.mask, foreground, TotalOf(input, kImage));
   if (o.weight_gradient > 0) terms->Add("gradient", o.weight_gradient, GradientLoss(image, batch.image, weights));
   if (o.weight_perceptual > 0 && context.perceptual)
     terms->Add("perceptual", o.weight_perceptual, PerceptualLoss(*context.perceptual, image, batch.image, weights));
@@ -148,9 +148,9 @@ LossTerms ComputeLoss(AvatarModel& model, const TrainOptions& o, const StepInput
     terms.Add("logit", o.weight_logit, SaturationLoss(colours, 4) + SaturationLoss(out.first, 20));
   }
   if (init) return terms;
-  const at::Tensor image = Picture(model, input, out);
+  const at::Tensor image = OutputImage(model, input, out);
   terms.image = image.detach();
-  AddPictureTerms(o, input, image, context, &terms);
+  AddImageTerms(o, input, image, context, &terms);
   if (model.options.method == Method::kV2v) AddVideoTerms(o, input, image, out.second, context, &terms);
   return terms;
 }

@@ -58,7 +58,7 @@ void SetValues(const at::Tensor& values, HistoryRow* row) {
 }  // namespace
 
 std::vector<int64_t> Trainer::State::RowsOfStep(int64_t step, bool all) const {
-  const std::vector<int64_t> rows = PicturesOfStep(pack.size(), options.batch * world(), seed, step);
+  const std::vector<int64_t> rows = ImagesOfStep(pack.size(), options.batch * world(), seed, step);
   if (all || !ranks) return rows;
   const auto first = rows.begin() + ranks->rank() * options.batch;
   return {first, first + options.batch};
@@ -118,10 +118,10 @@ HistoryRow Trainer::State::Check(const AvatarPack& validation) {
 
 void Trainer::State::RequireSameBatches() const {
   const int64_t now = options.batch * world();
-  if (pictures_per_step == 0 || pictures_per_step == now) return;
-  throw UsageError("training took " + std::to_string(pictures_per_step) + " images a step so far and would take " +
+  if (images_per_step == 0 || images_per_step == now) return;
+  throw UsageError("training took " + std::to_string(images_per_step) + " images a step so far and would take " +
                    std::to_string(now) + " now: go on with as many option 'ranks' as before, " +
-                   std::to_string(pictures_per_step / options.batch));
+                   std::to_string(images_per_step / options.batch));
 }
 
 void Trainer::Join(std::shared_ptr<const Ranks> ranks) {

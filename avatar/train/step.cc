@@ -158,7 +158,7 @@ HistoryRow Trainer::State::ScoreHeldOut(const AvatarPack& validation) {
   model.generator->eval();
   RowMean mean;
   const std::vector<int64_t> previous = v2v() ? PreviousRows(validation) : std::vector<int64_t>();
-  for (const int64_t row : SpreadRows(validation.size(), options.validate_pictures))
+  for (const int64_t row : SpreadRows(validation.size(), options.validate_images))
     mean.Add(ComputeLoss(model, options, MakeInput(validation, previous, {row}, false, 0), InInit(), Context()));
   return mean.Take(model.step, "validation");
 }

@@ -14,8 +14,8 @@
 namespace mvstudio::avatar {
 namespace {
 
-std::string NamesOfBatch(const AvatarPack& pack, const std::vector<int64_t>& pictures) {
-  return Join(pictures, "; ", [&pack](int64_t i) { return PictureName(pack, i); });
+std::string NamesOfBatch(const AvatarPack& pack, const std::vector<int64_t>& images) {
+  return Join(images, "; ", [&pack](int64_t i) { return ImageName(pack, i); });
 }
 
 }  // namespace
@@ -42,7 +42,7 @@ Trainer::Trainer(const AvatarPack& pack, StartNetwork start, const TrainOptions&
   state_->Prepare(pack, run, start.initialised);
 }
 
-void Trainer::ReplacePictures(const AvatarPack& pack) {
+void Trainer::ReplaceImages(const AvatarPack& pack) {
   State& s = *state_;
   Validate(pack);
   MVS_CHECK(pack.size() == s.pack.size() && pack.size_px == s.pack.size_px &&

@@ -84,7 +84,7 @@ class Trainer {
   TrainReport Run(const AvatarPack* validation, const StepCallback& callback, int64_t until_step = -1);
 
   /// The steps that follow are of these images, as many and of the same kind as those before.
-  void ReplacePictures(const AvatarPack& pack);
+  void ReplaceImages(const AvatarPack& pack);
 
   /// The model in training: the last weights.
   AvatarModel& model();

@@ -50,11 +50,11 @@ struct Trainer::State {
   std::shared_ptr<const Ranks> ranks;             // null: alone
   bool stop_wanted = false, stop_agreed = false;  // of several ranks: by this one; by any, told in the gradients
   bool textures_ready = false;
-  bool initialised = false;       // the network knew parts and coordinates before the textures were averaged
-  int64_t pictures_per_step = 0;  // of all ranks so far; 0: not begun
-  std::string asked_device;       // as in the options given; options.device is the one in use
-  NamedTensors average;           // running averages of weights and textures, with `ema`
-  NamedTensors best;              // all tensors of the best check, with `patience`
+  bool initialised = false;     // the network knew parts and coordinates before the textures were averaged
+  int64_t images_per_step = 0;  // of all ranks so far; 0: not begun
+  std::string asked_device;     // as in the options given; options.device is the one in use
+  NamedTensors average;         // running averages of weights and textures, with `ema`
+  NamedTensors best;            // all tensors of the best check, with `patience`
   int64_t best_step = -1, idle_checks = 0;
   double best_score = 0;
   at::Tensor start_textures;         // of the template alone, where the network's gain is judged

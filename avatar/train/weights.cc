@@ -91,7 +91,7 @@ void Trainer::State::UpdateAverage() {
 }
 
 bool Trainer::State::CheckDue() const {
-  return !InInit() && options.validate_pictures > 0 && (model.step == total_steps() || model.step % options.save_every == 0);
+  return !InInit() && options.validate_images > 0 && (model.step == total_steps() || model.step % options.save_every == 0);
 }
 
 std::string Trainer::State::WhyEndedEarly() const {
@@ -111,8 +111,7 @@ NamedTensors Trainer::State::Handed() const {
 }
 
 void Trainer::State::ScoreStart(const AvatarPack& validation) {
-  if (options.least_gain <= 0 || options.validate_pictures == 0 || model.step > 0 || InInit() || !HeadsAreZero(Tensors()))
-    return;
+  if (options.least_gain <= 0 || options.validate_images == 0 || model.step > 0 || InInit() || !HeadsAreZero(Tensors())) return;
   if (tna() && !textures_ready) AverageTextures();
   if (tna()) start_textures = model.textures.detach().clone();
   start_ssim = ScoreOnFirstRank(validation)["ssim"];

@@ -83,7 +83,7 @@ struct Training {
 Training Train(const Net& net, const AvatarPack& pack, const Schedule& schedule, int steps, bool half,
                const at::Device& device) {
   TrainOptions options;
-  options.steps = steps, options.batch = schedule.batch, options.validate_pictures = 0;
+  options.steps = steps, options.batch = schedule.batch, options.validate_images = 0;
   options.init_steps = net.options.prior == Prior::kNone && net.options.method == Method::kTna ? steps / 3 : 0;
   options.report_every = std::max(1, steps / 10);
   options.critic_width = net.critic_width;

@@ -241,14 +241,14 @@ bool RigProblem::AddView(const View& view, int block, SchurSystem* system, Parti
   geometry::LensDerivatives d;
   for (Index i = 0; i < n; ++i) {
     if (view.weights[i] <= 0) continue;
-    const Eigen::Vector3d turned = rotation * corners.col(i);
+    const Eigen::Vector3d rotated = rotation * corners.col(i);
     Eigen::Vector2d px;
-    if (!geometry::ProjectLens(camera, turned + cam_from_board.translation, &px, &d)) return false;
+    if (!geometry::ProjectLens(camera, rotated + cam_from_board.translation, &px, &d)) return false;
     const double scale = std::sqrt(view.weights[i]);
     const Eigen::Matrix<double, 2, 3> d_x = scale * d.d_px_d_x_in_cam;
     const Eigen::Vector2d residual = scale * (px - view.px.col(i));
     RestRows rest;
-    rest.leftCols<3>() = -d_x * geometry::CrossMatrix(turned);
+    rest.leftCols<3>() = -d_x * geometry::CrossMatrix(rotated);
     rest.middleCols<3>(3) = d_x;
     if (warp) rest.middleCols<2>(6) = (d_x * rotation.col(2)) * view.warp_basis.col(i).transpose();
     if (stretch) rest.middleCols<2>(num_rest - 2) = d_x * rotation.leftCols<2>() * StretchDerivative(view.x_in_board.col(i));

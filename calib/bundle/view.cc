@@ -147,12 +147,12 @@ std::optional<ViewLinearization> LinearizeView(const View& view, const geometry:
   geometry::LensDerivatives d;
   for (Eigen::Index i = 0; i < n; ++i) {
     if (view.weights[i] <= 0) continue;
-    const Eigen::Vector3d turned = rotation * (corners ? corners->col(i) : view.x_in_board.col(i));
+    const Eigen::Vector3d rotated = rotation * (corners ? corners->col(i) : view.x_in_board.col(i));
     Eigen::Vector2d px;
-    if (!geometry::ProjectLens(camera, turned + cam_from_board.translation, &px, &d)) return std::nullopt;
+    if (!geometry::ProjectLens(camera, rotated + cam_from_board.translation, &px, &d)) return std::nullopt;
     const double scale = std::sqrt(view.weights[i]);
     out.residuals.segment<2>(2 * i) = scale * (px - view.px.col(i));
-    out.d_pose.block<2, 3>(2 * i, 0) = -scale * d.d_px_d_x_in_cam * geometry::CrossMatrix(turned);
+    out.d_pose.block<2, 3>(2 * i, 0) = -scale * d.d_px_d_x_in_cam * geometry::CrossMatrix(rotated);
     out.d_pose.block<2, 3>(2 * i, 3) = scale * d.d_px_d_x_in_cam;
     for (int k = 0; with_lens && k < d.count; ++k) out.d_lens.block<2, 1>(2 * i, d.columns[k]) = scale * d.d_px.col(k);
   }

@@ -64,28 +64,28 @@ std::vector<int> ClusterViews(const std::vector<View>& views) {
 }
 
 std::vector<int> ClusterFrames(const std::vector<View>& views, const std::vector<int>& cluster_of_view, size_t num_frames) {
-  std::vector<std::map<std::pair<int, int>, int>> sights(num_frames);  // per frame: cluster by camera and board
+  std::vector<std::map<std::pair<int, int>, int>> observations(num_frames);  // per frame: cluster by camera and board
   for (size_t v = 0; v < views.size(); ++v) {
     if ((views[v].weights.array() > 0).any())
-      sights[views[v].frame][{views[v].camera_idx, views[v].board}] = cluster_of_view[v];
+      observations[views[v].frame][{views[v].camera_idx, views[v].board}] = cluster_of_view[v];
   }
   std::vector<int> clusters(num_frames, -1);
   std::map<int, std::vector<size_t>> leaders;  // by cluster of a view: first frames that have it
   int next = 0;
   for (size_t f = 0; f < num_frames; ++f) {
-    for (const auto& [key, cluster] : sights[f]) {
+    for (const auto& [key, cluster] : observations[f]) {
       for (const size_t leader : leaders[cluster]) {
         int same = 0, other = 0;
-        for (const auto& [leader_key, leader_cluster] : sights[leader]) {
-          const auto found = sights[f].find(leader_key);
-          if (found != sights[f].end()) (found->second == leader_cluster ? same : other)++;
+        for (const auto& [leader_key, leader_cluster] : observations[leader]) {
+          const auto found = observations[f].find(leader_key);
+          if (found != observations[f].end()) (found->second == leader_cluster ? same : other)++;
         }
         if (clusters[f] < 0 && same > other) clusters[f] = clusters[leader];
       }
     }
-    if (clusters[f] >= 0 || sights[f].empty()) continue;
+    if (clusters[f] >= 0 || observations[f].empty()) continue;
     clusters[f] = next++;
-    for (const auto& [key, cluster] : sights[f]) leaders[cluster].push_back(f);
+    for (const auto& [key, cluster] : observations[f]) leaders[cluster].push_back(f);
   }
   return clusters;
 }

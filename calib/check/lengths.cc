@@ -26,16 +26,16 @@ triangulate::PreparedRig Prepared(const CheckWork& work) {
 
 /// Triangulated corners of one board at one time step, without dropped ones.
 CornerCloud Corners(const CheckWork& work, const std::vector<int>& views, const triangulate::PreparedRig& rig) {
-  CornerSights sights;
+  CornerObservations observations;
   for (const int v : views) {
     const View& view = work.problem.views[static_cast<size_t>(v)];
     for (Eigen::Index i = 0; i < view.size(); ++i) {
       if (view.weights[i] <= 0) continue;
-      sights[view.corner_ids[static_cast<size_t>(i)]].push_back(
+      observations[view.corner_ids[static_cast<size_t>(i)]].push_back(
           {view.camera_idx, view.px.col(i), 1 / std::sqrt(view.weights[i]), 1});
     }
   }
-  return TriangulateCorners(rig, sights, kMinParallaxRad);
+  return TriangulateCorners(rig, observations, kMinParallaxRad);
 }
 
 struct Lengths {

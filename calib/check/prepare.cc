@@ -113,12 +113,12 @@ std::vector<double> OwnSigmas(const std::vector<OwnView>& views, CheckWork* work
 /// Views of boards that two cameras share, with weights in px^-2.
 void FillProblem(std::vector<OwnView> views, CheckWork* work) {
   const std::vector<double> sigmas = OwnSigmas(views, work);
-  std::map<std::pair<int, int>, std::vector<size_t>> instants;
-  for (size_t i = 0; i < views.size(); ++i) instants[{views[i].view.frame, views[i].view.board}].push_back(i);
+  std::map<std::pair<int, int>, std::vector<size_t>> time_steps;
+  for (size_t i = 0; i < views.size(); ++i) time_steps[{views[i].view.frame, views[i].view.board}].push_back(i);
   PoseProblem& problem = work->problem;
   work->boards_of.resize(work->checks.size());
   work->views_alone.resize(work->checks.size());
-  for (const auto& [key, members] : instants) {
+  for (const auto& [key, members] : time_steps) {
     if (members.size() < 2) {
       const View& view = views[members[0]].view;
       work->views_alone[static_cast<size_t>(view.camera_idx)].push_back(view);

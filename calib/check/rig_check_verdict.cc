@@ -82,7 +82,7 @@ void JudgeFound(const RigCheck& check, Verdict* verdict) {
              "has moved",
              check.exchanged[0].c_str(), check.exchanged[1].c_str(), check.rms_px),
          "exchange the two names in the footage, or in the calibration by calib convert, option 'rename'"});
-  for (const TurnedCamera& camera : check.found.turned)
+  for (const RotatedCamera& camera : check.found.rotated)
     verdict->Warn(
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"});
   if (!check.found.numbers_text.empty())

@@ -72,9 +72,9 @@ struct ImpliedProblem : geometry::LeastSquaresProblem<6, Rigid3, Normal> {
     const geometry::ProjectionWithJacobians projection = projector.ProjectWithJacobians(x);
     if (projection.status != Status::kOk) return;
     const bool far = std::isinf(range);
-    const Eigen::Vector3d turned = far ? x : Eigen::Vector3d(x - cam_from_reference.translation);
+    const Eigen::Vector3d rotated = far ? x : Eigen::Vector3d(x - cam_from_reference.translation);
     Eigen::Matrix<double, 3, 6> d_x;
-    d_x << 0, turned.z(), -turned.y(), 1, 0, 0, -turned.z(), 0, turned.x(), 0, 1, 0, turned.y(), -turned.x(), 0, 0, 0, 1;
+    d_x << 0, rotated.z(), -rotated.y(), 1, 0, 0, -rotated.z(), 0, rotated.x(), 0, 1, 0, rotated.y(), -rotated.x(), 0, 0, 0, 1;
     if (far) d_x.rightCols<3>().setZero();
     const Eigen::Matrix<double, 2, 6> j = projection.d_px_d_x * d_x;
     const Eigen::Vector2d residual = projection.px - point.px;

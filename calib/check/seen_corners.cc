@@ -22,13 +22,13 @@ namespace {
 
 using geometry::Rigid3;
 
-constexpr double kLeastLateness = 0.005;  // frames; below it an offset moves nothing that an image shows
-constexpr size_t kMinCorners = 6;         // of a view with a pose
+constexpr double kLeastTimeOffset = 0.005;  // frames; below it an offset moves nothing that an image shows
+constexpr size_t kMinCorners = 6;           // of a view with a pose
 
 /// Places of one camera's corners of one board: frame -> corner -> px.
 using Track = std::map<int64_t, std::map<int, Eigen::Vector2d>>;
 
-bool Matters(const geometry::TimeOffset& offset) { return std::abs(offset.frames) >= kLeastLateness || offset.rate != 0; }
+bool Matters(const geometry::TimeOffset& offset) { return std::abs(offset.frames) >= kLeastTimeOffset || offset.rate != 0; }
 
 /// Which of a camera's images say how a corner moves: as MotionModel of the adjustment.
 MotionModel MotionOf(const Track& track) {
@@ -103,7 +103,7 @@ std::vector<Part> PartsIn(const geometry::Rig& rig, const CalibrateInput& input)
   return parts;
 }
 
-void TellPartsApart(const geometry::Rig& rig, CameraParts how, CalibrateInput* input) {
+void DistinguishParts(const geometry::Rig& rig, CameraParts how, CalibrateInput* input) {
   for (const Part& part : PartsIn(rig, *input)) {
     const auto found =
         std::find_if(input->cameras.begin(), input->cameras.end(), [&](const CameraInput& c) { return c.name == part.whole; });
@@ -169,24 +169,24 @@ PosedViews PoseViews(const geometry::Rig& rig, const CalibrateInput& input) {
 
 /// Turns views that number the board from the other end, poses with them.
 void TurnSeen(const geometry::Rig& rig, CalibrateInput* input, PosedViews* posed, CornerFindings* findings) {
-  findings->turned.clear();
+  findings->rotated.clear();
   const int num_turns = NumNumberings(input->boards);
   if (num_turns < 2) return;
   const Eigen::Matrix3Xd board = CornersInBoard(input->boards[0]);
   std::vector<Rigid3> cam_from_world;
   for (const CameraInput& camera : input->cameras)
     cam_from_world.push_back(rig.cameras[static_cast<size_t>(rig.Find(camera.name))].cam_from_world);
-  const std::vector<int> views = FindTurnedViews(board, num_turns, posed->views, posed->cam_from_board, &cam_from_world);
+  const std::vector<int> views = FindRotatedViews(board, num_turns, posed->views, posed->cam_from_board, &cam_from_world);
   std::vector<int> detections(input->detections.size(), 0);
-  std::vector<TurnedCamera> counts;
+  std::vector<RotatedCamera> counts;
   for (const CameraInput& camera : input->cameras) counts.push_back({camera.name});
   for (size_t v = 0; v < views.size(); ++v) {
     detections[posed->detection[v]] = views[v];
-    TurnedCamera& count = counts[static_cast<size_t>(posed->views[v].camera_idx)];
-    count.num_turned += views[v] != 0, ++count.num_views;
+    RotatedCamera& count = counts[static_cast<size_t>(posed->views[v].camera_idx)];
+    count.num_rotated += views[v] != 0, ++count.num_views;
   }
-  for (const TurnedCamera& camera : counts) {
-    if (camera.num_turned > 0) findings->turned.push_back(camera);
+  for (const RotatedCamera& camera : counts) {
+    if (camera.num_rotated > 0) findings->rotated.push_back(camera);
   }
   TurnDetections(detections, input);
   TurnViews(board, views, &posed->views, &posed->cam_from_board);
@@ -204,10 +204,10 @@ FrameOffsets OffsetsOf(const CalibrateInput& input, const PosedViews& posed) {
 
 }  // namespace
 
-void TurnDetections(const std::vector<int>& turned, CalibrateInput* input) {
+void TurnDetections(const std::vector<int>& rotated, CalibrateInput* input) {
   const int num_corners = input->boards.at(0).num_corners();
-  for (size_t d = 0; d < turned.size(); ++d) {
-    for (int& id : input->detections[d].corner_ids) id = TurnedCorner(id, num_corners, turned[d]);
+  for (size_t d = 0; d < rotated.size(); ++d) {
+    for (int& id : input->detections[d].corner_ids) id = RotatedCorner(id, num_corners, rotated[d]);
   }
 }
 
@@ -258,7 +258,7 @@ CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& came
 
 CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input, CameraParts parts, CornerFindings* findings) {
   CalibrateInput given = input;
-  TellPartsApart(rig, parts, &given);
+  DistinguishParts(rig, parts, &given);
   given = KnownCameras(rig, given, &findings->unknown);
   CalibrateInput seen = given;
   PosedViews posed = PoseViews(rig, seen);
@@ -288,7 +288,7 @@ CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input
 
 bool HasParts(const geometry::Rig& rig, const CalibrateInput& input) { return !PartsIn(rig, input).empty(); }
 
-std::vector<geometry::TimeOffset> StatedLateness(const geometry::Rig& rig, const CalibrateInput& input) {
+std::vector<geometry::TimeOffset> StatedTimeOffset(const geometry::Rig& rig, const CalibrateInput& input) {
   std::vector<geometry::TimeOffset> late;
   for (const CameraInput& camera : input.cameras) {
     const int found = rig.Find(camera.name);

@@ -14,7 +14,7 @@
 namespace mvstudio::calib {
 
 /// Numbers the corners of these detections from another end of the board: quarter turns of each, all of the first board.
-void TurnDetections(const std::vector<int>& turned, CalibrateInput* input);
+void TurnDetections(const std::vector<int>& rotated, CalibrateInput* input);
 
 /// Corners as cameras would have seen them at the time of the frame. `late`, per camera: its capture time minus that of the
 /// frame. Each corner follows the parabola through its places in the image nearest to that time and those before and after it,
@@ -28,7 +28,7 @@ CalibrateInput InputOf(const CalibrateInput& input, const std::vector<int>& came
 /// How corners were brought to a calibration.
 struct CornerFindings {
   std::vector<std::string> unknown;    ///< cameras that the calibration lacks, left out
-  std::vector<TurnedCamera> turned;    ///< cameras of which views were numbered from the board's other end
+  std::vector<RotatedCamera> rotated;  ///< cameras of which views were numbered from the board's other end
   std::vector<int64_t> frame_shift;    ///< per camera of the corners returned; empty: none
   std::vector<FrameDrop> frame_drops;  ///< frames that cameras lost
   std::string numbers_text;            ///< one line about what was done to the frame numbers; empty: nothing
@@ -49,6 +49,6 @@ CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input
 bool HasParts(const geometry::Rig& rig, const CalibrateInput& input);
 
 /// Per camera of the input, by how much the rig states it to be late; empty where no offset matters.
-std::vector<geometry::TimeOffset> StatedLateness(const geometry::Rig& rig, const CalibrateInput& input);
+std::vector<geometry::TimeOffset> StatedTimeOffset(const geometry::Rig& rig, const CalibrateInput& input);
 
 }  // namespace mvstudio::calib

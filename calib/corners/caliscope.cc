@@ -37,7 +37,7 @@ struct Columns {
 };
 
 /// The column with the time step of a row: sync_index, or frame_index when there is only one camera.
-int InstantColumn(const CsvTable& table, const Columns& columns) {
+int TimeStepColumn(const CsvTable& table, const Columns& columns) {
   if (columns.sync >= 0) return columns.sync;
   std::set<int64_t> cameras;
   for (size_t row = 0; row < table.num_rows(); ++row) cameras.insert(table.Integer(row, columns.camera));
@@ -59,9 +59,9 @@ void CheckFrameOrder(const CsvTable& table, const Columns& columns) {
                             std::to_string(entry->second.first) + " of this camera");
     }
   }
-  for (const auto& [camera, instants] : frames) {
+  for (const auto& [camera, time_steps] : frames) {
     const std::pair<int64_t, size_t>* last = nullptr;
-    for (const auto& [instant, frame] : instants) {
+    for (const auto& [time_step, frame] : time_steps) {
       if (last && frame.first <= last->first) {
         throw FormatError(table.path(), table.Where(frame.second, columns.sync),
                           "the frames of camera " + std::to_string(camera) + " go backwards in time");
@@ -155,7 +155,7 @@ void AddCameras(const CsvTable& table, const std::vector<int64_t>& ids, CornerFi
 CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& options) {
   const CsvTable table(path);
   const Columns columns(table);
-  const int instant = InstantColumn(table, columns);
+  const int time_step = TimeStepColumn(table, columns);
   CheckFrameOrder(table, columns);
   if (!options.board && !columns.has_points()) {
     throw UsageError(path + ": this corner file does not say where the corners lie on the board; give option 'board'");
@@ -181,7 +181,7 @@ CornerFile ReadCaliscope(const std::string& path, const CornerFileOptions& optio
                             std::to_string(options.board->num_corners()) + " corners; is option 'board' the right one?");
     }
     const int corner = options.board ? static_cast<int>(id) : points.corner_of_id[static_cast<size_t>(board)].at(id);
-    builder.Add(camera, table.Integer(row, instant), board, corner,
+    builder.Add(camera, table.Integer(row, time_step), board, corner,
                 {table.Number(row, columns.x), table.Number(row, columns.y)}, 1, table.Where(row));
   }
   CornerFile file;

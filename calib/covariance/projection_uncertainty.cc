@@ -62,12 +62,12 @@ Gradient ProjectionUncertainty::Prepared::PointInImage(int camera_idx, const Eig
     if (d.columns[k] >= first) gradient.by_global.row(lens + d.columns[k] - first) = d.d_px.col(k).transpose();
   }
   const geometry::Rigid3& cam_from_world = state.cam_from_world[camera_idx];
-  const Eigen::Vector3d turned = at_infinity ? x_in_cam : Eigen::Vector3d(x_in_cam - cam_from_world.translation);
+  const Eigen::Vector3d rotated = at_infinity ? x_in_cam : Eigen::Vector3d(x_in_cam - cam_from_world.translation);
   const Matrix23& by_cam = d.d_px_d_x_in_cam;
-  if (pose >= 0) gradient.by_global.middleRows<3>(pose) = -(by_cam * geometry::CrossMatrix(turned)).transpose();
+  if (pose >= 0) gradient.by_global.middleRows<3>(pose) = -(by_cam * geometry::CrossMatrix(rotated)).transpose();
   if (pose >= 0 && !at_infinity) gradient.by_global.middleRows<3>(pose + 3) = by_cam.transpose();
   const Matrix23 by_world = by_cam * cam_from_world.rotation.toRotationMatrix();
-  Eigen::Vector3d arm = cam_from_world.rotation.conjugate() * turned;
+  Eigen::Vector3d arm = cam_from_world.rotation.conjugate() * rotated;
   if (!at_infinity) arm -= components[gradient.component].origin;
   Matrix26 by_twist = Matrix26::Zero();
   by_twist.leftCols<3>() = -by_world * geometry::CrossMatrix(arm);

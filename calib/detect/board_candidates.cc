@@ -26,8 +26,8 @@ constexpr const char* kWholeDictionaries[] = {"4x4_1000",      "5x5_1000",      
                                               "apriltag_25h9", "apriltag_36h10", "apriltag_36h11"};
 
 /// The position of the `i`-th of `looks` images evenly spread.
-size_t At(int64_t i, int64_t looks, const Pictures& pictures) {
-  return static_cast<size_t>(i) * pictures.grey.size() / static_cast<size_t>(looks);
+size_t At(int64_t i, int64_t looks, const TrialImages& trial_images) {
+  return static_cast<size_t>(i) * trial_images.grey.size() / static_cast<size_t>(looks);
 }
 
 Image Negative(Image grey) {
@@ -165,24 +165,24 @@ void Candidates::AddGuess(Board board, bool mirrored) {
   Add(std::move(board), mirrored);
 }
 
-Pictures Prepare(const std::vector<Image>& images) {
-  Pictures pictures;
+TrialImages Prepare(const std::vector<Image>& images) {
+  TrialImages trial_images;
   for (const Image& image : images) {
-    pictures.grey.push_back(ToGrey(image));
-    pictures.mirrored.push_back(FlippedLeftRight(pictures.grey.back()));
-    pictures.negative.push_back(Negative(pictures.grey.back()));
+    trial_images.grey.push_back(ToGrey(image));
+    trial_images.mirrored.push_back(FlippedLeftRight(trial_images.grey.back()));
+    trial_images.negative.push_back(Negative(trial_images.grey.back()));
   }
-  return pictures;
+  return trial_images;
 }
 
-Pictures AFew(const Pictures& pictures) {
-  const auto looks = static_cast<int64_t>(std::min(kFewImages, pictures.grey.size()));
-  Pictures few;
+TrialImages AFew(const TrialImages& trial_images) {
+  const auto looks = static_cast<int64_t>(std::min(kFewImages, trial_images.grey.size()));
+  TrialImages few;
   for (int64_t i = 0; i < looks; ++i) {
-    const size_t at = At(i, looks, pictures);
-    few.grey.push_back(pictures.grey[at]);
-    few.mirrored.push_back(pictures.mirrored[at]);
-    few.negative.push_back(pictures.negative[at]);
+    const size_t at = At(i, looks, trial_images);
+    few.grey.push_back(trial_images.grey[at]);
+    few.mirrored.push_back(trial_images.mirrored[at]);
+    few.negative.push_back(trial_images.negative[at]);
   }
   return few;
 }
@@ -204,17 +204,17 @@ void AddMiscounts(const Board& given, Candidates* candidates) {
 }
 
 /// ChArUco boards that the markers tell, in any dictionary, also mirrored and in negative.
-void AddCharucoGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
-                       std::vector<SeenMarkers>* seen) {
+void AddCharucoGuesses(const std::optional<Board>& given, const TrialImages& trial_images, int num_threads,
+                       Candidates* candidates, std::vector<SeenMarkers>* seen) {
   for (const char* dictionary : kWholeDictionaries) {
-    for (const std::vector<Image>* images : {&pictures.grey, &pictures.negative, &pictures.mirrored}) {
+    for (const std::vector<Image>* images : {&trial_images.grey, &trial_images.negative, &trial_images.mirrored}) {
       const auto markers = MarkersIn(*images, dictionary, num_threads);
       if (Count(markers) < kLeastMarkersSeen) continue;
       auto board = GuessCharuco(dictionary, markers, given);
-      if (!board && images == &pictures.grey) seen->push_back(Seen(dictionary, markers));
+      if (!board && images == &trial_images.grey) seen->push_back(Seen(dictionary, markers));
       if (!board) continue;
-      board->inverted = images == &pictures.negative;
-      candidates->AddGuess(*board, images == &pictures.mirrored);
+      board->inverted = images == &trial_images.negative;
+      candidates->AddGuess(*board, images == &trial_images.mirrored);
       break;
     }
   }
@@ -222,15 +222,15 @@ void AddCharucoGuesses(const std::optional<Board>& given, const Pictures& pictur
 
 /// AprilGrids and lone tags of every family, also mirrored; of the given one alone when it is seen. Fills `tags` with what is
 /// seen in the images as they are.
-void AddTagGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
+void AddTagGuesses(const std::optional<Board>& given, const TrialImages& trial_images, int num_threads, Candidates* candidates,
                    std::vector<SeenTag>* tags) {
   std::vector<std::string> names = AllTagFamilies();
   const bool has_wish = given && given->has_tags();
   if (has_wish) std::stable_partition(names.begin(), names.end(), [&](const auto& name) { return name == given->dictionary; });
   for (const std::string& name : names) {
     const TagFamily family = *FindTagFamily(name);
-    const TagFinds plain = TagsIn(pictures.grey, family, num_threads),
-                   mirrored = TagsIn(pictures.mirrored, family, num_threads);
+    const TagFinds plain = TagsIn(trial_images.grey, family, num_threads),
+                   mirrored = TagsIn(trial_images.mirrored, family, num_threads);
     const bool is_mirrored = mirrored.tags.size() > plain.tags.size();
     const TagFinds& finds = is_mirrored ? mirrored : plain;
     const bool asked = has_wish && given->dictionary == name;
@@ -244,10 +244,11 @@ void AddTagGuesses(const std::optional<Board>& given, const Pictures& pictures, 
   }
 }
 
-std::vector<Board> GuessChessboards(const Pictures& pictures, int num_threads) {
-  const int looks = static_cast<int>(std::min(kFewImages, pictures.grey.size()));
+std::vector<Board> GuessChessboards(const TrialImages& trial_images, int num_threads) {
+  const int looks = static_cast<int>(std::min(kFewImages, trial_images.grey.size()));
   std::vector<std::optional<std::pair<int, int>>> sizes(looks);
-  ParallelFor(looks, num_threads, [&](int64_t i) { sizes[i] = GuessChessboard(pictures.grey[At(i, looks, pictures)]); });
+  ParallelFor(looks, num_threads,
+              [&](int64_t i) { sizes[i] = GuessChessboard(trial_images.grey[At(i, looks, trial_images)]); });
   const auto area = [](const auto& size) { return size ? size->first * size->second : 0; };
   std::stable_sort(sizes.begin(), sizes.end(), [&](const auto& a, const auto& b) { return area(a) > area(b); });
   std::vector<Board> boards;
@@ -262,13 +263,13 @@ std::vector<Board> GuessChessboards(const Pictures& pictures, int num_threads) {
   return boards;
 }
 
-void AddCircleGuesses(const Pictures& pictures, int num_threads, Candidates* candidates) {
-  const int looks = static_cast<int>(std::min(kFewImages, pictures.grey.size()));
+void AddCircleGuesses(const TrialImages& trial_images, int num_threads, Candidates* candidates) {
+  const int looks = static_cast<int>(std::min(kFewImages, trial_images.grey.size()));
   std::vector<std::optional<Board>> boards(static_cast<size_t>(looks));
   ParallelFor(looks, num_threads, [&](int64_t i) {
-    const size_t at = At(i, looks, pictures);
+    const size_t at = At(i, looks, trial_images);
     for (const bool inverted : {false, true}) {
-      for (const SpotLattice& lattice : FindLattices(FindSpots(inverted ? pictures.negative[at] : pictures.grey[at]))) {
+      for (const SpotLattice& lattice : FindLattices(FindSpots(inverted ? trial_images.negative[at] : trial_images.grey[at]))) {
         auto board = GuessCircles(lattice);
         if (!board || boards[static_cast<size_t>(i)]) continue;
         board->inverted = inverted;

@@ -12,7 +12,7 @@
 namespace mvstudio::calib {
 
 /// The images as they are, mirrored, and in negative.
-struct Pictures {
+struct TrialImages {
   std::vector<Image> grey, mirrored, negative;
   const std::vector<Image>& For(bool in_mirror) const { return in_mirror ? mirrored : grey; }
 };
@@ -40,26 +40,26 @@ class Candidates {
   std::vector<Candidate> list_;
 };
 
-Pictures Prepare(const std::vector<Image>& images);
+TrialImages Prepare(const std::vector<Image>& images);
 /// A few of them, evenly spread.
-Pictures AFew(const Pictures& pictures);
+TrialImages AFew(const TrialImages& trial_images);
 
 /// Rows and columns exchanged; squares counted for corners (or the reverse), and both.
 void AddMiscounts(const Board& given, Candidates* candidates);
 
 /// ChArUco boards that the markers tell, in any dictionary, also mirrored and in negative.
-void AddCharucoGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
-                       std::vector<SeenMarkers>* seen);
+void AddCharucoGuesses(const std::optional<Board>& given, const TrialImages& trial_images, int num_threads,
+                       Candidates* candidates, std::vector<SeenMarkers>* seen);
 
 /// AprilGrids and lone tags of every family, also mirrored; of the given one alone when it is seen. Fills `tags` with what is
 /// seen in the images as they are.
-void AddTagGuesses(const std::optional<Board>& given, const Pictures& pictures, int num_threads, Candidates* candidates,
+void AddTagGuesses(const std::optional<Board>& given, const TrialImages& trial_images, int num_threads, Candidates* candidates,
                    std::vector<SeenTag>* tags);
 
 /// Chessboards in a few images, with squares of 1 m, the largest first; smaller ones may be parts of them.
-std::vector<Board> GuessChessboards(const Pictures& pictures, int num_threads);
+std::vector<Board> GuessChessboards(const TrialImages& trial_images, int num_threads);
 
 /// Grids of circles, dark or light.
-void AddCircleGuesses(const Pictures& pictures, int num_threads, Candidates* candidates);
+void AddCircleGuesses(const TrialImages& trial_images, int num_threads, Candidates* candidates);
 
 }  // namespace mvstudio::calib

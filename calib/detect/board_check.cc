@@ -19,8 +19,8 @@ namespace mvstudio::calib {
 namespace {
 
 /// The candidate in its best layout, counted over all images.
-BoardTrial Try(const Candidate& candidate, const Pictures& pictures, Detector detector, int num_threads) {
-  const std::vector<Image>& images = pictures.For(candidate.mirrored);
+BoardTrial Try(const Candidate& candidate, const TrialImages& trial_images, Detector detector, int num_threads) {
+  const std::vector<Image>& images = trial_images.For(candidate.mirrored);
   DetectOptions options;
   options.detector = detector;
   options.check_mirror = false;
@@ -72,7 +72,8 @@ std::string RelationOf(const Board& board, bool mirrored, const std::optional<Bo
 /// Candidates tried in a few images first: a search for a chessboard that is not there takes seconds where another one is.
 class Trials {
  public:
-  Trials(const std::optional<Board>& given, const Pictures& all, const Pictures& few, int num_threads, BoardCheckReport* report)
+  Trials(const std::optional<Board>& given, const TrialImages& all, const TrialImages& few, int num_threads,
+         BoardCheckReport* report)
       : given_(given), all_(all), few_(few), num_threads_(num_threads), report_(report) {}
 
   /// Those that were added since the last time: in all images when the few show them.
@@ -90,8 +91,8 @@ class Trials {
       if (in_few_alone_[i]) TryInAll(i, candidates.list()[i]);
     }
   }
-  void Put(size_t i, const Candidate& candidate, const Pictures& pictures, Detector detector) {
-    report_->trials[i] = Try(candidate, pictures, detector, num_threads_);
+  void Put(size_t i, const Candidate& candidate, const TrialImages& trial_images, Detector detector) {
+    report_->trials[i] = Try(candidate, trial_images, detector, num_threads_);
     report_->trials[i].relation = RelationOf(report_->trials[i].board, candidate.mirrored, given_);
   }
 
@@ -102,7 +103,7 @@ class Trials {
   }
 
   const std::optional<Board>& given_;
-  const Pictures &all_, &few_;
+  const TrialImages &all_, &few_;
   int num_threads_;
   BoardCheckReport* report_;
   std::vector<bool> in_few_alone_;
@@ -126,29 +127,29 @@ bool Fits(const BoardCheckReport& report, double share) {
 }
 
 /// The slow search for the chessboard that came out best, unless it is in all images already.
-void TryHarder(const Pictures& pictures, Trials* trials, BoardCheckReport* report) {
+void TryHarder(const TrialImages& trial_images, Trials* trials, BoardCheckReport* report) {
   if (!report->best || report->trials[0].board.kind != Board::Kind::kChessboard) return;
   if (report->trials[0].num_images == report->num_images) return;
-  trials->Put(0, {report->trials[0].board, report->trials[0].mirrored}, pictures, Detector::kExact);
+  trials->Put(0, {report->trials[0].board, report->trials[0].mirrored}, trial_images, Detector::kExact);
 }
 
 }  // namespace
 
 BoardCheckReport CheckBoard(const std::optional<Board>& given, const std::vector<Image>& images, const RunContext& run) {
   MVS_CHECK(!images.empty(), "no images");
-  const Pictures pictures = Prepare(images), few = AFew(pictures);
+  const TrialImages trial_images = Prepare(images), few = AFew(trial_images);
   const int num_threads = run.num_threads;
   BoardCheckReport report;
   report.num_images = static_cast<int>(images.size());
   report.scale_known = given.has_value();
   Candidates candidates(given);
-  Trials trials(given, pictures, few, num_threads, &report);
+  Trials trials(given, trial_images, few, num_threads, &report);
   ProgressStage stage(run, "looking for boards", 4);
   if (given) AddMiscounts(*given, &candidates);
   trials.TryNew(candidates);
   stage.Advance(1, "the given board");
   const bool tags_asked = given && given->has_tags(), circles_asked = given && given->is_round();
-  const auto add_marked = [&](const Pictures& where, Candidates* to) {
+  const auto add_marked = [&](const TrialImages& where, Candidates* to) {
     report.tags.clear(), report.markers.clear();
     if (!Fits(report, 0.8) || tags_asked) AddTagGuesses(given, where, num_threads, to, &report.tags);
     if (!Fits(report, 0.8) && !tags_asked) AddCharucoGuesses(given, where, num_threads, to, &report.markers);
@@ -163,17 +164,17 @@ BoardCheckReport CheckBoard(const std::optional<Board>& given, const std::vector
     }
   };
   Candidates scratch = candidates;  // a chessboard with markers in its squares is no chessboard
-  if (few.grey.size() < pictures.grey.size() && !add_marked(few, &scratch)) try_chessboards();
+  if (few.grey.size() < trial_images.grey.size() && !add_marked(few, &scratch)) try_chessboards();
   stage.Advance(1, "chessboards in a few images");
-  add_marked(pictures, &candidates);
+  add_marked(trial_images, &candidates);
   trials.TryNew(candidates);
   stage.Advance(1, "AprilTag families and ArUco dictionaries");
   try_chessboards();
-  if (!Fits(report, 0.5) && !tags_asked) AddCircleGuesses(pictures, num_threads, &candidates);
+  if (!Fits(report, 0.5) && !tags_asked) AddCircleGuesses(trial_images, num_threads, &candidates);
   trials.TryNew(candidates);
   if (!Fits(report, 0.5)) trials.TryRest(candidates);
   Sort(&report);
-  TryHarder(pictures, &trials, &report);
+  TryHarder(trial_images, &trials, &report);
   stage.Advance(1, "chessboards and circles");
   return report;
 }

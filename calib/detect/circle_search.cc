@@ -163,10 +163,10 @@ class Grower {
 };
 
 /// By a quarter turn.
-SpotLattice Turned(const SpotLattice& lattice) {
-  SpotLattice turned;
-  for (const auto& [cell, spot] : lattice) turned[{-cell.second, cell.first}] = spot;
-  return turned;
+SpotLattice Rotated(const SpotLattice& lattice) {
+  SpotLattice rotated;
+  for (const auto& [cell, spot] : lattice) rotated[{-cell.second, cell.first}] = spot;
+  return rotated;
 }
 
 /// The board's circles as cells of a lattice, by number. The lattice of asymmetric grids runs along their diagonals.
@@ -239,9 +239,9 @@ std::vector<int> CirclesInLattice(const Board& board, const SpotLattice& lattice
   std::vector<int> best;
   double most_right = -2;
   if (lattice.size() < cells.size()) return best;
-  SpotLattice turned = lattice;
-  for (int quarters = 0; quarters < 4; ++quarters, turned = Turned(turned)) {
-    const auto places = PlacesIn(cells, turned);
+  SpotLattice rotated = lattice;
+  for (int quarters = 0; quarters < 4; ++quarters, rotated = Rotated(rotated)) {
+    const auto places = PlacesIn(cells, rotated);
     if (places.size() > 1) return {};  // a larger grid holds this one in several places
     if (places.empty()) continue;
     const double right = (spots[places[0][board.cols - 1]].px - spots[places[0][0]].px).normalized().x();
@@ -254,12 +254,12 @@ std::optional<Board> GuessCircles(const SpotLattice& lattice) {
   constexpr size_t kFewest = 9;
   std::optional<Board> best;
   if (lattice.size() < kFewest) return best;
-  SpotLattice turned = lattice;
-  for (int quarters = 0; quarters < 4; ++quarters, turned = Turned(turned)) {
+  SpotLattice rotated = lattice;
+  for (int quarters = 0; quarters < 4; ++quarters, rotated = Rotated(rotated)) {
     for (const bool shifted : {false, true}) {
       std::map<int, std::vector<int>> rows;  // y -> x, ascending
       std::vector<Cell> cells;
-      for (const auto& [cell, spot] : turned) {
+      for (const auto& [cell, spot] : rotated) {
         const auto [i, j] = cell;
         cells.push_back(shifted ? Cell(i - j, i + j) : cell);
       }

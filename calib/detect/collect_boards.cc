@@ -18,8 +18,8 @@ std::optional<int64_t> StepOf(const Footage& footage, int64_t frame_idx) {
 size_t CommonLayout(const std::vector<CameraResults>& results, size_t b, size_t num_layouts) {
   std::vector<int64_t> corners(num_layouts, 0);
   for (const CameraResults& camera : results) {
-    for (const Searched& picture : camera.pictures) {
-      for (size_t l = 0; l < num_layouts; ++l) corners[l] += NumCornersSeen(picture.boards[b][l]);
+    for (const Searched& image : camera.images) {
+      for (size_t l = 0; l < num_layouts; ++l) corners[l] += NumCornersSeen(image.boards[b][l]);
     }
   }
   return std::max_element(corners.begin(), corners.end()) - corners.begin();
@@ -35,8 +35,8 @@ struct SoftCount {
 
 SoftCount CountSoft(const BoardOfCamera& board) {
   SoftCount count;
-  for (const Searched& picture : board.results.pictures) {
-    const BoardDetection& found = picture.boards[board.b][board.layout];
+  for (const Searched& image : board.results.images) {
+    const BoardDetection& found = image.boards[board.b][board.layout];
     count.soft += !found.soft.empty();
     count.seen += found.seen();
   }
@@ -47,8 +47,8 @@ SoftCount CountSoft(const BoardOfCamera& board) {
 double RelativeSigma(const BoardOfCamera& board, double sigma_px) {
   constexpr double kMost = 5;
   std::vector<double> sharp;
-  for (const Searched& picture : board.results.pictures) {
-    const BoardDetection& found = picture.boards[board.b][board.layout];
+  for (const Searched& image : board.results.images) {
+    const BoardDetection& found = image.boards[board.b][board.layout];
     if (found.status == Status::kOk && found.soft.empty() && found.sigma_px > 0) sharp.push_back(found.sigma_px);
   }
   return sharp.empty() ? 1 : std::clamp(sigma_px / UpperMedian(sharp), 1.0, kMost);
@@ -69,13 +69,13 @@ std::string SoftNote(const SoftCount& count, const std::string& prefix) {
 void Collect(const BoardOfCamera& board, int camera_idx, FootageDetections* found) {
   const SoftCount soft = CountSoft(board);
   if (soft.soft > 0) found->soft.push_back({SoftNote(soft, board.prefix), soft.most(), 10 * soft.soft > soft.seen});
-  for (const Searched& picture : board.results.pictures) {
-    const std::optional<int64_t> step = StepOf(board.footage, picture.frame_idx);
+  for (const Searched& image : board.results.images) {
+    const std::optional<int64_t> step = StepOf(board.footage, image.frame_idx);
     if (!step) {
       ++found->reasons["no time step"];
       continue;
     }
-    const BoardDetection& seen = picture.boards[board.b][board.layout];
+    const BoardDetection& seen = image.boards[board.b][board.layout];
     const bool take_soft = soft.most() && !seen.soft.empty();
     BoardDetection result = take_soft ? seen.soft[0] : seen;
     if (take_soft) result.detection.sigma_px = RelativeSigma(board, result.sigma_px);

@@ -19,7 +19,7 @@ struct Searched {
 /// Everything known of one camera's footage, from the cache or from the search.
 struct CameraResults {
   CameraInput camera;
-  std::vector<Searched> pictures;
+  std::vector<Searched> images;
   std::optional<std::string> digest;
   bool cached = false;
   std::string failure;

@@ -77,12 +77,12 @@ double Brighter(const Board& board, const Image& grey, const Grid& grid) {
 }
 
 /// Corner (col, row) is the one that was (row, rows - 1 - col): a quarter turn of a grid of as many columns as rows.
-Grid QuarterTurned(const Grid& grid) {
-  Grid turned = grid;
+Grid QuarterRotated(const Grid& grid) {
+  Grid rotated = grid;
   for (int row = 0; row < grid.rows; ++row) {
-    for (int col = 0; col < grid.cols; ++col) turned.px[row * grid.cols + col] = grid.At(row, grid.rows - 1 - col);
+    for (int col = 0; col < grid.cols; ++col) rotated.px[row * grid.cols + col] = grid.At(row, grid.rows - 1 - col);
   }
-  return turned;
+  return rotated;
 }
 
 /// Renumbers so that x cross y points away from the viewer, the colours are those of the board, and x points to the right as
@@ -97,13 +97,13 @@ bool Orient(const Board& board, const Image& grey, Grid* grid) {
   std::vector<Grid> turns = {*grid, *grid};
   std::reverse(turns[1].px.begin(), turns[1].px.end());
   if (grid->cols == grid->rows) {
-    for (int half = 0; half < 2; ++half) turns.push_back(QuarterTurned(turns[static_cast<size_t>(half)]));
+    for (int half = 0; half < 2; ++half) turns.push_back(QuarterRotated(turns[static_cast<size_t>(half)]));
   }
   const auto rightward = [](const Grid& g) { return (g.At(g.cols - 1, 0) - g.At(0, 0)).normalized().x(); };
   std::vector<Grid> fitting;
-  for (const Grid& turned : turns) {
-    const double brighter = Brighter(board, grey, turned);
-    if (board.inverted ? brighter <= 0 : brighter >= 0) fitting.push_back(turned);
+  for (const Grid& rotated : turns) {
+    const double brighter = Brighter(board, grey, rotated);
+    if (board.inverted ? brighter <= 0 : brighter >= 0) fitting.push_back(rotated);
   }
   const std::vector<Grid>& chosen = fitting.empty() ? turns : fitting;
   *grid = *std::max_element(chosen.begin(), chosen.end(),

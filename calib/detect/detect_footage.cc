@@ -230,13 +230,13 @@ bool LoadCamera(const DetectionCache& cache, const std::vector<Board>& boards, c
   for (const Board& board : boards) {
     auto stored = cache.Load(DetectionKey(*results->digest, board, options, stride));
     if (!stored) return false;
-    if (results->pictures.empty()) results->pictures.resize(stored->pictures.size());
-    if (results->pictures.size() != stored->pictures.size()) return false;
+    if (results->images.empty()) results->images.resize(stored->images.size());
+    if (results->images.size() != stored->images.size()) return false;
     results->camera.width_px = stored->width_px, results->camera.height_px = stored->height_px;
-    for (size_t i = 0; i < stored->pictures.size(); ++i) {
-      if (stored->pictures[i].layouts.size() != LayoutsOf(board).size()) return false;
-      results->pictures[i].frame_idx = stored->pictures[i].frame_idx;
-      results->pictures[i].boards.push_back(std::move(stored->pictures[i].layouts));
+    for (size_t i = 0; i < stored->images.size(); ++i) {
+      if (stored->images[i].layouts.size() != LayoutsOf(board).size()) return false;
+      results->images[i].frame_idx = stored->images[i].frame_idx;
+      results->images[i].boards.push_back(std::move(stored->images[i].layouts));
     }
   }
   return true;
@@ -246,7 +246,7 @@ void StoreCamera(const DetectionCache& cache, const std::vector<Board>& boards, 
                  const CameraResults& results) {
   for (size_t b = 0; b < boards.size(); ++b) {
     StoredFootage stored{results.camera.width_px, results.camera.height_px, {}};
-    for (const Searched& picture : results.pictures) stored.pictures.push_back({picture.frame_idx, picture.boards[b]});
+    for (const Searched& image : results.images) stored.images.push_back({image.frame_idx, image.boards[b]});
     cache.Store(DetectionKey(*results.digest, boards[b], options, stride), stored);
   }
 }
@@ -264,8 +264,8 @@ std::vector<CameraResults> LoadOrSearch(const std::vector<Board>& boards, std::v
     if (!results[c].digest) return;
     if (footage[c].mirrored) *results[c].digest += "-mirrored";
     results[c].cached = LoadCamera(cache, boards, options.detect, stride, &results[c]);
-    if (!results[c].cached) results[c].camera = CameraInput(), results[c].pictures.clear();
-    if (results[c].cached) stage.Advance(static_cast<int64_t>(results[c].pictures.size()), footage[c].camera);
+    if (!results[c].cached) results[c].camera = CameraInput(), results[c].images.clear();
+    if (results[c].cached) stage.Advance(static_cast<int64_t>(results[c].images.size()), footage[c].camera);
   });
   std::vector<std::unique_ptr<FrameQueue>> queues;
   std::vector<size_t> camera_of;
@@ -280,7 +280,7 @@ std::vector<CameraResults> LoadOrSearch(const std::vector<Board>& boards, std::v
     camera.camera = queues[q]->camera();
     camera.failure = queues[q]->failure();
     camera.num_read = queues[q]->num_read(), camera.read_s = queues[q]->read_s(), camera.search_s = queues[q]->search_s();
-    if (camera.failure.empty()) camera.pictures = queues[q]->TakeResults();
+    if (camera.failure.empty()) camera.images = queues[q]->TakeResults();
     if (camera.digest && camera.failure.empty()) StoreCamera(cache, boards, options.detect, stride, camera);
   }
   return results;
@@ -311,7 +311,7 @@ std::vector<FootageDetections> DetectFootage(const std::vector<Board>& boards, s
   for (size_t c = 0; c < footage.size(); ++c) {
     found[c].camera = results[c].camera;
     found[c].camera.name = footage[c].camera;
-    found[c].num_images = static_cast<int>(results[c].pictures.size());
+    found[c].num_images = static_cast<int>(results[c].images.size());
     found[c].cached = results[c].cached, found[c].num_read = results[c].num_read;
     found[c].read_s = results[c].read_s, found[c].search_s = results[c].search_s;
     DropUsed(&found[c]);

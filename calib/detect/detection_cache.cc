@@ -63,11 +63,11 @@ std::string Encode(const StoredFootage& footage) {
   out.Put(std::string(kDetectorVersion));
   out.Put<int32_t>(footage.width_px);
   out.Put<int32_t>(footage.height_px);
-  out.Put<uint64_t>(footage.pictures.size());
-  for (const auto& picture : footage.pictures) {
-    out.Put<int64_t>(picture.frame_idx);
-    out.Put<uint64_t>(picture.layouts.size());
-    for (const BoardDetection& d : picture.layouts) PutDetection(d, &out);
+  out.Put<uint64_t>(footage.images.size());
+  for (const auto& image : footage.images) {
+    out.Put<int64_t>(image.frame_idx);
+    out.Put<uint64_t>(image.layouts.size());
+    for (const BoardDetection& d : image.layouts) PutDetection(d, &out);
   }
   return out.Take();
 }
@@ -79,10 +79,10 @@ StoredFootage Decode(const std::string& bytes) {
   footage.width_px = in.Get<int32_t>();
   footage.height_px = in.Get<int32_t>();
   for (uint64_t n = in.Count(sizeof(int64_t)); n > 0; --n) {
-    StoredFootage::Picture picture;
-    picture.frame_idx = in.Get<int64_t>();
-    for (uint64_t m = in.Count(1); m > 0; --m) picture.layouts.push_back(GetDetection(&in));
-    footage.pictures.push_back(std::move(picture));
+    StoredFootage::DetectedImage image;
+    image.frame_idx = in.Get<int64_t>();
+    for (uint64_t m = in.Count(1); m > 0; --m) image.layouts.push_back(GetDetection(&in));
+    footage.images.push_back(std::move(image));
   }
   if (!in.AtEnd()) throw DamagedBytes();
   return footage;

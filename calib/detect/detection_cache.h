@@ -12,12 +12,12 @@ namespace mvstudio::calib {
 
 /// Detections in the footage of one camera, for one board, before its layout is chosen.
 struct StoredFootage {
-  struct Picture {
+  struct DetectedImage {
     int64_t frame_idx = 0;
     std::vector<BoardDetection> layouts;  ///< as returned by DetectBoards
   };
   int width_px = 0, height_px = 0;
-  std::vector<Picture> pictures;
+  std::vector<DetectedImage> images;
 };
 
 /// Detection results on disk, one file per footage and board, named by a digest of everything that determines them.

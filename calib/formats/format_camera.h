@@ -69,7 +69,7 @@ ImportedRig ReadKalibrChains(const std::vector<std::string>& paths, const ReadOp
 void StateLensesOnly(ImportedRig* imported);
 
 /// An image of a file: its path there, the name it would give its camera, lens and pose.
-struct PictureCamera {
+struct ImageCamera {
   std::string path, name;
   geometry::RigCamera camera;
   Place place;
@@ -78,7 +78,7 @@ struct PictureCamera {
 /// The cameras that took the images. Images of one folder, or of one name in several folders, that share pose and lens are
 /// one camera: `cam1/000000.jpg`, `cam1/000001.jpg`. Where file names repeat, a camera is named by its folder. Notes say both,
 /// and when the images of a folder stand at different places. Throws FormatError for names that are used twice nevertheless.
-void AddPictureCameras(std::vector<PictureCamera> pictures, ImportedRig* imported);
+void AddImageCameras(std::vector<ImageCamera> images, ImportedRig* imported);
 
 // Keys that a reader did not ask for: a ValueView remembers those it was asked for.
 

@@ -151,7 +151,7 @@ void UndoScale(const ValueView& root, ImportedRig* imported) {
 ImportedRig ReadSplatCameras(const ValueView& root, const ReadOptions& options) {
   ImportedRig imported;
   imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
-  std::vector<internal::PictureCamera> pictures;
+  std::vector<internal::ImageCamera> images;
   for (size_t i = 0; i < root.ListSize(); ++i) {
     const ValueView view = root[i];
     const std::string& name = view["img_name"].Text();
@@ -165,10 +165,10 @@ ImportedRig ReadSplatCameras(const ValueView& root, const ReadOptions& options) 
     camera.camera =
         internal::MakeModelCamera(internal::Stem(name), width, height, geometry::LensModel::kPinhole, k, view.place());
     camera.cam_from_world = Inverse(world_from_cam);
-    pictures.push_back({name, internal::Stem(name), std::move(camera), view.place()});
+    images.push_back({name, internal::Stem(name), std::move(camera), view.place()});
   }
-  if (pictures.empty()) root.Fail("there is no entry, hence no camera");
-  internal::AddPictureCameras(std::move(pictures), &imported);
+  if (images.empty()) root.Fail("there is no entry, hence no camera");
+  internal::AddImageCameras(std::move(images), &imported);
   imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   imported.notes.push_back(
       {"CAL-CENTRED",
@@ -191,7 +191,7 @@ ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options) 
   const ValueView frames = root["frames"];
   ImportedRig imported;
   imported.rig.gauge = geometry::RigGauge::Other("nerfstudio's world");
-  std::vector<internal::PictureCamera> pictures;
+  std::vector<internal::ImageCamera> images;
   for (size_t i = 0; i < frames.ListSize(); ++i) {
     const ValueView frame = frames[i];
     const FrameKeys keys(frame, root);
@@ -202,9 +202,9 @@ ImportedRig ReadNerfstudio(const std::string& path, const ReadOptions& options) 
     geometry::Rigid3 world_from_cam = TurnAxes(frame["transform_matrix"].Transform());
     world_from_cam.translation *= options.metres_per_unit;
     camera.cam_from_world = Inverse(world_from_cam);
-    pictures.push_back({file_path, stem, std::move(camera), frame.place()});
+    images.push_back({file_path, stem, std::move(camera), frame.place()});
   }
-  internal::AddPictureCameras(std::move(pictures), &imported);
+  internal::AddImageCameras(std::move(images), &imported);
   if (imported.rig.cameras.empty()) frames.Fail("there is no frame, hence no camera");
   imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   UndoScale(root, &imported);

@@ -120,12 +120,12 @@ ImportedRig ReadQca(const std::string& path, const ReadOptions& options) {
   for (size_t i = 0; i < elements.size(); ++i) {
     const Place place{path, "camera[" + std::to_string(i) + "]"};
     const pugi::xml_node element = elements[i].node();
-    const std::string name = element.attribute("serial").value(), turned = element.attribute("viewrotation").value();
+    const std::string name = element.attribute("serial").value(), rotated = element.attribute("viewrotation").value();
     if (name.empty()) throw FormatError(path, place.where, "attribute 'serial' is missing");
-    if (!turned.empty() && internal::ParseNumber(turned, place) != 0) {
+    if (!rotated.empty() && internal::ParseNumber(rotated, place) != 0) {
       imported.notes.push_back(
           {"CAL-VIEWROTATION",
-           "camera " + name + " is shown rotated by " + turned + " degrees in QTM; its calibration is for the sensor as it is",
+           "camera " + name + " is shown rotated by " + rotated + " degrees in QTM; its calibration is for the sensor as it is",
            "use its footage unrotated"});
     }
     if (std::string(element.attribute("active").value()) == "0") {

@@ -5,7 +5,7 @@
 #include <functional>
 #include <map>
 
-#include "calib/keypoints/lens_doubt.h"
+#include "calib/keypoints/lens_conflict.h"
 #include "calib/keypoints/lens_vote.h"
 #include "calib/keypoints/profile.h"
 #include "calib/keypoints/split.h"
@@ -135,8 +135,8 @@ std::string WhyRefused(const geometry::Rig& given, const Candidate& base, const 
                                      LengthOf(candidate.mean, cauchy_px), cauchy_px);
   if (!vote.refusal.empty() || vote.by_distances || !(candidate.mean < base.mean)) return vote.refusal;
   const KeypointFreedom freedom = FreedomOf(candidate.rig, candidate.plan);
-  const LensDoubt doubt = DoubtBySpace(candidate.rig, candidate.fits, freedom, cauchy_px, num_threads);
-  return WhyNotDetermined(doubt, vote.bend_px, vote.gain_px, given, freedom);
+  const LensConflict conflict = ConflictBySpace(candidate.rig, candidate.fits, freedom, cauchy_px, num_threads);
+  return WhyNotDetermined(conflict, vote.bend_px, vote.gain_px, given, freedom);
 }
 
 /// Whether a change lowers the held-out error by more than chance. Beside the best of its group alone, a change whose error

@@ -29,12 +29,12 @@ void Judge(const Common& common, RelativeStart* seed) {
   seed->cost = 0;
   std::vector<double> sines;
   for (size_t i = 0; i < common.in_a.size(); ++i) {
-    const Eigen::Vector3d turned = seed->b_from_a.rotation * common.in_a[i], &ray = common.in_b[i];
-    const Eigen::Vector3d normal = seed->b_from_a.translation.cross(turned);
+    const Eigen::Vector3d rotated = seed->b_from_a.rotation * common.in_a[i], &ray = common.in_b[i];
+    const Eigen::Vector3d normal = seed->b_from_a.translation.cross(rotated);
     const double off = normal.norm() > 0 ? ray.dot(normal) / normal.norm() / common.sigma_rad : 10;
     // Depths that bring both rays closest to each other: depth_a turned + t = depth_b ray.
-    const double dot = turned.dot(ray), sine2 = 1 - dot * dot;
-    const double along_a = turned.dot(seed->b_from_a.translation), along_b = ray.dot(seed->b_from_a.translation);
+    const double dot = rotated.dot(ray), sine2 = 1 - dot * dot;
+    const double along_a = rotated.dot(seed->b_from_a.translation), along_b = ray.dot(seed->b_from_a.translation);
     const bool before = sine2 > 0 && dot * along_b - along_a > 0 && along_b - dot * along_a > 0;
     const double cost = before ? std::min(off * off, kMost) : kMost;
     seed->cost += cost;
@@ -86,9 +86,10 @@ std::vector<RelativeStart> SeedsOf(const MarkedClicks& clicked, size_t a, size_t
   constexpr int kSamples = 400, kSampleSize = 5;
   Common common;
   common.sigma_rad = std::max(clicked.sigma_rad[a], clicked.sigma_rad[b]);
-  for (const auto& [point, sight] : clicked.sights[a]) {
-    const auto other = clicked.sights[b].find(point);
-    if (other != clicked.sights[b].end()) common.in_a.push_back(sight.ray), common.in_b.push_back(other->second.ray);
+  for (const auto& [point, observation] : clicked.observations[a]) {
+    const auto other = clicked.observations[b].find(point);
+    if (other != clicked.observations[b].end())
+      common.in_a.push_back(observation.ray), common.in_b.push_back(other->second.ray);
   }
   std::vector<RelativeStart> seeds;
   if (common.in_a.size() < kFewestCommon) return seeds;
@@ -126,7 +127,7 @@ MarkedClicks ClicksOf(const geometry::Rig& lenses, const ScenePoints& marks, dou
     clicked.rig.cameras.push_back({camera.camera, Rigid3(), camera.params_covariance, std::nullopt});
     clicked.sigma_rad.push_back(sigma_px / (0.5 * (camera.camera.fx() + camera.camera.fy())));
     const geometry::Projector projector(camera.camera);
-    std::map<int, MarkSight>& own = clicked.sights.emplace_back();
+    std::map<int, MarkObservation>& own = clicked.observations.emplace_back();
     for (const PointClick& click : marks.clicks) {
       if (click.camera_idx != found - marks.cameras.begin()) continue;
       const geometry::Unprojection ray = projector.Unproject(click.px);
@@ -138,8 +139,8 @@ MarkedClicks ClicksOf(const geometry::Rig& lenses, const ScenePoints& marks, dou
 
 std::vector<RelativeStart> RelativeStarts(const MarkedClicks& clicked) {
   std::vector<RelativeStart> seeds;
-  for (size_t a = 0; a < clicked.sights.size(); ++a) {
-    for (size_t b = a + 1; b < clicked.sights.size(); ++b) {
+  for (size_t a = 0; a < clicked.observations.size(); ++a) {
+    for (size_t b = a + 1; b < clicked.observations.size(); ++b) {
       const std::vector<RelativeStart> own = SeedsOf(clicked, a, b);
       seeds.insert(seeds.end(), own.begin(), own.end());
     }

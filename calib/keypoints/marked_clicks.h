@@ -8,15 +8,15 @@
 
 namespace mvstudio::calib {
 
-struct MarkSight {
+struct MarkObservation {
   Eigen::Vector2d px = Eigen::Vector2d::Zero();
   Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();  ///< in cam, of length 1
 };
 
 struct MarkedClicks {
-  geometry::Rig rig;                             ///< the cameras that were clicked in; poses have no meaning
-  std::vector<std::map<int, MarkSight>> sights;  ///< per camera, by point
-  std::vector<double> sigma_rad;                 ///< per camera
+  geometry::Rig rig;                                         ///< the cameras that were clicked in; poses have no meaning
+  std::vector<std::map<int, MarkObservation>> observations;  ///< per camera, by point
+  std::vector<double> sigma_rad;                             ///< per camera
   double sigma_px = 1;
 };
 

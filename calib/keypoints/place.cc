@@ -32,7 +32,7 @@ struct SeenJoint {
 };
 
 /// What each camera sees of the person, and the noise of it.
-struct Sights {
+struct JointObservations {
   std::vector<std::map<Label, SeenJoint>> of_camera;
   std::vector<double> sigma_px, sigma_rad;
 };
@@ -45,18 +45,18 @@ double ExtentOf(const DetectedPerson& person, double min_score) {
   return box.isEmpty() ? 0 : box.diagonal().norm();
 }
 
-Sights NoSights(const geometry::Rig& rig) {
-  Sights sights;
-  sights.of_camera.resize(rig.cameras.size());
+JointObservations NoObservations(const geometry::Rig& rig) {
+  JointObservations observations;
+  observations.of_camera.resize(rig.cameras.size());
   for (const geometry::RigCamera& camera : rig.cameras) {
-    sights.sigma_px.push_back(kSigmaOfDiagonal * std::hypot(camera.camera.width_px, camera.camera.height_px));
-    sights.sigma_rad.push_back(sights.sigma_px.back() / (0.5 * (camera.camera.fx() + camera.camera.fy())));
+    observations.sigma_px.push_back(kSigmaOfDiagonal * std::hypot(camera.camera.width_px, camera.camera.height_px));
+    observations.sigma_rad.push_back(observations.sigma_px.back() / (0.5 * (camera.camera.fx() + camera.camera.fy())));
   }
-  return sights;
+  return observations;
 }
 
-Sights Collect(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, double min_score) {
-  Sights sights = NoSights(rig);
+JointObservations Collect(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, double min_score) {
+  JointObservations observations = NoObservations(rig);
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     const geometry::Projector projector(rig.cameras[c].camera);
     for (const DetectedFrame& frame : frames) {
@@ -70,17 +70,17 @@ Sights Collect(const geometry::Rig& rig, const std::vector<DetectedFrame>& frame
         if (!(key.score > 0 && key.score >= min_score) || !key.px.allFinite()) continue;
         const geometry::Unprojection ray = projector.Unproject(key.px);
         if (ray.status == Status::kOk)
-          sights.of_camera[c][{frame.frame, static_cast<int>(j)}] = {key.px, ray.ray_in_cam.normalized()};
+          observations.of_camera[c][{frame.frame, static_cast<int>(j)}] = {key.px, ray.ray_in_cam.normalized()};
       }
     }
   }
-  return sights;
+  return observations;
 }
 
-Sights CollectJoints(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints) {
+JointObservations CollectJoints(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints) {
   constexpr size_t kMostObservations = 12000;
   constexpr int kMostJointsOfPerson = 10000;
-  Sights sights = NoSights(rig);
+  JointObservations observations = NoObservations(rig);
   std::vector<geometry::Projector> projectors;
   for (const geometry::RigCamera& camera : rig.cameras) projectors.emplace_back(camera.camera);
   for (const KeypointJoint& joint : calib::ThinnedTo(joints, kMostObservations)) {
@@ -88,11 +88,11 @@ Sights CollectJoints(const geometry::Rig& rig, const std::vector<KeypointJoint>&
       const auto c = static_cast<size_t>(seen.camera_idx);
       const geometry::Unprojection ray = projectors[c].Unproject(seen.px);
       if (ray.status != Status::kOk) continue;
-      sights.of_camera[c][{joint.frame, joint.person * kMostJointsOfPerson + joint.joint_idx}] = {seen.px,
-                                                                                                  ray.ray_in_cam.normalized()};
+      observations.of_camera[c][{joint.frame, joint.person * kMostJointsOfPerson + joint.joint_idx}] = {
+          seen.px, ray.ray_in_cam.normalized()};
     }
   }
-  return sights;
+  return observations;
 }
 
 /// Every n-th of a list, so that at most `most` remain.
@@ -104,10 +104,10 @@ std::vector<Item> ThinnedTo(const std::vector<Item>& items, size_t most) {
   return kept;
 }
 
-std::vector<Label> Common(const Sights& sights, size_t a, size_t b) {
+std::vector<Label> Common(const JointObservations& observations, size_t a, size_t b) {
   std::vector<Label> labels;
-  for (const auto& [label, sight] : sights.of_camera[a]) {
-    if (sights.of_camera[b].count(label)) labels.push_back(label);
+  for (const auto& [label, observation] : observations.of_camera[a]) {
+    if (observations.of_camera[b].count(label)) labels.push_back(label);
   }
   return ThinnedTo(labels, kMostJoints);
 }
@@ -120,19 +120,19 @@ struct Pair {
 };
 
 /// The relative pose that most common joints fit, with a translation of length 1.
-Pair Relate(const Sights& sights, size_t a, size_t b) {
+Pair Relate(const JointObservations& observations, size_t a, size_t b) {
   Pair pair{a, b, {}, 0, -1};
-  const std::vector<Label> labels = Common(sights, a, b);
+  const std::vector<Label> labels = Common(observations, a, b);
   pair.num_common = labels.size();
   if (labels.size() < kFewestJoints) return pair;
   opengv::bearingVectors_t in_a, in_b;
   for (const Label& label : labels)
-    in_a.push_back(sights.of_camera[a].at(label).ray), in_b.push_back(sights.of_camera[b].at(label).ray);
+    in_a.push_back(observations.of_camera[a].at(label).ray), in_b.push_back(observations.of_camera[b].at(label).ray);
   opengv::relative_pose::CentralRelativeAdapter adapter(in_a, in_b);
   using Problem = opengv::sac_problems::relative_pose::CentralRelativePoseSacProblem;
   opengv::sac::Ransac<Problem> ransac;
   ransac.sac_model_ = std::make_shared<Problem>(adapter, Problem::NISTER, false);
-  ransac.threshold_ = 2 * (1 - std::cos(3 * std::max(sights.sigma_rad[a], sights.sigma_rad[b])));
+  ransac.threshold_ = 2 * (1 - std::cos(3 * std::max(observations.sigma_rad[a], observations.sigma_rad[b])));
   ransac.max_iterations_ = 2000;
   const bool found = ransac.computeModel(0);
   pair.num_fitting = found ? ransac.inliers_.size() : 0;
@@ -154,11 +154,11 @@ Pair Relate(const Sights& sights, size_t a, size_t b) {
   return pair;
 }
 
-Pair BestPair(const Sights& sights) {
+Pair BestPair(const JointObservations& observations) {
   Pair best;
-  for (size_t a = 0; a < sights.of_camera.size(); ++a) {
-    for (size_t b = a + 1; b < sights.of_camera.size(); ++b) {
-      const Pair pair = Relate(sights, a, b);
+  for (size_t a = 0; a < observations.of_camera.size(); ++a) {
+    for (size_t b = a + 1; b < observations.of_camera.size(); ++b) {
+      const Pair pair = Relate(observations, a, b);
       const auto rank = [](const Pair& p) { return std::tuple(p.score, p.num_fitting, p.num_common); };
       if (rank(pair) > rank(best)) best = pair;
     }
@@ -167,11 +167,11 @@ Pair BestPair(const Sights& sights) {
 }
 
 /// What the best pair of cameras lacks.
-std::string WhyNoPair(const geometry::Rig& lenses, const Sights& sights, const Pair& best) {
+std::string WhyNoPair(const geometry::Rig& lenses, const JointObservations& observations, const Pair& best) {
   if (lenses.cameras.size() < 2 || best.num_common == 0)
     return "no two cameras see a joint at once; two that see one person at once are needed, each frame in both";
   std::set<int> frames;
-  for (const Label& label : Common(sights, best.a, best.b)) frames.insert(label.first);
+  for (const Label& label : Common(observations, best.a, best.b)) frames.insert(label.first);
   const std::string who = "cameras " + lenses.cameras[best.a].camera.name + " and " + lenses.cameras[best.b].camera.name;
   const std::string seen = Format(" see %zu joints at once, in %zu frames", best.num_common, frames.size());
   if (best.num_common < kFewestJoints)
@@ -182,12 +182,12 @@ std::string WhyNoPair(const geometry::Rig& lenses, const Sights& sights, const P
 
 /// Joints that the placed cameras triangulate.
 std::map<Label, Eigen::Vector3d> Triangulated(const geometry::Rig& rig, const std::set<size_t>& placed,
-                                              const Sights& seen_joints) {
+                                              const JointObservations& seen_joints) {
   const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
   std::map<Label, std::vector<triangulate::Observation>> seen;
   for (const size_t c : placed) {
-    for (const auto& [label, sight] : seen_joints.of_camera[c])
-      seen[label].push_back({static_cast<int>(c), sight.px, seen_joints.sigma_px[c], 1});
+    for (const auto& [label, observation] : seen_joints.of_camera[c])
+      seen[label].push_back({static_cast<int>(c), observation.px, seen_joints.sigma_px[c], 1});
   }
   std::map<Label, Eigen::Vector3d> points;
   for (const auto& [label, observations] : seen) {
@@ -221,13 +221,14 @@ PointResection Resect(const geometry::RigCamera& camera, const std::map<Label, S
 }
 
 /// The camera that shares most joints with the points and is not placed.
-size_t Next(const Sights& sights, const std::set<size_t>& done, const std::map<Label, Eigen::Vector3d>& points) {
+size_t Next(const JointObservations& observations, const std::set<size_t>& done,
+            const std::map<Label, Eigen::Vector3d>& points) {
   size_t best = 0, most = 0;
   bool any = false;
-  for (size_t c = 0; c < sights.of_camera.size(); ++c) {
+  for (size_t c = 0; c < observations.of_camera.size(); ++c) {
     if (done.count(c)) continue;
     const auto shared = static_cast<size_t>(std::count_if(
-        points.begin(), points.end(), [&](const auto& point) { return sights.of_camera[c].count(point.first) > 0; }));
+        points.begin(), points.end(), [&](const auto& point) { return observations.of_camera[c].count(point.first) > 0; }));
     if (!any || shared > most) best = c, most = shared, any = true;
   }
   return best;
@@ -262,24 +263,25 @@ PlacedRig Fail(Status status, std::string message) {
 }
 
 /// All cameras from the best pair on; the pair's distance is 1.
-PlacedRig PlaceAll(const geometry::Rig& lenses, const Sights& sights, std::map<Label, Eigen::Vector3d>* points) {
-  const Pair pair = BestPair(sights);
-  if (pair.score < 0) return Fail(Status::kTooFewViews, WhyNoPair(lenses, sights, pair));
+PlacedRig PlaceAll(const geometry::Rig& lenses, const JointObservations& observations,
+                   std::map<Label, Eigen::Vector3d>* points) {
+  const Pair pair = BestPair(observations);
+  if (pair.score < 0) return Fail(Status::kTooFewViews, WhyNoPair(lenses, observations, pair));
   PlacedRig placed;
   placed.inlier_share = pair.share;
   for (const geometry::RigCamera& camera : lenses.cameras)
     placed.rig.cameras.push_back({camera.camera, Rigid3(), camera.params_covariance, std::nullopt});
   placed.rig.cameras[pair.b].cam_from_world = pair.b_from_a;
   std::set<size_t> done = {pair.a, pair.b};
-  *points = Triangulated(placed.rig, done, sights);
+  *points = Triangulated(placed.rig, done, observations);
   while (done.size() < lenses.cameras.size()) {
-    const size_t c = Next(sights, done, *points);
-    const PointResection pose = Resect(lenses.cameras[c], sights.of_camera[c], sights.sigma_px[c], *points);
+    const size_t c = Next(observations, done, *points);
+    const PointResection pose = Resect(lenses.cameras[c], observations.of_camera[c], observations.sigma_px[c], *points);
     if (pose.status != Status::kOk)
       return Fail(pose.status, lenses.cameras[c].camera.name + " cannot be placed: " + pose.message);
     placed.rig.cameras[c].cam_from_world = pose.rig_from_world;
     done.insert(c);
-    *points = Triangulated(placed.rig, done, sights);
+    *points = Triangulated(placed.rig, done, observations);
   }
   return placed;
 }
@@ -307,7 +309,7 @@ std::optional<geometry::Rig> PlaceAnew(const geometry::Rig& lenses, const std::v
 
 std::optional<geometry::Rig> PlaceByOthers(const geometry::Rig& rig, const std::vector<KeypointJoint>& joints,
                                            const std::vector<size_t>& wrong) {
-  const Sights sights = CollectJoints(rig, joints);
+  const JointObservations observations = CollectJoints(rig, joints);
   std::set<size_t> done;
   for (size_t c = 0; c < rig.cameras.size(); ++c) done.insert(c);
   for (const size_t c : wrong) done.erase(c);
@@ -316,7 +318,7 @@ std::optional<geometry::Rig> PlaceByOthers(const geometry::Rig& rig, const std::
   bool any = false;
   for (const size_t c : wrong) {
     const PointResection pose =
-        Resect(rig.cameras[c], sights.of_camera[c], sights.sigma_px[c], Triangulated(placed, done, sights));
+        Resect(rig.cameras[c], observations.of_camera[c], observations.sigma_px[c], Triangulated(placed, done, observations));
     done.insert(c);
     if (pose.status != Status::kOk) continue;
     placed.cameras[c].cam_from_world = pose.rig_from_world, any = true;

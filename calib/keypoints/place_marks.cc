@@ -27,8 +27,8 @@ std::map<int, Eigen::Vector3d> Triangulated(const MarkedClicks& clicked, const g
   const triangulate::PreparedRig prepared = triangulate::Prepare(rig);
   std::map<int, std::vector<triangulate::Observation>> seen;
   for (const size_t c : placed)
-    for (const auto& [point, sight] : clicked.sights[c])
-      seen[point].push_back({static_cast<int>(c), sight.px, clicked.sigma_px, 1});
+    for (const auto& [point, observation] : clicked.observations[c])
+      seen[point].push_back({static_cast<int>(c), observation.px, clicked.sigma_px, 1});
   std::map<int, Eigen::Vector3d> points;
   for (const auto& [point, observations] : seen) {
     if (observations.size() < 2) continue;
@@ -54,9 +54,9 @@ struct Solution {
 size_t Next(const MarkedClicks& clicked, const std::set<size_t>& placed, const std::map<int, Eigen::Vector3d>& points) {
   size_t best = 0;
   std::ptrdiff_t most = -1;
-  for (size_t c = 0; c < clicked.sights.size(); ++c) {
+  for (size_t c = 0; c < clicked.observations.size(); ++c) {
     const auto shared = std::count_if(points.begin(), points.end(),
-                                      [&](const auto& point) { return clicked.sights[c].count(point.first) > 0; });
+                                      [&](const auto& point) { return clicked.observations[c].count(point.first) > 0; });
     if (!placed.count(c) && shared > most) best = c, most = shared;
   }
   return best;
@@ -66,10 +66,10 @@ PointResection Resect(const MarkedClicks& clicked, size_t c, const std::map<int,
   std::vector<PointClick> clicks;
   Eigen::Matrix3Xd x(3, static_cast<Eigen::Index>(points.size()));
   for (const auto& [point, place] : points) {
-    const auto sight = clicked.sights[c].find(point);
-    if (sight == clicked.sights[c].end()) continue;
+    const auto observation = clicked.observations[c].find(point);
+    if (observation == clicked.observations[c].end()) continue;
     const auto i = static_cast<int>(clicks.size());
-    clicks.push_back({0, i, sight->second.px}), x.col(i) = place;
+    clicks.push_back({0, i, observation->second.px}), x.col(i) = place;
   }
   PointResection few;
   few.status = Status::kTooFewViews;
@@ -94,8 +94,8 @@ void Adjust(const MarkedClicks& clicked, const RelativeStart& seed, const geomet
   for (size_t c = 0; c < rig.cameras.size(); ++c) {
     out->scene.lenses.push_back(rig.cameras[c].camera), out->scene.lens_of_camera.push_back(static_cast<int>(c));
     out->scene.cam_from_world.push_back(rig.cameras[c].cam_from_world * world);
-    for (const auto& [point, sight] : clicked.sights[c])
-      if (index.count(point)) out->observations.push_back({static_cast<int>(c), index.at(point), sight.px, weight});
+    for (const auto& [point, observation] : clicked.observations[c])
+      if (index.count(point)) out->observations.push_back({static_cast<int>(c), index.at(point), observation.px, weight});
   }
   out->options.fix_camera.assign(rig.cameras.size(), false), out->options.fix_camera[0] = true;
   out->options.distance = KnownDistance{static_cast<int>(seed.a), static_cast<int>(seed.b), 1, 1e-6};
@@ -103,7 +103,7 @@ void Adjust(const MarkedClicks& clicked, const RelativeStart& seed, const geomet
   out->bundle = SolvePointBundle(&out->scene, &out->observations, out->options);
   out->status = out->bundle.status, out->message = out->bundle.message;
   size_t all = 0;
-  for (const auto& sights : clicked.sights) all += sights.size();
+  for (const auto& observations : clicked.observations) all += observations.size();
   const double lost = static_cast<double>(all) - (out->bundle.num_observations);
   out->cost = out->bundle.cost + kRejectSigmas * kRejectSigmas * std::max(0.0, lost);
 }
@@ -189,13 +189,13 @@ void NameGross(const MarkedClicks& clicked, const ScenePoints& marks, const Solu
     if (o.weight > 0) used.insert(key);
     off[key] = residuals.col(static_cast<Eigen::Index>(i)).norm();
   }
-  for (size_t c = 0; c < clicked.sights.size(); ++c) {
-    out->num_clicks.push_back(static_cast<int>(clicked.sights[c].size())), out->num_used.push_back(0);
-    for (const auto& [point, sight] : clicked.sights[c]) {
+  for (size_t c = 0; c < clicked.observations.size(); ++c) {
+    out->num_clicks.push_back(static_cast<int>(clicked.observations[c].size())), out->num_used.push_back(0);
+    for (const auto& [point, observation] : clicked.observations[c]) {
       const std::pair<int, int> key(static_cast<int>(c), point);
       out->num_used[c] += used.count(key) > 0;
       int views = 0;
-      for (const auto& sights : clicked.sights) views += sights.count(point) > 0;
+      for (const auto& observations : clicked.observations) views += observations.count(point) > 0;
       if (used.count(key) || views < 2) continue;
       out->gross.push_back(marks.names[static_cast<size_t>(point)] + " in " + clicked.rig.cameras[c].camera.name +
                            (off.count(key) ? Format(": %.3g px", off.at(key)) : ": it fits no place"));

@@ -37,16 +37,16 @@ struct ViewDerivatives {
 bool Differentiate(const geometry::RigCamera& camera, const Eigen::Vector3d& x_in_world, const Eigen::MatrixXd& directions,
                    bool free_pose, ViewDerivatives* out) {
   const Eigen::Matrix3d cam_r_world = camera.cam_from_world.rotation.toRotationMatrix();
-  const Eigen::Vector3d turned = cam_r_world * x_in_world;
+  const Eigen::Vector3d rotated = cam_r_world * x_in_world;
   geometry::LensDerivatives d;
   Eigen::Vector2d px;
-  if (!geometry::ProjectLens(camera.camera, turned + camera.cam_from_world.translation, &px, &d)) return false;
+  if (!geometry::ProjectLens(camera.camera, rotated + camera.cam_from_world.translation, &px, &d)) return false;
   const Eigen::Index lens = directions.cols();
   out->by_camera.setZero(2, lens + (free_pose ? 6 : 0));
   for (int i = 0; lens > 0 && i < d.count; ++i)
     out->by_camera.leftCols(lens) += d.d_px.col(i) * directions.row(d.columns[static_cast<size_t>(i)]);
   if (free_pose) {
-    out->by_camera.middleCols<3>(lens) = -d.d_px_d_x_in_cam * geometry::CrossMatrix(turned);
+    out->by_camera.middleCols<3>(lens) = -d.d_px_d_x_in_cam * geometry::CrossMatrix(rotated);
     out->by_camera.middleCols<3>(lens + 3) = d.d_px_d_x_in_cam;
   }
   out->by_point = d.d_px_d_x_in_cam * cam_r_world;

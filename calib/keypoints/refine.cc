@@ -145,7 +145,7 @@ void DescribeCameras(const geometry::Rig& given, const KeypointCovariance& covar
 
 void KeepInput(const geometry::Rig& given, const std::string& why, KeypointRefineReport* report) {
   report->kept_input = true, report->rig = given, report->message = why + "; the input is kept";
-  report->culprit = {};
+  report->suspect = {};
 }
 
 /// What is adjusted and what is measured.

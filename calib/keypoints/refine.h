@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "calib/keypoints/choice.h"
-#include "calib/keypoints/culprit.h"
+#include "calib/keypoints/suspect.h"
 
 namespace mvstudio::calib {
 
@@ -75,7 +75,7 @@ struct KeypointRefineReport {
   KeypointPlan plan;
   std::vector<KeypointDecision> decisions;
   std::vector<KeypointCamera> cameras;  ///< in the rig's order
-  KeypointCulprit culprit;
+  KeypointSuspect suspect;
 };
 
 /// Adjusts a calibration to points that several cameras see at once: people's joints, markers, a wand. Poses first, then

@@ -104,11 +104,11 @@ Refinement::Refinement(const geometry::Rig& given, const std::vector<triangulate
 
 void Refinement::Run() {
   if (!AdjustPoses()) return;
-  std::vector<KeypointCulprit> culprits = FindCulprits(given_, solution_.rig, train_, solution_.cauchy_px, run_);
+  std::vector<KeypointSuspect> suspects = FindSuspects(given_, solution_.rig, train_, solution_.cauchy_px, run_);
   std::vector<KeypointPlan> faults;
-  for (const KeypointCulprit& culprit : culprits) {
+  for (const KeypointSuspect& suspect : suspects) {
     faults.emplace_back();
-    faults.back().fault = culprit.fault, faults.back().fault_camera = culprit.camera_idx;
+    faults.back().fault = suspect.fault, faults.back().fault_camera = suspect.camera_idx;
   }
   KeypointChoiceOptions choose = options_.choice;
   choose.poses_only = !options_.lenses;
@@ -120,9 +120,9 @@ void Refinement::Run() {
     return;
   }
   if (!AdjustAll()) return;
-  for (const KeypointCulprit& culprit : culprits)
-    if (choice.plan.fault == culprit.fault) report_.culprit = culprit;
-  if (report_.culprit.fault != CameraFault::kNone) DescribeCulprit(given_, report_.rig, covariance_, &report_.culprit);
+  for (const KeypointSuspect& suspect : suspects)
+    if (choice.plan.fault == suspect.fault) report_.suspect = suspect;
+  if (report_.suspect.fault != CameraFault::kNone) DescribeSuspect(given_, report_.rig, covariance_, &report_.suspect);
 }
 
 bool Refinement::Fail(Status status, const std::string& message) {

@@ -14,7 +14,7 @@
 #include "calib/covariance/omitted_terms.h"
 #include "calib/covariance/uncertainty.h"
 #include "calib/pipeline/calibrate_steps.h"
-#include "calib/pipeline/held_doubt.h"
+#include "calib/pipeline/held_conflict.h"
 #include "calib/rig/init.h"
 #include "calib/verdict/judgement.h"
 #include "core/error.h"
@@ -59,7 +59,7 @@ bool PlaceCameras(const CalibrateInput& input, const World& world, Work* work, C
   report->components = start.components;
   if (start.status != Status::kOk) {
     Stop(start.status, start.message, report);
-    report->culprits = internal::CamerasBesideMost(start.components);
+    report->suspects = internal::CamerasBesideMost(start.components);
     return false;
   }
   // Boards that no frame links to the first one have no place of their own to be found.
@@ -159,22 +159,22 @@ void CountSharedErrors(const CalibrateInput& input, const CalibrateOptions& opti
   if (covariance.status == Status::kOk) StoreCovariance(covariance, held, *work, report);
 }
 
-/// `culprits` receives the cameras whose lenses the boards do not determine.
+/// `suspects` receives the cameras whose lenses the boards do not determine.
 void AddCovariance(const CalibrateInput& input, const CalibrateOptions& options, const Work& work, CalibrateReport* report,
-                   std::vector<int>* culprits) {
+                   std::vector<int>* suspects) {
   const HeldCovariance held = HeldCovarianceOf(input.start, work.state, work.bundle);
   const WithOmitted considered = Considered(input, options, work, report->sigma_px);
   const RigCovariance covariance =
       ComputeCovariance(work.evidence, considered.state, considered.options, report->sigma_px, held);
   if (covariance.status != Status::kOk) {
-    *culprits = report->culprits = covariance.undetermined_lenses;
+    *suspects = report->suspects = covariance.undetermined_lenses;
     return Stop(covariance.status, covariance.message, report);
   }
   StoreCovariance(covariance, held, work, report);
   for (size_t c = 0; c < work.state.cameras.size(); ++c) {
     const std::string open = internal::WhyFocalLengthIsOpen(work, report->cameras[c], c);
     if (open.empty()) continue;
-    culprits->push_back(static_cast<int>(c)), report->culprits = *culprits;
+    suspects->push_back(static_cast<int>(c)), report->suspects = *suspects;
     Stop(Status::kDegenerate, open, report);
   }
 }
@@ -214,10 +214,10 @@ void AddReadout(const Work& work, CalibrateReport* report) {
   report->bending = EstimateBending(work.views, work.state, report->sigma_px);
 }
 
-/// Cameras placed, everything adjusted, covariance. A status in the report when that fails; `culprits` are then the cameras
+/// Cameras placed, everything adjusted, covariance. A status in the report when that fails; `suspects` are then the cameras
 /// whose lenses may be the reason.
 void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const World& world, const RunContext& run,
-             Work* work, CalibrateReport* report, std::vector<int>* culprits) {
+             Work* work, CalibrateReport* report, std::vector<int>* suspects) {
   if (options.intrinsics_only) {
     work->state.world_from_board = work->cam_from_board;
   } else {
@@ -228,7 +228,7 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
   const bool adjusted = Adjust(input, options, run, work, report);
   report->solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (!adjusted) {
-    *culprits = internal::MostDemanding(*work);
+    *suspects = internal::MostDemanding(*work);
     return;
   }
   internal::FillReport(input, *work, GaugeOf(input, options, world, *work), report);
@@ -236,10 +236,10 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
   if (!options.intrinsics_only) AddReadout(*work, report);
   DiscountHeldBoards(work, report);
   const bool converged = report->status == Status::kOk;
-  AddCovariance(input, options, *work, report, culprits);
+  AddCovariance(input, options, *work, report, suspects);
   if (report->status == Status::kOk) CountSharedErrors(input, options, work, report);
-  if (!converged && culprits->empty()) *culprits = WeakestLenses(work->evidence, work->state, work->bundle);
-  if (!converged && culprits->empty()) *culprits = internal::MostDemanding(*work);
+  if (!converged && suspects->empty()) *suspects = WeakestLenses(work->evidence, work->state, work->bundle);
+  if (!converged && suspects->empty()) *suspects = internal::MostDemanding(*work);
 }
 
 /// Tries again with simpler lenses while the boards do not determine those chosen; `work` and `report` hold what the cameras by
@@ -250,8 +250,8 @@ void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, cons
   std::optional<std::pair<Work, CalibrateReport>> first, shared;  // failure; one lens for several, which is the last resort
   for (int i = 0; i < kMaxAttempts; ++i) {
     std::pair<Work, CalibrateReport> trial(*work, *report);
-    std::vector<int> culprits;
-    Attempt(input, options, world, run, &trial.first, &trial.second, &culprits);
+    std::vector<int> suspects;
+    Attempt(input, options, world, run, &trial.first, &trial.second, &suspects);
     if (trial.second.status == Status::kOk) {
       std::tie(*work, *report) = std::move(trial);
       return;
@@ -263,7 +263,7 @@ void SolveRig(const CalibrateInput& input, const CalibrateOptions& options, cons
       internal::GiveLensesOfTheirOwn(work, report);
     }
     if (!first) first = std::move(trial);
-    if (i + 1 < kMaxAttempts && internal::SimplifyLenses(input, options, culprits, why, work, report)) continue;
+    if (i + 1 < kMaxAttempts && internal::SimplifyLenses(input, options, suspects, why, work, report)) continue;
     if (!shared) break;
     std::tie(*work, *report) = std::move(*shared);
     internal::AssumeSharing(why, report);
@@ -308,7 +308,7 @@ std::vector<int64_t> RunWithBoards(CalibrateOptions options, const RunContext& r
                                    CalibrateReport* report) {
   CalibrateInput given = *seen;
   const std::vector<int64_t> shift = RunPipeline(options, run, seen, report);
-  if (!shift.empty() || internal::OtherNumbers(*report) || !internal::BoardsInDoubt(given, options, *report)) return shift;
+  if (!shift.empty() || internal::OtherNumbers(*report) || !internal::DoubtfulBoards(given, options, *report)) return shift;
   options.free_boards = AutoOnOff::kOn;
   CalibrateReport trial;
   if (RunPipeline(options, run, &given, &trial).empty() && internal::FreeBoardsPay(*report, &trial)) {
@@ -322,7 +322,7 @@ std::vector<int64_t> RunWithBoards(CalibrateOptions options, const RunContext& r
 void LookForCauses(const CalibrateInput& input, CalibrateOptions options, const RunContext& run, CalibrateReport* report) {
   options.free_boards = report->free_boards ? AutoOnOff::kOn : AutoOnOff::kOff;
   internal::LookForMotions(input, options, run, report);
-  report->held_doubt = FindHeldDoubt(input, *report, options, run);
+  report->held_conflict = FindHeldConflict(input, *report, options, run);
 }
 
 CalibrateReport CalibrateSorted(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run);
@@ -332,7 +332,7 @@ CalibrateReport CalibrateRenumbered(const CalibrateInput& input, CalibrateOption
                                     const CalibrateReport& found) {
   options.seek_numbers = false;
   CalibrateReport again = CalibrateSorted(internal::WithNumbers(input, found), options, run);
-  if (internal::NumbersInDoubt(found, again)) {
+  if (internal::DoubtfulNumbers(found, again)) {
     CalibrateReport plain = CalibrateSorted(input, options, run);
     if (!internal::NumbersPay(found, again, plain)) return plain;
   }

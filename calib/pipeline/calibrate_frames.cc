@@ -51,8 +51,8 @@ bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work*
   work->offsets = FindFrameOffsets(work->views, work->cam_from_board, work->frames, names, {turns});
   const FrameOffsets& offsets = work->offsets;
   if (offsets.kind == FrameOffsets::Kind::kInconsistent) {
-    report->frames_doubt = offsets.text;
-    if (options.time_offset != LatenessChoice::kNone && options.seek_numbers) {
+    report->frames_conflict = offsets.text;
+    if (options.time_offset != TimeOffsetChoice::kNone && options.seek_numbers) {
       report->frame_rates = FindFrameRates(work->views, work->cam_from_board, work->frames, offsets, turns);
       if (report->frame_rates.empty()) report->frame_drops = FindFrameDrops(offsets);
     }
@@ -63,7 +63,7 @@ bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work*
   }
   if (offsets.kind != FrameOffsets::Kind::kShifted) return true;
   report->frame_shift = offsets.shift;
-  if (options.time_offset != LatenessChoice::kNone) work->shift = offsets.shift;
+  if (options.time_offset != TimeOffsetChoice::kNone) work->shift = offsets.shift;
   Stop(Status::kDegenerate, offsets.text + (offsets.hint.empty() ? "" : "; " + offsets.hint), report);
   return false;
 }
@@ -74,8 +74,8 @@ CalibrateInput WithNumbers(CalibrateInput input, const CalibrateReport& found) {
   return input;
 }
 
-bool NumbersInDoubt(const CalibrateReport& found, const CalibrateReport& again) {
-  return again.status != Status::kOk || !again.frames_doubt.empty() || (!found.frame_drops.empty() && !AllExplained(again));
+bool DoubtfulNumbers(const CalibrateReport& found, const CalibrateReport& again) {
+  return again.status != Status::kOk || !again.frames_conflict.empty() || (!found.frame_drops.empty() && !AllExplained(again));
 }
 
 bool NumbersPay(const CalibrateReport& found, const CalibrateReport& again, const CalibrateReport& plain) {
@@ -92,14 +92,14 @@ void StateNumbers(const CalibrateReport& found, CalibrateReport* again) {
   again->frame_rates = found.frame_rates;
   again->frame_drops = found.frame_drops;
   NumberMotions(again, [&](int c, int64_t frame) { return FrameBeforeDrops(found.frame_drops, c, frame); });
-  again->frames_doubt =
-      found.message + "; they were renumbered" + (again->frames_doubt.empty() ? "" : "; " + again->frames_doubt);
+  again->frames_conflict =
+      found.message + "; they were renumbered" + (again->frames_conflict.empty() ? "" : "; " + again->frames_conflict);
 }
 
 void StateShift(const std::vector<int64_t>& shift, const std::string& message, CalibrateReport* again) {
   again->frame_shift = shift;
   NumberMotions(again, [&](int c, int64_t frame) { return frame - shift[static_cast<size_t>(c)]; });
-  if (again->frames_doubt.empty()) again->frames_doubt = message + "; they were added";
+  if (again->frames_conflict.empty()) again->frames_conflict = message + "; they were added";
 }
 
 void ReconsiderFrames(const Work& work, CalibrateReport* report) {
@@ -111,7 +111,7 @@ void ReconsiderFrames(const Work& work, CalibrateReport* report) {
   FrameOffsets offsets = work.offsets;
   Reconsider(work.views, work.prior, BundleResiduals(work.views, work.state), geometry::CameraNames(work.state.cameras),
              explained, &offsets);
-  report->frames_doubt = offsets.text;
+  report->frames_conflict = offsets.text;
 }
 
 }  // namespace mvstudio::calib::internal

@@ -45,20 +45,20 @@ void TurnNumbering(CalibrateInput* input, Work* work, CalibrateReport* report) {
     views.push_back(view);
     poses.push_back(ResectPlane(work->state.cameras[static_cast<size_t>(view.camera_idx)], view).cam_from_board);
   }
-  const std::vector<int> turned = FindTurnedViews(board, num_turns, views, poses);
-  TurnViews(board, turned, &views, &poses);
+  const std::vector<int> rotated = FindRotatedViews(board, num_turns, views, poses);
+  TurnViews(board, rotated, &views, &poses);
   const auto kept = static_cast<std::ptrdiff_t>(work->views.size());
   work->views.assign(views.begin(), views.begin() + kept), work->held_out.assign(views.begin() + kept, views.end());
   work->cam_from_board.assign(poses.begin(), poses.begin() + kept);
   std::map<std::pair<int, int64_t>, int> seen;  // by camera and frame: quarter turns
-  for (const CameraInput& camera : input->cameras) report->turned.push_back({camera.name});
+  for (const CameraInput& camera : input->cameras) report->rotated.push_back({camera.name});
   for (size_t v = 0; v < views.size(); ++v) {
-    TurnedCamera& count = report->turned[static_cast<size_t>(views[v].camera_idx)];
-    count.num_turned += turned[v] != 0, ++count.num_views;
-    if (turned[v] != 0) seen[{views[v].camera_idx, work->frames[static_cast<size_t>(views[v].frame)]}] = turned[v];
+    RotatedCamera& count = report->rotated[static_cast<size_t>(views[v].camera_idx)];
+    count.num_rotated += rotated[v] != 0, ++count.num_views;
+    if (rotated[v] != 0) seen[{views[v].camera_idx, work->frames[static_cast<size_t>(views[v].frame)]}] = rotated[v];
   }
-  const auto none = [](const TurnedCamera& camera) { return camera.num_turned == 0; };
-  report->turned.erase(std::remove_if(report->turned.begin(), report->turned.end(), none), report->turned.end());
+  const auto none = [](const RotatedCamera& camera) { return camera.num_rotated == 0; };
+  report->rotated.erase(std::remove_if(report->rotated.begin(), report->rotated.end(), none), report->rotated.end());
   std::vector<int> detections;
   for (const Detection& d : input->detections) {
     const auto found = seen.find({d.camera_idx, d.frame_idx});
@@ -243,7 +243,7 @@ void RestoreOrder(const std::vector<int>& order, CalibrateReport* report) {
     if (!sorted.uncertainty_maps.empty()) report->uncertainty_maps[order[i]] = sorted.uncertainty_maps[i];
     if (!sorted.uncertainty.cameras.empty()) report->uncertainty.cameras[order[i]] = sorted.uncertainty.cameras[i];
   }
-  for (int& camera : report->culprits) camera = order[camera];
+  for (int& camera : report->suspects) camera = order[camera];
   for (FrameDrop& drop : report->frame_drops) drop.camera_idx = order[static_cast<size_t>(drop.camera_idx)];
   for (CornerResidual& residual : report->residuals) residual.camera_idx = order[residual.camera_idx];
   for (auto& component : report->components) {

@@ -143,10 +143,10 @@ bool SolveMonos(const CalibrateInput& input, const CalibrateOptions& options, co
     const Status status = work->monos[c].status;
     work->alone_failed[c] = why;
     if (StartSimpler(input, options, static_cast<int>(c), work)) continue;
-    if (report->culprits.empty()) Stop(status, why, report);
-    report->culprits.push_back(static_cast<int>(c));
+    if (report->suspects.empty()) Stop(status, why, report);
+    report->suspects.push_back(static_cast<int>(c));
   }
-  return report->culprits.empty();
+  return report->suspects.empty();
 }
 
 /// What a kind of cameras is to be judged on.

@@ -47,7 +47,7 @@ std::optional<geometry::Rig> WithLensAlone(const CalibrateInput& input, const Ca
   options.intrinsics_only = true;
   options.motions = false;
   options.share_intrinsics = {LensSharing::Kind::kNone, {}};
-  options.time_offset = LatenessChoice::kNone;
+  options.time_offset = TimeOffsetChoice::kNone;
   options.world = {name, std::nullopt};
   options.fix.clear();
   options.split_at.clear();
@@ -78,11 +78,11 @@ CalibrateInput CornersAtFrames(CalibrateInput input, const CalibrateReport& solv
 /// Boards disagree between cameras when one of them moved: the frames are not in doubt where they agree before and after.
 void ReconsiderFrames(const CalibrateInput& input, const CalibrateOptions& options, const RunContext& run,
                       CalibrateReport* solved) {
-  if (solved->frames_doubt.empty() || solved->motions.size() != 1 || solved->motions[0].cameras.size() != 1) return;
+  if (solved->frames_conflict.empty() || solved->motions.size() != 1 || solved->motions[0].cameras.size() != 1) return;
   const CameraMotion& motion = solved->motions[0];
   if (motion.kind != CameraMotion::Kind::kMoved) return;
   const CalibrateReport parts = AdjustSplit(input, *solved, options, {motion.cameras[0], motion.frame_idx, false}, run);
-  if (parts.status == Status::kOk && parts.frames_doubt.empty()) solved->frames_doubt.clear();
+  if (parts.status == Status::kOk && parts.frames_conflict.empty()) solved->frames_conflict.clear();
 }
 
 /// "camera a moved between frames 3 and 7".
@@ -111,7 +111,7 @@ void DropWhatDoesNotExplain(const CalibrateInput& input, const CalibrateOptions&
     if (squares < left) left = squares, left_px = split.rms_px;
   }
   if (now - left > kExplains * (now - noise)) return;
-  const char* none = solved->frames_doubt.empty() ? "none of the known causes" : "no change of a camera";
+  const char* none = solved->frames_conflict.empty() ? "none of the known causes" : "no change of a camera";
   solved->unexplained = Format("%s explains the residuals of %.2f px: ", none, solved->rms_px) + "best does that " +
                         Said(motion) + Format(", and it would leave %.2f px", left_px);
   if (!solved->time_reason.empty()) solved->unexplained += "; clocks: " + solved->time_reason;

@@ -218,9 +218,10 @@ void FillReport(const CalibrateInput& input, const Work& work, const geometry::R
 }
 
 void AddLikelyCauses(const CalibrateInput& input, CalibrateReport* report) {
-  const std::string& doubt = report->frames_doubt;
-  if (!doubt.empty() && report->message.find(doubt) == std::string::npos) report->message = doubt + "; " + report->message;
-  if (!report->held_doubt.empty()) report->message = report->held_doubt + "; " + report->message;
+  const std::string& conflict = report->frames_conflict;
+  if (!conflict.empty() && report->message.find(conflict) == std::string::npos)
+    report->message = conflict + "; " + report->message;
+  if (!report->held_conflict.empty()) report->message = report->held_conflict + "; " + report->message;
   if (!report->numbering.empty()) report->message = ToString(report->numbering[0]) + "; " + report->message;
   report->message += FewBoards(input);
 }

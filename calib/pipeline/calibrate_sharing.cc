@@ -119,7 +119,7 @@ bool AnyContradictory(const CalibrateReport& report) {
 
 }  // namespace
 
-bool BoardsInDoubt(const CalibrateInput& input, const CalibrateOptions& options, const CalibrateReport& rigid) {
+bool DoubtfulBoards(const CalibrateInput& input, const CalibrateOptions& options, const CalibrateReport& rigid) {
   if (options.free_boards != AutoOnOff::kAuto || options.intrinsics_only || input.boards.size() < 2) return false;
   return rigid.status != Status::kOk || AnyContradictory(rigid);
 }

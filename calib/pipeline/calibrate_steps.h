@@ -51,14 +51,14 @@ bool CheckFrames(const CalibrateOptions& options, const BoardTurns& turns, Work*
 bool OtherNumbers(const CalibrateReport& report);
 CalibrateInput WithNumbers(CalibrateInput input, const CalibrateReport& found);
 /// Whether the solution with other numbers leaves what it must be weighed against.
-bool NumbersInDoubt(const CalibrateReport& found, const CalibrateReport& again);
+bool DoubtfulNumbers(const CalibrateReport& found, const CalibrateReport& again);
 /// Whether other numbers are a cause beside others. A clock that drifts looks like single frames that were lost, one after the
 /// other.
 bool NumbersPay(const CalibrateReport& found, const CalibrateReport& again, const CalibrateReport& plain);
 /// What was done to the numbers; times of motions as the camera's own frames have them.
 void StateNumbers(const CalibrateReport& found, CalibrateReport* again);
 void StateShift(const std::vector<int64_t>& shift, const std::string& message, CalibrateReport* again);
-/// A doubt about two cameras by themselves stands unless the rig explains their boards about as well as each does alone.
+/// A conflict of two cameras by themselves stands unless the rig explains their boards about as well as each does alone.
 void ReconsiderFrames(const Work& work, CalibrateReport* report);
 
 World FindWorld(const WorldOrigin& origin, const std::vector<CameraInput>& cameras);
@@ -129,7 +129,7 @@ std::optional<BundleReport> SeparateLenses(const CalibrateInput& input, const Ca
 
 /// Whether boards that are taken as rigid to each other may be why `rigid` failed or is contradictory (option `free_boards`
 /// auto).
-bool BoardsInDoubt(const CalibrateInput& input, const CalibrateOptions& options, const CalibrateReport& rigid);
+bool DoubtfulBoards(const CalibrateInput& input, const CalibrateOptions& options, const CalibrateReport& rigid);
 
 /// Whether boards that each have a pose of their own in every time step explain what rigid ones do not: by far fewer and
 /// smaller errors. CalibrateReport::boards_moved then says so.

@@ -279,13 +279,13 @@ BundleReport SolveWithTimeOffsets(const TimeModel& time, Work* work) {
 
 TimeModel ChooseTimeModel(const CalibrateOptions& options, const Work& work, double sigma_px, std::string* reason) {
   TimeModel none, with;
-  if (options.time_offset == LatenessChoice::kNone || options.intrinsics_only) return none;
+  if (options.time_offset == TimeOffsetChoice::kNone || options.intrinsics_only) return none;
   const bool mrcal = options.engine == Engine::kMrcal;
   *reason = mrcal ? "mrcal knows no time offsets" : "asked for";
-  with.offsets = true, with.rates = options.time_offset == LatenessChoice::kClocks;
+  with.offsets = true, with.rates = options.time_offset == TimeOffsetChoice::kClocks;
   const bool wide = NumMovingFrames(work, with.motion) < kMinMovingFrames;
   if (wide) with.motion = WideMotion(work, 1);
-  if (mrcal || options.time_offset != LatenessChoice::kAuto) return mrcal ? none : with;
+  if (mrcal || options.time_offset != TimeOffsetChoice::kAuto) return mrcal ? none : with;
   if (NumMovingFrames(work, with.motion) < kMinMovingFrames) {
     *reason = "too few frames follow upon each other to judge time offsets";
     return none;

@@ -21,12 +21,12 @@ SolvableCalibration WithCorners(const CalibrateInput& input) {
   return start;
 }
 
-/// `solvable` without the culprits of its report; false when nothing would be left, or when they are not known.
-bool DropCulprits(const CalibrateInput& input, SolvableCalibration* solvable) {
-  const std::vector<int>& culprits = solvable->report.culprits;
+/// `solvable` without the suspects of its report; false when nothing would be left, or when they are not known.
+bool DropSuspects(const CalibrateInput& input, SolvableCalibration* solvable) {
+  const std::vector<int>& suspects = solvable->report.suspects;
   std::vector<int> kept;
   for (size_t k = 0; k < solvable->kept.size(); ++k) {
-    const bool bad = std::find(culprits.begin(), culprits.end(), static_cast<int>(k)) != culprits.end();
+    const bool bad = std::find(suspects.begin(), suspects.end(), static_cast<int>(k)) != suspects.end();
     if (!bad) kept.push_back(solvable->kept[k]);
     if (bad)
       solvable->left_out.push_back({input.cameras[static_cast<size_t>(solvable->kept[k])].name, solvable->report.message});
@@ -75,7 +75,7 @@ SolvableCalibration CalibrateSolvable(const CalibrateInput& input, const Calibra
   SolvableCalibration all = found;
   all.left_out.clear();
   while (found.report.status != Status::kOk) {
-    if (!DropCulprits(input, &found)) return all;
+    if (!DropSuspects(input, &found)) return all;
     try {
       found.report = Calibrate(InputOf(input, found.kept), options, run);
     } catch (const UsageError&) {  // an option names a camera that was left out

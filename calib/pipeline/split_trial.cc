@@ -21,13 +21,13 @@ geometry::Rig StartOf(const geometry::Rig& rig, const std::string& camera, const
 }
 
 /// Offsets, and rates, are estimated anew where the solution has them: those of a rig that a motion bent are bent with it.
-LatenessChoice LatenessIn(const CalibrateReport& solved) {
-  LatenessChoice lateness = LatenessChoice::kNone;
+TimeOffsetChoice TimeOffsetIn(const CalibrateReport& solved) {
+  TimeOffsetChoice time_offset = TimeOffsetChoice::kNone;
   for (const CameraReport& camera : solved.cameras) {
-    if (camera.time_rate != 0) return LatenessChoice::kClocks;
-    if (camera.time_offset_frames != 0) lateness = LatenessChoice::kOn;
+    if (camera.time_rate != 0) return TimeOffsetChoice::kClocks;
+    if (camera.time_offset_frames != 0) time_offset = TimeOffsetChoice::kOn;
   }
-  return lateness;
+  return time_offset;
 }
 
 }  // namespace
@@ -36,7 +36,7 @@ CalibrateReport AdjustSplit(const CalibrateInput& input, const CalibrateReport& 
                             const CameraSplit& split, const RunContext& run) {
   options.motions = options.seek_numbers = false;
   options.share_intrinsics = {LensSharing::Kind::kNone, {}};
-  options.time_offset = LatenessIn(solved);
+  options.time_offset = TimeOffsetIn(solved);
   options.holdout = {};
   options.holdout_folds = 0;
   options.warp = solved.board_warp_m.empty() || solved.board_warp_m[0].isZero() ? AutoOnOff::kOff : AutoOnOff::kOn;

@@ -158,10 +158,10 @@ bool PointProblem::Linearize(const PointObservation& observation, double* cost, 
   const auto camera = static_cast<size_t>(observation.camera_idx), lens = static_cast<size_t>(trial_.lens_of_camera[camera]);
   const geometry::Rigid3& cam_from_world = trial_.cam_from_world[camera];
   const Eigen::Matrix3d cam_r_world = cam_from_world.rotation.toRotationMatrix();
-  const Eigen::Vector3d turned = cam_r_world * trial_.points.col(observation.point_idx);
+  const Eigen::Vector3d rotated = cam_r_world * trial_.points.col(observation.point_idx);
   geometry::LensDerivatives d;
   Eigen::Vector2d px;
-  if (!geometry::ProjectLens(trial_.lenses[lens], turned + cam_from_world.translation, &px, &d)) return false;
+  if (!geometry::ProjectLens(trial_.lenses[lens], rotated + cam_from_world.translation, &px, &d)) return false;
   double scale = std::sqrt(observation.weight);
   const double squared = scale * scale * (px - observation.px).squaredNorm(), c2 = robust_px_ * robust_px_;
   if (robust_px_ > 0) {
@@ -178,7 +178,7 @@ bool PointProblem::Linearize(const PointObservation& observation, double* cost, 
     for (Eigen::Index k = 0; k < directions.cols(); ++k) out->lens.col(k) += scale * directions(parameter, k) * d.d_px.col(i);
   }
   const Matrix23 d_x = scale * d.d_px_d_x_in_cam;
-  out->camera.leftCols<3>() = -d_x * geometry::CrossMatrix(turned);
+  out->camera.leftCols<3>() = -d_x * geometry::CrossMatrix(rotated);
   out->camera.rightCols<3>() = d_x;
   out->point = d_x * cam_r_world;
   return true;

@@ -45,10 +45,10 @@ std::optional<ClickLinearization> LinearizeClick(const ResectionProblem& problem
   const auto c = static_cast<size_t>(click.camera_idx);
   const Eigen::Vector3d rotated = problem.rig_from_world.rotation * problem.x_in_world.col(click.point_idx);
   const Rigid3& cam_from_rig = problem.cam_from_rig[c];
-  const Eigen::Vector3d turned_in_cam = cam_from_rig.rotation * Eigen::Vector3d(rotated + problem.rig_from_world.translation);
+  const Eigen::Vector3d rotated_in_cam = cam_from_rig.rotation * Eigen::Vector3d(rotated + problem.rig_from_world.translation);
   geometry::LensDerivatives d;
   Eigen::Vector2d px;
-  if (!geometry::ProjectLens(problem.cameras[c], turned_in_cam + cam_from_rig.translation, &px, &d)) return std::nullopt;
+  if (!geometry::ProjectLens(problem.cameras[c], rotated_in_cam + cam_from_rig.translation, &px, &d)) return std::nullopt;
   const Eigen::MatrixXd& directions = problem.directions[c];
   const Eigen::Index p = problem.cameras[c].params.size();
   ClickLinearization out{px - click.px, Eigen::MatrixXd::Zero(2, columns.back()), Eigen::MatrixXd::Zero(2, p + 6)};
@@ -56,7 +56,7 @@ std::optional<ClickLinearization> LinearizeClick(const ResectionProblem& problem
   out.by_unknowns.leftCols<3>() = -d_rig * geometry::CrossMatrix(rotated);
   out.by_unknowns.middleCols<3>(3) = d_rig;
   for (int k = 0; k < d.count; ++k) out.by_given.col(d.columns[static_cast<size_t>(k)]) += d.d_px.col(k);
-  out.by_given.middleCols<3>(p) = -d.d_px_d_x_in_cam * geometry::CrossMatrix(turned_in_cam);
+  out.by_given.middleCols<3>(p) = -d.d_px_d_x_in_cam * geometry::CrossMatrix(rotated_in_cam);
   out.by_given.middleCols<3>(p + 3) = d.d_px_d_x_in_cam;
   if (directions.cols() > 0) out.by_unknowns.middleCols(columns[c], directions.cols()) = out.by_given.leftCols(p) * directions;
   return out;

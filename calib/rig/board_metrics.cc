@@ -150,10 +150,10 @@ std::vector<std::pair<int, int>> NeighbouringCorners(const Board& board) {
   return pairs;
 }
 
-CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerSights& sights, double min_parallax_rad,
-                               std::vector<double>* errors_px) {
+CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerObservations& observations,
+                               double min_parallax_rad, std::vector<double>* errors_px) {
   CornerCloud cloud;
-  for (const auto& [id, seen] : sights) {
+  for (const auto& [id, seen] : observations) {
     Status rejected = Status::kOk;
     const std::vector<triangulate::View> views = triangulate::MakeViews(rig, seen, &rejected);
     const triangulate::LinearPoint start = triangulate::WeightedLinear(views);
@@ -169,10 +169,10 @@ CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const Corner
 }
 
 BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::vector<View>& views, const RigState& state) {
-  std::map<std::pair<int, int>, CornerSights> sights;  // by frame and board
+  std::map<std::pair<int, int>, CornerObservations> observations;  // by frame and board
   for (const View& view : views) {
     MVS_CHECK(view.board >= 0 && view.board < static_cast<int>(boards.size()), "board " << view.board);
-    CornerSights& of_board = sights[{view.frame, view.board}];
+    CornerObservations& of_board = observations[{view.frame, view.board}];
     for (Index i = 0; i < view.size(); ++i) of_board[view.corner_ids[i]].push_back({view.camera_idx, view.px.col(i), 1, 1});
   }
   std::vector<std::vector<std::pair<int, int>>> neighbours;
@@ -184,7 +184,7 @@ BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::ve
   std::vector<MeasuredBoard> measured;
   const bool moving = !state.time_offset_frames.empty();
   triangulate::PreparedRig rig;
-  for (const auto& [place, of_board] : sights) {
+  for (const auto& [place, of_board] : observations) {
     if (moving || rig.cameras.empty()) rig = RigAt(place.first, state);
     CornerCloud cloud = TriangulateCorners(rig, of_board, kMinParallaxRad, &errors.pixels);
     if (!cloud.empty()) frames.insert(place.first);

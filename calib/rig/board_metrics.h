@@ -24,8 +24,8 @@ struct BoardMetrics {
 };
 
 /// Triangulates every corner that two or more cameras see in a frame, by least squares of the pixel errors with the
-/// cameras fixed as in `state`. Board poses and weights are not used. No sight is rejected; left out are corners without a
-/// ray, without parallax, or without a point in front of their cameras. A corner whose distances are off (median) by more
+/// cameras fixed as in `state`. Board poses and weights are not used. No observation is rejected; left out are corners without
+/// a ray, without parallax, or without a point in front of their cameras. A corner whose distances are off (median) by more
 /// than 8 times those of the other corners of its board in that frame, and of all corners, is a stray: counted, and not in
 /// the pairs. So one wrong detection says nothing of the lengths, and a camera that moved, which displaces all corners of
 /// a board, says all it did.
@@ -36,14 +36,14 @@ struct BoardMetrics {
 /// other frames. After caliscope, "scale accuracy".
 BoardMetrics ComputeBoardMetrics(const std::vector<Board>& boards, const std::vector<View>& views, const RigState& state);
 
-using CornerSights = std::map<int, std::vector<triangulate::Observation>>;  ///< of one board at one time step, by corner
-using CornerCloud = std::map<int, Eigen::Vector3d>;                         ///< in world, metres, by corner
+using CornerObservations = std::map<int, std::vector<triangulate::Observation>>;  ///< of one board at one time step, by corner
+using CornerCloud = std::map<int, Eigen::Vector3d>;                               ///< in world, metres, by corner
 
 /// Maximum-likelihood position of every corner that two or more cameras have a ray to; all rays are used. Left out: rays
 /// that span less than `min_parallax_rad`, or that do not meet in front of their cameras. `errors_px`, when given,
-/// receives the length of each sight's residual.
-CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerSights& sights, double min_parallax_rad = 0,
-                               std::vector<double>* errors_px = nullptr);
+/// receives the length of each observation's residual.
+CornerCloud TriangulateCorners(const triangulate::PreparedRig& rig, const CornerObservations& observations,
+                               double min_parallax_rad = 0, std::vector<double>* errors_px = nullptr);
 
 /// Pairs of neighbouring corners (see ComputeBoardMetrics), each once, the smaller id first.
 std::vector<std::pair<int, int>> NeighbouringCorners(const Board& board);

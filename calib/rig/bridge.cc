@@ -12,20 +12,21 @@ namespace {
 
 using geometry::Rigid3;
 
-/// Pose of a group of boards in a group of cameras, per frame (index into the sights).
+/// Pose of a group of boards in a group of cameras, per frame (index into the posed views).
 struct Track {
   int cameras = 0, boards = 0;  // groups
   std::map<int, Rigid3> cameras_from_boards;
 };
 
-/// Of the sights' opinions the one that agrees best with all.
-Rigid3 BestOpinion(const std::vector<const Sight*>& sights, const PosedGroups& cameras, const PosedGroups& boards) {
+/// Of the views' opinions the one that agrees best with all.
+Rigid3 BestOpinion(const std::vector<const PosedView*>& observations, const PosedGroups& cameras, const PosedGroups& boards) {
   Rigid3 best;
   double best_cost = std::numeric_limits<double>::infinity();
-  for (const Sight* sight : sights) {
-    const Rigid3 opinion = geometry::Inverse(cameras.poses[sight->camera]) * sight->cam_from_board * boards.poses[sight->board];
+  for (const PosedView* observation : observations) {
+    const Rigid3 opinion =
+        geometry::Inverse(cameras.poses[observation->camera]) * observation->cam_from_board * boards.poses[observation->board];
     double cost = 0;
-    for (const Sight* other : sights) {
+    for (const PosedView* other : observations) {
       cost += MarksMoved(*other, cameras.poses[other->camera] * opinion * geometry::Inverse(boards.poses[other->board]));
     }
     if (cost < best_cost) best_cost = cost, best = opinion;
@@ -33,18 +34,17 @@ Rigid3 BestOpinion(const std::vector<const Sight*>& sights, const PosedGroups& c
   return best;
 }
 
-std::vector<Track> CollectTracks(const std::vector<FrameSights>& frames, const PosedGroups& cameras,
-                                 const PosedGroups& boards) {
+std::vector<Track> CollectTracks(const std::vector<PosedViews>& frames, const PosedGroups& cameras, const PosedGroups& boards) {
   std::map<std::pair<int, int>, Track> tracks;
   for (size_t f = 0; f < frames.size(); ++f) {
-    std::map<std::pair<int, int>, std::vector<const Sight*>> of_groups;
-    for (const Sight& sight : frames[f]) {
-      of_groups[{cameras.group_of[sight.camera], boards.group_of[sight.board]}].push_back(&sight);
+    std::map<std::pair<int, int>, std::vector<const PosedView*>> of_groups;
+    for (const PosedView& observation : frames[f]) {
+      of_groups[{cameras.group_of[observation.camera], boards.group_of[observation.board]}].push_back(&observation);
     }
-    for (const auto& [groups, sights] : of_groups) {
+    for (const auto& [groups, observations] : of_groups) {
       Track& track = tracks[groups];
       track.cameras = groups.first, track.boards = groups.second;
-      track.cameras_from_boards[static_cast<int>(f)] = BestOpinion(sights, cameras, boards);
+      track.cameras_from_boards[static_cast<int>(f)] = BestOpinion(observations, cameras, boards);
     }
   }
   std::vector<Track> list;
@@ -103,7 +103,7 @@ PoseLink LinkGroups(const PosedGroups& nodes, int group_a, int group_b, const Ri
 
 }  // namespace
 
-Bridges FindBridges(const std::vector<FrameSights>& frames, const PosedGroups& cameras, const PosedGroups& boards) {
+Bridges FindBridges(const std::vector<PosedViews>& frames, const PosedGroups& cameras, const PosedGroups& boards) {
   Bridges bridges;
   if (cameras.groups.size() < 2 || boards.groups.size() < 2) return bridges;
   const std::vector<Track> tracks = CollectTracks(frames, cameras, boards);

@@ -21,6 +21,6 @@ struct Bridges {
 
 /// Links between groups of cameras that never share a board, from the motion of the boards they see in the same frames
 /// (SolveHandEye). Takes the most certain links that connect every group at most once.
-Bridges FindBridges(const std::vector<FrameSights>& frames, const PosedGroups& cameras, const PosedGroups& boards);
+Bridges FindBridges(const std::vector<PosedViews>& frames, const PosedGroups& cameras, const PosedGroups& boards);
 
 }  // namespace mvstudio::calib

@@ -19,7 +19,7 @@ struct BoardTurns {
   int num = 1;                         ///< 1, 2 or 4 turns after which the board looks the same
   geometry::Rigid3 board_from_middle;  ///< identity for 1
 
-  /// a_from_b by one sighting in both cameras (cam_from_middle), if b numbers the board by turn k otherwise than a.
+  /// a_from_b by one observation in both cameras (cam_from_middle), if b numbers the board by turn k otherwise than a.
   geometry::Rigid3 RelativePose(const geometry::Rigid3& in_a, const geometry::Rigid3& in_b, int k) const;
 };
 

@@ -269,13 +269,13 @@ HandEye SolveHandEye(const std::vector<HandEyePair>& pairs, const HandEyeOptions
   HandEye result;
   Summarise(pairs, refined, &result);
   const double spread = InlierSpread(pairs, refined.weights);
-  const bool turned = spread >= std::max(options.min_axis_spread_rad, options.min_axis_spread_noise * refined.rotation_sigma);
+  const bool rotated = spread >= std::max(options.min_axis_spread_rad, options.min_axis_spread_noise * refined.rotation_sigma);
   const bool rotation = result.a_from_b_sigma.head<3>().maxCoeff() <= options.max_rotation_sigma_rad;
   const bool translation = result.a_from_b_sigma.tail<3>().maxCoeff() <= options.max_translation_sigma * distance;
   if (result.num_inliers < 3) {
     result.status = Status::kDegenerate;
     result.message = "fewer than 3 frames agree with each other";
-  } else if (!turned || !rotation || !translation) {
+  } else if (!rotated || !rotation || !translation) {
     result.status = Status::kDegenerate;
     result.message = "the boards turn too little about a second axis (" + Degrees(spread) + ") for the noise of their poses (" +
                      Degrees(refined.rotation_sigma) + ")";

@@ -22,7 +22,7 @@ struct Problem {
   std::vector<int> rank;       // per camera
   std::vector<int> camera_of;  // per rank
   KnownPoses known;            // per rank; empty without any
-  std::vector<FrameSights> frames;
+  std::vector<PosedViews> frames;
   int num_cameras = 0, num_boards = 0;
 };
 
@@ -65,7 +65,7 @@ Problem MakeProblem(const std::vector<View>& views, const std::vector<Rigid3>& c
     problem.rank[problem.camera_of[r]] = r;
     if (!problem.known.empty()) problem.known[r] = known[problem.camera_of[r]];
   }
-  problem.frames = CollectSights(views, cam_from_board, problem.rank);
+  problem.frames = CollectPosedViews(views, cam_from_board, problem.rank);
   return problem;
 }
 
@@ -96,25 +96,25 @@ Assembly Assemble(const Problem& problem) {
 /// A distance in px up to which a corner counts in full.
 constexpr double kCapPx = 100;
 
-double CappedError(const Sight& sight, const RigState& state, const Rigid3& cam_from_board) {
-  const auto residuals = ResidualsOf(*sight.view, state.cameras[sight.view->camera_idx], cam_from_board);
-  if (!residuals) return kCapPx * static_cast<double>(sight.view->size());
+double CappedError(const PosedView& observation, const RigState& state, const Rigid3& cam_from_board) {
+  const auto residuals = ResidualsOf(*observation.view, state.cameras[observation.view->camera_idx], cam_from_board);
+  if (!residuals) return kCapPx * static_cast<double>(observation.view->size());
   return residuals->colwise().norm().cwiseMin(kCapPx).sum();
 }
 
-/// Pose of the boards of one frame from the sight that agrees best with all: by the boards' marks, then by their corners.
-Rigid3 PlaceFrame(const FrameSights& frame, const RigState& state) {
+/// Pose of the boards of one frame from the view that agrees best with all: by the boards' marks, then by their corners.
+Rigid3 PlaceFrame(const PosedViews& frame, const RigState& state) {
   constexpr size_t kBest = 4;
   constexpr double kCapMoved = 0.2;
-  const auto cam_from_board = [&](const Sight& sight, const Rigid3& world_from_rig) {
-    return state.cam_from_world[sight.view->camera_idx] * world_from_rig * state.rig_from_board[sight.board];
+  const auto cam_from_board = [&](const PosedView& observation, const Rigid3& world_from_rig) {
+    return state.cam_from_world[observation.view->camera_idx] * world_from_rig * state.rig_from_board[observation.board];
   };
   std::vector<std::pair<double, Rigid3>> opinions;
-  for (const Sight& sight : frame) {
-    const Rigid3 opinion = geometry::Inverse(state.cam_from_world[sight.view->camera_idx]) * sight.cam_from_board *
-                           geometry::Inverse(state.rig_from_board[sight.board]);
+  for (const PosedView& observation : frame) {
+    const Rigid3 opinion = geometry::Inverse(state.cam_from_world[observation.view->camera_idx]) * observation.cam_from_board *
+                           geometry::Inverse(state.rig_from_board[observation.board]);
     double moved = 0;
-    for (const Sight& other : frame) moved += std::min(kCapMoved, MarksMoved(other, cam_from_board(other, opinion)));
+    for (const PosedView& other : frame) moved += std::min(kCapMoved, MarksMoved(other, cam_from_board(other, opinion)));
     opinions.emplace_back(moved, opinion);
   }
   std::stable_sort(opinions.begin(), opinions.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -123,7 +123,7 @@ Rigid3 PlaceFrame(const FrameSights& frame, const RigState& state) {
   double best_cost = std::numeric_limits<double>::infinity();
   for (const auto& [moved, opinion] : opinions) {
     double cost = 0;
-    for (const Sight& sight : frame) cost += CappedError(sight, state, cam_from_board(sight, opinion));
+    for (const PosedView& observation : frame) cost += CappedError(observation, state, cam_from_board(observation, opinion));
     if (cost < best_cost) best_cost = cost, best = opinion;
   }
   return best;
@@ -145,16 +145,16 @@ void Place(const Problem& problem, const PosedGroups& cameras, const PosedGroups
     state->rig_from_board[group.front()] = Rigid3();
   }
   state->world_from_board.assign(state->frames.size(), Rigid3());
-  for (const FrameSights& frame : problem.frames) state->world_from_board[frame.front().frame] = PlaceFrame(frame, *state);
+  for (const PosedViews& frame : problem.frames) state->world_from_board[frame.front().frame] = PlaceFrame(frame, *state);
 }
 
 /// Mean capped and median distance of the corners, px.
 std::pair<double, double> Explains(const Problem& problem, const RigState& state) {
   std::vector<double> distances;
   double sum = 0;
-  for (const FrameSights& frame : problem.frames) {
-    for (const Sight& sight : frame) {
-      const View& view = *sight.view;
+  for (const PosedViews& frame : problem.frames) {
+    for (const PosedView& observation : frame) {
+      const View& view = *observation.view;
       const auto residuals = ResidualsOf(view, state.cameras[view.camera_idx], CamFromBoard(view, state));
       for (Index i = 0; i < view.size(); ++i) {
         if (view.weights[i] <= 0) continue;
@@ -203,9 +203,9 @@ std::string Names(const Problem& problem, const RigState& state, const std::vect
 /// Frames in which each group saw a board.
 std::vector<int> CountFrames(const Problem& problem, const PosedGroups& cameras) {
   std::vector<int> counts(cameras.groups.size(), 0);
-  for (const FrameSights& frame : problem.frames) {
+  for (const PosedViews& frame : problem.frames) {
     std::set<int> groups;
-    for (const Sight& sight : frame) groups.insert(cameras.group_of[sight.camera]);
+    for (const PosedView& observation : frame) groups.insert(cameras.group_of[observation.camera]);
     for (int group : groups) ++counts[group];
   }
   return counts;
@@ -220,24 +220,24 @@ struct Miss {
 /// The nearest frames of the first group and another; ties go to the larger group, then to the earlier frame.
 Miss FindMiss(const Problem& problem, const PosedGroups& cameras, const RigState& state) {
   std::vector<std::pair<int64_t, int>> first;
-  for (const FrameSights& frame : problem.frames) {
-    for (const Sight& sight : frame) {
-      if (cameras.group_of[sight.camera] == 0) first.emplace_back(state.frames[sight.frame], sight.camera);
+  for (const PosedViews& frame : problem.frames) {
+    for (const PosedView& observation : frame) {
+      if (cameras.group_of[observation.camera] == 0) first.emplace_back(state.frames[observation.frame], observation.camera);
     }
   }
   std::sort(first.begin(), first.end());
   Miss best;
   for (size_t g = 1; g < cameras.groups.size(); ++g) {
-    for (const FrameSights& frame : problem.frames) {
-      for (const Sight& sight : frame) {
-        if (cameras.group_of[sight.camera] != static_cast<int>(g)) continue;
-        const int64_t at = state.frames[sight.frame];
+    for (const PosedViews& frame : problem.frames) {
+      for (const PosedView& observation : frame) {
+        if (cameras.group_of[observation.camera] != static_cast<int>(g)) continue;
+        const int64_t at = state.frames[observation.frame];
         const auto after = std::lower_bound(first.begin(), first.end(), std::make_pair(at, -1));
         for (int side = 0; side < 2; ++side) {
           if (side == 0 ? after == first.begin() : after == first.end()) continue;
           const auto near = side == 0 ? std::prev(after) : after;
           const double gap = std::abs(static_cast<double>(at) - static_cast<double>(near->first));
-          if (gap < best.gap) best = {near->second, sight.camera, static_cast<int>(g), near->first, at, gap};
+          if (gap < best.gap) best = {near->second, observation.camera, static_cast<int>(g), near->first, at, gap};
         }
       }
     }
@@ -306,8 +306,8 @@ void Describe(const Problem& problem, const Assembly& assembly, RigStart* start)
   }
   start->component_frames = CountFrames(problem, assembly.cameras);
   std::vector<bool> seen(problem.num_boards, false);
-  for (const FrameSights& frame : problem.frames) {
-    for (const Sight& sight : frame) seen[sight.board] = true;
+  for (const PosedViews& frame : problem.frames) {
+    for (const PosedView& observation : frame) seen[observation.board] = true;
   }
   auto groups = assembly.boards.groups;
   std::sort(groups.begin(), groups.end());

@@ -16,15 +16,15 @@ using Eigen::Index;
 using geometry::Rigid3;
 using Marks = Eigen::Matrix<double, 3, 6>;
 
-/// Two sights of one frame that relate two nodes.
-struct SightPair {
-  const Sight *a = nullptr, *b = nullptr;
+/// Two posed views of one frame that relate two nodes.
+struct PosedViewPair {
+  const PosedView *a = nullptr, *b = nullptr;
   bool direct = false;  // without a detour over other cameras or boards
 };
 
-using PairMap = std::map<std::pair<int, int>, std::vector<SightPair>>;
+using PairMap = std::map<std::pair<int, int>, std::vector<PosedViewPair>>;
 
-/// The relative pose by one pair of sights and the points that it was measured at.
+/// The relative pose by one pair of posed views and the points that it was measured at.
 struct Measurement {
   Rigid3 a_from_b;
   Marks marks_in_b;
@@ -119,12 +119,12 @@ std::vector<PoseLink> FitLinks(const PairMap& pairs, const Measure& measure) {
   constexpr size_t kMaxMeasurements = 80;
   std::vector<PoseLink> links;
   for (const auto& [nodes, all] : pairs) {
-    std::vector<SightPair> chosen;
-    std::copy_if(all.begin(), all.end(), std::back_inserter(chosen), [](const SightPair& pair) { return pair.direct; });
+    std::vector<PosedViewPair> chosen;
+    std::copy_if(all.begin(), all.end(), std::back_inserter(chosen), [](const PosedViewPair& pair) { return pair.direct; });
     if (chosen.empty()) chosen = all;
     const double kept = std::max(1.0, static_cast<double>(chosen.size()) / kMaxMeasurements);
     std::vector<Measurement> measurements;
-    for (const SightPair& pair : Thin(chosen, kMaxMeasurements)) measurements.push_back(measure(*pair.a, *pair.b));
+    for (const PosedViewPair& pair : Thin(chosen, kMaxMeasurements)) measurements.push_back(measure(*pair.a, *pair.b));
     links.push_back(FitLink(nodes.first, nodes.second, measurements));
     links.back().weight *= kept;
   }
@@ -148,23 +148,23 @@ Eigen::Matrix3d Move(const Rigid3& b_from_a, const Eigen::Matrix3d& in_a) {
   return in_b;
 }
 
-bool MakeSight(const View& view, const Rigid3& cam_from_board, int camera, Sight* sight) {
+bool MakePosedView(const View& view, const Rigid3& cam_from_board, int camera, PosedView* observation) {
   if (!cam_from_board.rotation.coeffs().allFinite() || !cam_from_board.translation.allFinite()) return false;
   Eigen::Vector3d middle = Eigen::Vector3d::Zero();
   double square = 0;
   for (Index i = 0; i < view.size(); ++i) {
-    if (view.weights[i] > 0) middle += view.x_in_board.col(i), ++sight->corners;
+    if (view.weights[i] > 0) middle += view.x_in_board.col(i), ++observation->corners;
   }
-  if (sight->corners < 4) return false;
-  middle /= sight->corners;
+  if (observation->corners < 4) return false;
+  middle /= observation->corners;
   for (Index i = 0; i < view.size(); ++i) {
     if (view.weights[i] > 0) square += (view.x_in_board.col(i) - middle).squaredNorm();
   }
-  const double radius = std::sqrt(square / sight->corners);
-  sight->camera = camera, sight->frame = view.frame, sight->board = view.board, sight->view = &view;
-  sight->cam_from_board = cam_from_board;
-  sight->marks_in_board << middle, middle + radius * Eigen::Vector3d::UnitX(), middle + radius * Eigen::Vector3d::UnitY();
-  sight->depth = std::max(1e-9, (cam_from_board * middle).norm());
+  const double radius = std::sqrt(square / observation->corners);
+  observation->camera = camera, observation->frame = view.frame, observation->board = view.board, observation->view = &view;
+  observation->cam_from_board = cam_from_board;
+  observation->marks_in_board << middle, middle + radius * Eigen::Vector3d::UnitX(), middle + radius * Eigen::Vector3d::UnitY();
+  observation->depth = std::max(1e-9, (cam_from_board * middle).norm());
   return true;
 }
 
@@ -187,33 +187,35 @@ PosedGroups PoseByLinks(int num_nodes, const std::vector<PoseLink>& links, const
   return nodes;
 }
 
-std::vector<FrameSights> CollectSights(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board,
-                                       const std::vector<int>& rank) {
-  std::map<int, FrameSights> by_frame;
+std::vector<PosedViews> CollectPosedViews(const std::vector<View>& views, const std::vector<Rigid3>& cam_from_board,
+                                          const std::vector<int>& rank) {
+  std::map<int, PosedViews> by_frame;
   for (size_t v = 0; v < views.size(); ++v) {
-    Sight sight;
-    if (MakeSight(views[v], cam_from_board[v], rank[views[v].camera_idx], &sight)) by_frame[sight.frame].push_back(sight);
+    PosedView observation;
+    if (MakePosedView(views[v], cam_from_board[v], rank[views[v].camera_idx], &observation))
+      by_frame[observation.frame].push_back(observation);
   }
-  std::vector<FrameSights> frames;
-  for (auto& [frame, sights] : by_frame) {
-    std::stable_sort(sights.begin(), sights.end(),
-                     [](const Sight& a, const Sight& b) { return std::tie(a.camera, a.board) < std::tie(b.camera, b.board); });
-    frames.push_back(std::move(sights));
+  std::vector<PosedViews> frames;
+  for (auto& [frame, observations] : by_frame) {
+    std::stable_sort(observations.begin(), observations.end(), [](const PosedView& a, const PosedView& b) {
+      return std::tie(a.camera, a.board) < std::tie(b.camera, b.board);
+    });
+    frames.push_back(std::move(observations));
   }
   return frames;
 }
 
-std::vector<PoseLink> LinkCameras(const std::vector<FrameSights>& frames, const PosedGroups& boards) {
+std::vector<PoseLink> LinkCameras(const std::vector<PosedViews>& frames, const PosedGroups& boards) {
   PairMap pairs;
-  for (const FrameSights& frame : frames) {
-    for (const Sight& a : frame) {
-      for (const Sight& b : frame) {
+  for (const PosedViews& frame : frames) {
+    for (const PosedView& a : frame) {
+      for (const PosedView& b : frame) {
         if (a.camera >= b.camera || !boards.Linked(a.board, b.board)) continue;
         pairs[{a.camera, b.camera}].push_back({&a, &b, a.board == b.board});
       }
     }
   }
-  return FitLinks(pairs, [&](const Sight& a, const Sight& b) {
+  return FitLinks(pairs, [&](const PosedView& a, const PosedView& b) {
     Measurement m;
     const Rigid3 b_from_board = b.cam_from_board * Between(boards, b.board, a.board);
     m.a_from_b = a.cam_from_board * geometry::Inverse(b_from_board);
@@ -223,17 +225,17 @@ std::vector<PoseLink> LinkCameras(const std::vector<FrameSights>& frames, const 
   });
 }
 
-std::vector<PoseLink> LinkBoards(const std::vector<FrameSights>& frames, const PosedGroups& cameras) {
+std::vector<PoseLink> LinkBoards(const std::vector<PosedViews>& frames, const PosedGroups& cameras) {
   PairMap pairs;
-  for (const FrameSights& frame : frames) {
-    for (const Sight& p : frame) {
-      for (const Sight& q : frame) {
+  for (const PosedViews& frame : frames) {
+    for (const PosedView& p : frame) {
+      for (const PosedView& q : frame) {
         if (p.board >= q.board || !cameras.Linked(p.camera, q.camera)) continue;
         pairs[{p.board, q.board}].push_back({&p, &q, p.camera == q.camera});
       }
     }
   }
-  return FitLinks(pairs, [&](const Sight& p, const Sight& q) {
+  return FitLinks(pairs, [&](const PosedView& p, const PosedView& q) {
     Measurement m;
     const Rigid3 p_cam_from_q = Between(cameras, p.camera, q.camera) * q.cam_from_board;
     m.a_from_b = geometry::Inverse(p.cam_from_board) * p_cam_from_q;
@@ -243,13 +245,13 @@ std::vector<PoseLink> LinkBoards(const std::vector<FrameSights>& frames, const P
   });
 }
 
-double MarksMoved(const Sight& sight, const Rigid3& cam_from_board) {
+double MarksMoved(const PosedView& observation, const Rigid3& cam_from_board) {
   double sum = 0;
   for (int i = 0; i < 3; ++i) {
-    const Eigen::Vector3d mark = sight.marks_in_board.col(i);
-    sum += (cam_from_board * mark - sight.cam_from_board * mark).norm();
+    const Eigen::Vector3d mark = observation.marks_in_board.col(i);
+    sum += (cam_from_board * mark - observation.cam_from_board * mark).norm();
   }
-  return sum / (3 * sight.depth);
+  return sum / (3 * observation.depth);
 }
 
 }  // namespace mvstudio::calib

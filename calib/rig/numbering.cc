@@ -98,7 +98,7 @@ std::optional<PairFault> FaultOf(const Pairs& pairs, int a, int b, const Grid& g
 }
 
 /// The cameras that disagree with most of the others they share boards with; both of a pair where neither does.
-std::vector<int> Culprits(const std::vector<PairFault>& faults, const std::map<int, int>& partners) {
+std::vector<int> Suspects(const std::vector<PairFault>& faults, const std::map<int, int>& partners) {
   std::map<int, int> broken;
   for (const PairFault& fault : faults) ++broken[fault.a], ++broken[fault.b];
   std::set<int> guilty;
@@ -115,9 +115,9 @@ std::vector<int> Culprits(const std::vector<PairFault>& faults, const std::map<i
 
 }  // namespace
 
-std::string NumberingText(const TurnedCamera& camera) {
+std::string NumberingText(const RotatedCamera& camera) {
   return Format("camera %s numbers the board's corners from another end in %d of %d views; they were turned round",
-                camera.camera.c_str(), camera.num_turned, camera.num_views);
+                camera.camera.c_str(), camera.num_rotated, camera.num_views);
 }
 
 std::string ToString(const NumberingFault& fault) {
@@ -145,7 +145,7 @@ std::vector<NumberingFault> FindNumberingFaults(const std::vector<View>& views, 
   std::vector<NumberingFault> faults;
   for (const auto& [what, of_kind] : by_kind) {
     NumberingFault fault{{}, what, of_kind[0].spread, of_kind[0].mended};
-    for (const int camera : Culprits(of_kind, partners)) fault.cameras.push_back(camera_names[static_cast<size_t>(camera)]);
+    for (const int camera : Suspects(of_kind, partners)) fault.cameras.push_back(camera_names[static_cast<size_t>(camera)]);
     faults.push_back(fault);
   }
   return faults;

@@ -38,24 +38,24 @@ int NumNumberings(const std::vector<Board>& boards);
 /// said: where no turn brings its board four times nearer to where the other camera puts it than the others do, or where the
 /// board did not move. For a single board, whose corners run row by row. `board`: (3, N) corners of the whole board, nominal.
 /// `cam_from_world`, per camera where poses are known, decides where it explains most of a pair's frames.
-std::vector<int> FindTurnedViews(const Eigen::Matrix3Xd& board, int num_turns, const std::vector<View>& views,
-                                 const std::vector<geometry::Rigid3>& cam_from_board,
-                                 const std::vector<geometry::Rigid3>* cam_from_world = nullptr);
+std::vector<int> FindRotatedViews(const Eigen::Matrix3Xd& board, int num_turns, const std::vector<View>& views,
+                                  const std::vector<geometry::Rigid3>& cam_from_board,
+                                  const std::vector<geometry::Rigid3>* cam_from_world = nullptr);
 
 /// Numbers the corners of these views anew, the pose with them.
-void TurnViews(const Eigen::Matrix3Xd& board, const std::vector<int>& turned, std::vector<View>* views,
+void TurnViews(const Eigen::Matrix3Xd& board, const std::vector<int>& rotated, std::vector<View>* views,
                std::vector<geometry::Rigid3>* cam_from_board);
 
 /// The number of corner `id` after so many quarter turns; an odd number is for boards of as many columns as rows.
-int TurnedCorner(int id, int num_corners, int quarters);
+int RotatedCorner(int id, int num_corners, int quarters);
 
 /// How many views of a camera were turned.
-struct TurnedCamera {
+struct RotatedCamera {
   std::string camera;
-  int num_turned = 0, num_views = 0;
+  int num_rotated = 0, num_views = 0;
 };
 
 /// One line.
-std::string NumberingText(const TurnedCamera& camera);
+std::string NumberingText(const RotatedCamera& camera);
 
 }  // namespace mvstudio::calib

@@ -168,11 +168,11 @@ bool HasFigures(const CalibrateReport& report) {
 }
 
 void JudgeFrames(const CalibrateReport& report, Judgement* out) {
-  if (!report.held_doubt.empty())
-    out->Warn("CAL-HELD", report.held_doubt,
+  if (!report.held_conflict.empty())
+    out->Warn("CAL-HELD", report.held_conflict,
               "leave the camera out of option 'fix', or check that the calibration is that of this footage");
-  if (!report.frames_doubt.empty())
-    out->Warn("CAL-FRAMES", report.frames_doubt,
+  if (!report.frames_conflict.empty())
+    out->Warn("CAL-FRAMES", report.frames_conflict,
               report.frame_shift.empty() && report.frame_rates.empty() && report.frame_drops.empty()
                   ? "check that frames with the same number were taken at the same time"
                   : "number the frames by their time stamps");

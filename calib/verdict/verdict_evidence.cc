@@ -258,7 +258,7 @@ void JudgeEvidence(const CalibrateReport& report, Judgement* out) {
   if (!report.boards_moved.empty())
     out->Warn("CAL-BOARDS", report.boards_moved,
               "fix the boards to each other and film again, or state with option 'free-boards' on that they move");
-  for (const TurnedCamera& camera : report.turned)
+  for (const RotatedCamera& camera : report.rotated)
     out->Warn("CAL-NUMBERING", NumberingText(camera),
               "use a board with an odd and an even number of corners, or one with markers");
   for (const NumberingFault& fault : report.numbering)

@@ -21,7 +21,7 @@ const char* const kNoiseHint =
 /// No camera's corners are farther off in the rig than by themselves: time and motion are not the cause.
 bool CamerasAgree(const CalibrateReport& report) {
   constexpr double kAgrees = 1.1, kSlackPx = 0.02;
-  return report.frames_doubt.empty() &&
+  return report.frames_conflict.empty() &&
          std::all_of(report.cameras.begin(), report.cameras.end(), [&](const CameraReport& camera) {
            return camera.rms_px <= kAgrees * camera.alone_rms_px + kSlackPx && camera.num_lost_views == 0;
          });

@@ -9,7 +9,7 @@ void RegisterAvatarEdit(CLI::App& avatar, Registry& registry) {
   CLI::App* sub = avatar.add_subcommand("edit", "Change the colours or the shape of a fitted body by hand");
   AddOption(sub, "body", a->body, "fitted body: body.npz or the folder with it")->required();
   AddOutput(sub, "--out", a->out, OutputKind::kFolder, "folder for the changed body")->required();
-  AddOption(sub, "--picture", a->picture,
+  AddOption(sub, "--picture", a->image,
             "its texture.png after a paint program, of the same size, or with charts of a multiple of theirs");
   AddOption(
       sub, "--shape", a->shape,

@@ -249,8 +249,9 @@ Pose3d ReadPointsOf(const BuildInputs& inputs, BuildReport* report) {
   Pose3d pose = ReadPoints3d(inputs.pose3d, inputs.marker_unit, "", &file);
   if (file.unit.empty()) return pose;  // points of mvstudio
   report->marker_unit = file.unit, report->marker_up = file.y_up ? "y" : "z";
-  const std::string doubt = UnitDoubt(file, inputs.pose3d);
-  if (!doubt.empty()) report->warnings.push_back({"DAT-UNIT", doubt, "name the unit: option 'marker-unit' m, cm, mm or in"});
+  const std::string conflict = UnitConflict(file, inputs.pose3d);
+  if (!conflict.empty())
+    report->warnings.push_back({"DAT-UNIT", conflict, "name the unit: option 'marker-unit' m, cm, mm or in"});
   for (const std::string& note : NotesOf(file, inputs.pose3d))
     report->warnings.push_back({"DAT-MARKER-FILE", note, "check the file, or export it again"});
   return pose;
@@ -295,14 +296,14 @@ void CheckViews(const BuildInputs& inputs, const std::vector<CameraJob>& jobs, c
   }
   if (blind.empty()) return;
   const std::string why = "was it made with another calibration, or was the rig moved to another world since?";
-  std::string doubt;
+  std::string conflict;
   for (const Notice& warning : report->warnings) {
-    if (warning.code == "DAT-UNIT") doubt = "; DAT-UNIT: " + warning.text + ", " + warning.hint;
+    if (warning.code == "DAT-UNIT") conflict = "; DAT-UNIT: " + warning.text + ", " + warning.hint;
   }
   if (blind.size() == jobs.size())
     throw FormatError(
         inputs.pose3d, "",
-        "no joint lies in the view of any camera of " + inputs.calibration + ": " + why + " triangulate again" + doubt);
+        "no joint lies in the view of any camera of " + inputs.calibration + ": " + why + " triangulate again" + conflict);
   report->warnings.push_back({"DAT-VIEW", "no joint of any frame lies in the view of " + Join(blind, ", "), why});
 }
 
@@ -350,7 +351,7 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   CheckViews(inputs, jobs, pose, &report);
   const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
 
-  Append(geometry::DoubtsAbout(rig), &report.warnings);
+  Append(geometry::ConflictsIn(rig), &report.warnings);
   report.sequence = options.sequence;
   report.frames = static_cast<int>(poses.size());
   geometry::Rig built_rig;

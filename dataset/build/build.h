@@ -78,7 +78,7 @@ struct BuiltCamera {
 /// Time steps with joints for which a camera has no image.
 struct BuildGaps {
   std::string camera;  ///< the studio's name
-  std::vector<int> instants;
+  std::vector<int> time_steps;
 };
 
 struct BuildReport {

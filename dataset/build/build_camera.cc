@@ -49,14 +49,14 @@ struct Samples {
 };
 
 /// The time steps of a frame of the footage.
-class Instants {
+class TimeSteps {
  public:
-  explicit Instants(const CameraFootage& footage) {
+  explicit TimeSteps(const CameraFootage& footage) {
     if (!footage.timeline) return;
     known_ = true;
     const CameraTimeline* camera = footage.timeline->Find(footage.camera);
     if (!camera) throw FormatError(footage.path, "timeline", "camera " + footage.camera + " is not in the take's timeline");
-    for (const auto& [frame, instant] : InstantsOfFrames(*camera)) of_[frame].push_back(static_cast<int>(instant));
+    for (const auto& [frame, time_step] : TimeStepsOfFrames(*camera)) of_[frame].push_back(static_cast<int>(time_step));
   }
   std::vector<int> Of(int64_t number) const {
     if (!known_)
@@ -68,8 +68,8 @@ class Instants {
   /// Those of `wanted` that the camera has no frame for, as the timeline tells.
   std::set<int> WithoutFrame(const std::set<int>& wanted) const {
     std::set<int> without = known_ ? wanted : std::set<int>{};
-    for (const auto& [frame, instants] : of_) {
-      for (const int instant : instants) without.erase(instant);
+    for (const auto& [frame, time_steps] : of_) {
+      for (const int time_step : time_steps) without.erase(time_step);
     }
     return without;
   }
@@ -138,8 +138,8 @@ Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted, const Bui
   Samples samples;
   std::set<int> missing;
   for (const auto& [frame, people] : *job.poses) missing.insert(frame);
-  const Instants instants(job.footage);
-  const std::set<int> gaps = instants.WithoutFrame(missing);
+  const TimeSteps time_steps(job.footage);
+  const std::set<int> gaps = time_steps.WithoutFrame(missing);
   for (const int gap : gaps) missing.erase(gap);
   auto source = OpenFrames(job.footage.path, {options.keep_undamaged});
   int64_t last = -1;
@@ -147,13 +147,13 @@ Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted, const Bui
   for (; auto frame = NextFrame(options, source.get()); ++count) {
     CheckOrder(*source, *frame, last, &samples);
     last = frame->number;
-    Image picture;
-    for (const int instant : instants.Of(frame->number)) {
-      missing.erase(instant);
-      if (!wanted.count(instant)) continue;
-      if (picture.empty()) picture = source->Picture();
-      samples.frames.push_back(picture);
-      samples.people.push_back(job.poses->at(instant));
+    Image image;
+    for (const int time_step : time_steps.Of(frame->number)) {
+      missing.erase(time_step);
+      if (!wanted.count(time_step)) continue;
+      if (image.empty()) image = source->FullImage();
+      samples.frames.push_back(image);
+      samples.people.push_back(job.poses->at(time_step));
     }
   }
   Settle(job, gaps, missing, count, last, options, &samples);
@@ -176,9 +176,9 @@ SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const Build
   const std::string sizes =
       "footage is " + SizeText(samples.width, samples.height) + ", the calibration is for " + SizeText(c.width_px, c.height_px);
   if (rules.empty()) {
-    const bool turned = samples.width == c.height_px && samples.height == c.width_px;
+    const bool rotated = samples.width == c.height_px && samples.height == c.width_px;
     throw FormatError(job.footage.path, "",
-                      sizes + (turned ? ": the footage is turned by a quarter" : ": more than 2 % apart") +
+                      sizes + (rotated ? ": the footage is turned by a quarter" : ": more than 2 % apart") +
                           "; calibrate at this size or give the footage that was calibrated");
   }
   if (rules.size() == 1) return {rules[0], true, {0}};
@@ -224,20 +224,20 @@ double AreaFraction(const Image& mask) {
 void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model,
                  const BuildOptions& options, BuiltCamera* built) {
   const std::string images = job.folder + "/hdImgs/" + job.name + "/", masks = job.folder + "/masks/" + job.name + "/";
-  const Instants instants(job.footage);
+  const TimeSteps time_steps(job.footage);
   auto source = OpenFrames(job.footage.path, {options.keep_undamaged});
   while (auto frame = source->Advance()) {
     Image rgb;
-    for (const int instant : instants.Of(frame->number)) {
-      const auto people = job.poses->find(instant);
+    for (const int time_step : time_steps.Of(frame->number)) {
+      const auto people = job.poses->find(time_step);
       if (people == job.poses->end()) continue;
-      if (rgb.empty()) rgb = source->Picture();
-      const std::string name = FrameName(job.name, instant);
+      if (rgb.empty()) rgb = source->FullImage();
+      const std::string name = FrameName(job.name, time_step);
       WriteImage(rgb, images + name + (options.png ? ".png" : ".jpg"), options.jpeg_quality);
       if (job.masks) {
         const Image mask = GivenMask(*job.masks, frame->number, rgb.width, rgb.height);
         if (mask.empty()) {
-          built->without_mask.push_back(instant);
+          built->without_mask.push_back(time_step);
         } else {
           WriteImage(mask, masks + name + ".png");
           built->mean_area_fraction += AreaFraction(mask);
@@ -310,11 +310,11 @@ void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibra
     if (!source->Advance()) continue;
     const auto [width, height] = source->size_px();
     if (!SizeRules(c.width_px, c.height_px, width, height).empty()) continue;
-    const bool turned = width == c.height_px && height == c.width_px;
+    const bool rotated = width == c.height_px && height == c.width_px;
     wrong += (wrong.empty() ? "" : "; ") + ("camera " + job.footage.camera) + ": footage is " + SizeText(width, height) +
              ", the calibration is for " + SizeText(c.width_px, c.height_px) +
-             (turned ? ": the footage is turned by a quarter" : ": more than 2 % apart");
-    if (!turned) sizes += " option 'camera-size' " + ShellWord(job.footage.camera + "=" + SizeText(width, height));
+             (rotated ? ": the footage is turned by a quarter" : ": more than 2 % apart");
+    if (!rotated) sizes += " option 'camera-size' " + ShellWord(job.footage.camera + "=" + SizeText(width, height));
   }
   if (wrong.empty()) return;
   const std::string resize = sizes.empty() ? ""

@@ -360,14 +360,14 @@ ColourMatch MatchDatasetColours(const PanopticDataset& dataset, const ColourMatc
     const std::string name = dataset.Resolve(options.reference);
     if (!name.empty()) resolved.reference = name;
   }
-  const PictureSource pictures = [&](int c, int frame) {
+  const ImageSource images = [&](int c, int frame) {
     const std::string path = dataset.ImagePath(names[c], frame);
     return std::filesystem::exists(path) ? ReadImage(path) : Image();
   };
-  const PictureSource masks = [&](int c, int frame) {
+  const ImageSource masks = [&](int c, int frame) {
     return std::filesystem::exists(dataset.MaskPath(names[c], frame)) ? dataset.ReadMask(names[c], frame) : Image();
   };
-  return MatchColours(SampleSurfaceColours(dataset.rig, dataset.poses, pictures, masks, resolved, run), names, resolved);
+  return MatchColours(SampleSurfaceColours(dataset.rig, dataset.poses, images, masks, resolved, run), names, resolved);
 }
 
 }  // namespace mvstudio::dataset

@@ -102,12 +102,12 @@ struct ColourMatch {
 };
 
 /// RGB image, or mask, of a camera and frame; empty where there is none.
-using PictureSource = std::function<Image(int camera_idx, int frame)>;
+using ImageSource = std::function<Image(int camera_idx, int frame)>;
 
 /// Surface points from the visual hull of the silhouettes (Laurentini, PAMI 1994), each with the cameras that see it at
 /// less than 60 degrees from its normal and without occlusion by the hull. Deterministic for a given input and seed.
 std::vector<ColourPoint> SampleSurfaceColours(const geometry::Rig& rig, const std::map<int, std::map<int, Coco19Pose>>& poses,
-                                              const PictureSource& pictures, const PictureSource& masks,
+                                              const ImageSource& images, const ImageSource& masks,
                                               const ColourMatchOptions& options, const RunContext& run);
 
 /// Gain and offset of each camera from points that several see, by robust maximum likelihood. The points' true colours are

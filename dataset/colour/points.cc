@@ -25,15 +25,15 @@ struct FrameViews {
     geometry::Projector lens;
     geometry::Rigid3 cam_from_world;
     Eigen::Vector3d centre_in_world;
-    Image mask, picture;
+    Image mask, image;
   };
   std::vector<View> views;
 };
 
-bool MaskAt(const FrameViews::View& view, const Eigen::Vector3d& x_in_world, bool* in_picture) {
+bool MaskAt(const FrameViews::View& view, const Eigen::Vector3d& x_in_world, bool* in_image) {
   const geometry::Projection p = view.lens.Project(view.cam_from_world * x_in_world);
-  *in_picture = p.status == Status::kOk && geometry::InImage(view.lens.camera(), p.px);
-  return *in_picture && *view.mask.Pixel(static_cast<int>(p.px[0] + 0.5), static_cast<int>(p.px[1] + 0.5)) >= 128;
+  *in_image = p.status == Status::kOk && geometry::InImage(view.lens.camera(), p.px);
+  return *in_image && *view.mask.Pixel(static_cast<int>(p.px[0] + 0.5), static_cast<int>(p.px[1] + 0.5)) >= 128;
 }
 
 /// Visual hull on a grid: 1 where every camera that sees the voxel has it on its mask, and three at least see it.
@@ -53,9 +53,9 @@ struct Hull {
 bool InHull(const FrameViews& frame, const Eigen::Vector3d& x) {
   int seen = 0;
   for (const FrameViews::View& view : frame.views) {
-    bool in_picture = false;
-    if (!MaskAt(view, x, &in_picture) && in_picture) return false;
-    seen += in_picture;
+    bool in_image = false;
+    if (!MaskAt(view, x, &in_image) && in_image) return false;
+    seen += in_image;
   }
   return seen >= kMinHullCameras;
 }
@@ -137,7 +137,7 @@ const std::array<double, 256>& LinearOfLevel() {
 bool PatchColour(const FrameViews::View& view, const Eigen::Vector2d& px, double radius_px, ColourPoint::View* seen) {
   const int cx = static_cast<int>(px[0] + 0.5), cy = static_cast<int>(px[1] + 0.5);
   const int r = std::clamp(static_cast<int>(radius_px + 0.5), 0, kMaxPatchPx);
-  const Image& image = view.picture;
+  const Image& image = view.image;
   if (cx - r < 0 || cy - r < 0 || cx + r >= image.width || cy + r >= image.height) return false;
   Eigen::Array3d sum = Eigen::Array3d::Zero();
   Eigen::Array3i clipped = Eigen::Array3i::Zero();
@@ -177,20 +177,20 @@ ColourPoint LookAt(const FrameViews& frame, const Hull& hull, const Eigen::Array
   return point;
 }
 
-FrameViews ReadViews(const geometry::Rig& rig, int frame, const PictureSource& pictures, const PictureSource& masks) {
+FrameViews ReadViews(const geometry::Rig& rig, int frame, const ImageSource& images, const ImageSource& masks) {
   FrameViews views;
   for (int c = 0; c < static_cast<int>(rig.cameras.size()); ++c) {
     const geometry::RigCamera& camera = rig.cameras[c];
     Image mask = masks(c, frame);
     if (mask.empty()) continue;
-    Image picture = pictures(c, frame);
-    if (picture.empty() || picture.channels != 3) continue;
-    const auto fits = [&](const Image& image) {
-      return image.width == camera.camera.width_px && image.height == camera.camera.height_px;
+    Image image = images(c, frame);
+    if (image.empty() || image.channels != 3) continue;
+    const auto fits = [&](const Image& one) {
+      return one.width == camera.camera.width_px && one.height == camera.camera.height_px;
     };
-    if (!fits(mask) || !fits(picture)) continue;
+    if (!fits(mask) || !fits(image)) continue;
     views.views.push_back({c, geometry::Projector(camera.camera), camera.cam_from_world, camera.CenterInWorld(),
-                           std::move(mask), std::move(picture)});
+                           std::move(mask), std::move(image)});
   }
   return views;
 }
@@ -215,7 +215,7 @@ std::vector<ColourPoint> SampleFrame(const FrameViews& views, const std::map<int
 }  // namespace
 
 std::vector<ColourPoint> SampleSurfaceColours(const geometry::Rig& rig, const std::map<int, std::map<int, Coco19Pose>>& poses,
-                                              const PictureSource& pictures, const PictureSource& masks,
+                                              const ImageSource& images, const ImageSource& masks,
                                               const ColourMatchOptions& options, const RunContext& run) {
   std::vector<int> with_people, frames;
   for (const auto& [frame, people] : poses) {
@@ -225,7 +225,7 @@ std::vector<ColourPoint> SampleSurfaceColours(const geometry::Rig& rig, const st
   for (size_t i = 0; i < count; ++i) frames.push_back(with_people[(2 * i + 1) * with_people.size() / (2 * count)]);
   std::vector<std::vector<ColourPoint>> of_frame(frames.size());
   ParallelFor(static_cast<int64_t>(frames.size()), run.num_threads, [&](int64_t i) {
-    const FrameViews views = ReadViews(rig, frames[i], pictures, masks);
+    const FrameViews views = ReadViews(rig, frames[i], images, masks);
     of_frame[i] = SampleFrame(views, poses.at(frames[i]), frames[i], options, run.seed);
   });
   std::vector<ColourPoint> points;

@@ -65,8 +65,8 @@ void WriteActorsHq(const Job& job) {
   for (const int frame : take.frames) {
     for (size_t i = 0; i < take.views.size(); ++i) {
       const std::string& name = take.views[i].info.name;
-      job.pictures.AddPicture(i, frame, scale + "/rgbs/" + name + "/" + Numbered(name + "_rgb", frame, 6, ""), ".jpg");
-      job.pictures.AddMask(i, frame, scale + "/masks/" + name + "/" + Numbered(name + "_mask", frame, 6, ".png"));
+      job.images.AddImage(i, frame, scale + "/rgbs/" + name + "/" + Numbered(name + "_rgb", frame, 6, ""), ".jpg");
+      job.images.AddMask(i, frame, scale + "/masks/" + name + "/" + Numbered(name + "_mask", frame, 6, ".png"));
     }
   }
 }

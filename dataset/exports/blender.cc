@@ -118,7 +118,7 @@ void WriteBlender(const Job& job) {
   job.Write("cameras.py", kScript);
   for (const int frame : job.take.frames) {
     for (size_t i = 0; i < job.take.views.size(); ++i)
-      job.pictures.AddPicture(i, frame, Numbered("images/" + job.take.views[i].info.name + "/", frame, 6, ""));
+      job.images.AddImage(i, frame, Numbered("images/" + job.take.views[i].info.name + "/", frame, 6, ""));
   }
 }
 

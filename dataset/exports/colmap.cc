@@ -67,15 +67,15 @@ std::vector<size_t> SortedViews(const Take& take) {
   return views;
 }
 
-void WriteInstant(const Job& job, int frame, const std::string& prefix) {
+void WriteTimeStep(const Job& job, int frame, const std::string& prefix) {
   const std::vector<size_t> views = SortedViews(job.take);
   std::vector<std::string> images;
   for (const size_t i : views) {
     const std::string& name = job.take.views[i].info.name;
-    const std::string file = job.pictures.AddPicture(i, frame, prefix + "images/" + name);
+    const std::string file = job.images.AddImage(i, frame, prefix + "images/" + name);
     const std::string image = file.empty() ? name + ".jpg" : std::filesystem::path(file).filename().string();
     images.push_back(image);
-    job.pictures.AddMask(i, frame, prefix + "masks/" + image + ".png");
+    job.images.AddMask(i, frame, prefix + "masks/" + image + ".png");
   }
   const auto points = ModelPoints(job, frame, views);
   const std::string model = prefix + "sparse/0";
@@ -96,7 +96,7 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
 
 void WriteColmap(const Job& job) {
   for (const int frame : job.take.frames) {
-    WriteInstant(job, frame, job.take.frames.size() > 1 ? Numbered("frame_", frame, 8, "/") : "");
+    WriteTimeStep(job, frame, job.take.frames.size() > 1 ? Numbered("frame_", frame, 8, "/") : "");
   }
 }
 

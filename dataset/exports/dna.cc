@@ -105,7 +105,7 @@ std::string MainFile(const Job& job, const std::string& label) {
   file.Group("/Camera_5mp");
   for (size_t i = 0; i < take.views.size(); ++i) {
     for (size_t f = 0; f < take.frames.size(); ++f) {
-      const std::string bytes = job.pictures.EncodedPicture(i, take.frames[f]);
+      const std::string bytes = job.images.EncodedImage(i, take.frames[f]);
       budget.Add(bytes.size());
       AddBytes(bytes, "/Camera_5mp/" + std::to_string(i) + "/color/" + std::to_string(f), &file);
     }
@@ -125,8 +125,7 @@ std::string AnnotationFile(const Job& job, const std::string& label) {
     AddKeypoints(job, &file);
     for (size_t i = 0; i < take.views.size(); ++i) {
       for (size_t f = 0; f < take.frames.size(); ++f) {
-        AddBytes(job.pictures.EncodedMask(i, take.frames[f]), "/Mask/" + std::to_string(i) + "/mask/" + std::to_string(f),
-                 &file);
+        AddBytes(job.images.EncodedMask(i, take.frames[f]), "/Mask/" + std::to_string(i) + "/mask/" + std::to_string(f), &file);
       }
     }
     const std::vector<int64_t> numbers(take.frames.begin(), take.frames.end());

@@ -83,10 +83,10 @@ void WriteDynamic3dgs(const Job& job) {
   for (const int frame : take.frames) {
     for (size_t i = 0; i < take.views.size(); ++i) {
       const std::string stem = Numbered(take.views[i].info.name + "/", frame, 6, "");
-      const std::string file = job.pictures.AddPicture(i, frame, "ims/" + stem);
-      if (file.empty() && job.options.pictures != ExportPictures::kNone) continue;
+      const std::string file = job.images.AddImage(i, frame, "ims/" + stem);
+      if (file.empty() && job.options.images != ExportImages::kNone) continue;
       files[{i, frame}] = file.empty() ? stem + ".jpg" : file.substr(4);
-      job.pictures.AddMask(i, frame, "seg/" + stem + ".png", Pictures::MaskValues::k1);
+      job.images.AddMask(i, frame, "seg/" + stem + ".png", Images::MaskValues::k1);
     }
   }
   job.Write("train_meta.json", Meta(take, take.ViewsOf(dataset::PartOfSplit::kTrain), files).dump() + "\n");

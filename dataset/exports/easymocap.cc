@@ -90,8 +90,8 @@ void WriteEasyMocap(const Job& job) {
     job.Write(Numbered("keypoints3d/", frame, 6, ".json"), Keypoints3d(take.At(frame)).dump(1) + "\n");
     for (size_t i = 0; i < take.views.size(); ++i) {
       const std::string stem = Numbered(take.views[i].info.name + "/", frame, 6, "");
-      const std::string file = job.pictures.AddPicture(i, frame, "images/" + stem);
-      if (job.pictures.AddMask(i, frame, "mask/" + stem + ".png")) job.pictures.AlsoTo("masks/" + stem + ".png");
+      const std::string file = job.images.AddImage(i, frame, "images/" + stem);
+      if (job.images.AddMask(i, frame, "mask/" + stem + ".png")) job.images.AlsoTo("masks/" + stem + ".png");
       const Json annots = Annotations(take.views[i], take.At(frame), file.empty() ? "images/" + stem + ".jpg" : file);
       job.Write("annots/" + stem + ".json", annots.dump() + "\n");
     }

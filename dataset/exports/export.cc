@@ -19,8 +19,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr ChoiceWords<ExportPictures, 3> kPictureWords = {
-    {{ExportPictures::kLink, "link"}, {ExportPictures::kCopy, "copy"}, {ExportPictures::kNone, "none"}}};
+constexpr ChoiceWords<ExportImages, 3> kImageWords = {
+    {{ExportImages::kLink, "link"}, {ExportImages::kCopy, "copy"}, {ExportImages::kNone, "none"}}};
 constexpr ChoiceWords<ExportUndistort, 3> kUndistortWords = {
     {{ExportUndistort::kAuto, "auto"}, {ExportUndistort::kAlways, "always"}, {ExportUndistort::kNever, "never"}}};
 constexpr ChoiceWords<ExportNames, 2> kNameWords = {{{ExportNames::kDataset, "dataset"}, {ExportNames::kStudio, "studio"}}};
@@ -33,56 +33,55 @@ struct Writer {
 };
 
 const std::vector<Writer>& Writers() {
-  constexpr bool kInstant = true, kOneSize = true, kPictures = true, kRigOnly = true, kAlpha = true;
+  constexpr bool kTimeStep = true, kOneSize = true, kImages = true, kRigOnly = true, kAlpha = true;
   static const std::vector<Writer> writers = {
-      {{"colmap", "COLMAP and Gaussian splatting: sparse model with surface points, images, masks", LensNeed::kBrown5, kInstant,
-        !kOneSize, kPictures, !kRigOnly, kAlpha},
+      {{"colmap", "COLMAP and Gaussian splatting: sparse model with surface points, images, masks", LensNeed::kBrown5,
+        kTimeStep, !kOneSize, kImages, !kRigOnly, kAlpha},
        WriteColmap},
-      {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kInstant, !kOneSize,
-        kPictures, !kRigOnly, kAlpha},
+      {{"nerfstudio", "nerfstudio: transforms.json, images, masks, start points", LensNeed::kBrown4, kTimeStep, !kOneSize,
+        kImages, !kRigOnly, kAlpha},
        WriteNerfstudio},
-      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/, mask_cihp/", LensNeed::kBrown5, !kInstant, !kOneSize,
-        kPictures, kRigOnly, !kAlpha, ".npy"},
+      {{"zju", "ZJU-MoCap / Neural Body: annots.npy, images, mask/, mask_cihp/", LensNeed::kBrown5, !kTimeStep, !kOneSize,
+        kImages, kRigOnly, !kAlpha, ".npy"},
        WriteZju},
-      {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kInstant,
-        !kOneSize, kPictures, !kRigOnly},
+      {{"easymocap", "EasyMocap: intri.yml, extri.yml, images, mask, annots, keypoints3d", LensNeed::kBrown5, !kTimeStep,
+        !kOneSize, kImages, !kRigOnly},
        WriteEasyMocap},
-      {{"actorshq", "ActorsHQ / HumanRF: calibration.csv, aabbs.csv, rgbs, masks", LensNeed::kPinhole, !kInstant, !kOneSize,
-        kPictures, kRigOnly, !kAlpha, ".csv"},
+      {{"actorshq", "ActorsHQ / HumanRF: calibration.csv, aabbs.csv, rgbs, masks", LensNeed::kPinhole, !kTimeStep, !kOneSize,
+        kImages, kRigOnly, !kAlpha, ".csv"},
        WriteActorsHq},
       {{"dynamic3dgs", "Dynamic 3D Gaussians: train_meta.json, test_meta.json, ims, seg, init_pt_cld.npz", LensNeed::kPinhole,
-        !kInstant, kOneSize, kPictures, !kRigOnly},
+        !kTimeStep, kOneSize, kImages, !kRigOnly},
        WriteDynamic3dgs},
-      {{"dna", "DNA-Rendering: SMC files (HDF5) with cameras, images, masks, keypoints", LensNeed::kBrown5, !kInstant,
-        !kOneSize, kPictures, kRigOnly, !kAlpha, ".smc"},
+      {{"dna", "DNA-Rendering: SMC files (HDF5) with cameras, images, masks, keypoints", LensNeed::kBrown5, !kTimeStep,
+        !kOneSize, kImages, kRigOnly, !kAlpha, ".smc"},
        WriteDna},
-      {{"humman", "HuMMan-Recon: cameras.json, kinect_color, kinect_mask", LensNeed::kPinhole, !kInstant, !kOneSize, kPictures,
+      {{"humman", "HuMMan-Recon: cameras.json, kinect_color, kinect_mask", LensNeed::kPinhole, !kTimeStep, !kOneSize, kImages,
         kRigOnly, !kAlpha, ".json"},
        WriteHumman},
-      {{"trc", "joints as markers for OpenSim and Pose2Sim, a file per person", LensNeed::kAny, !kInstant, !kOneSize,
-        !kPictures, !kRigOnly},
+      {{"trc", "joints as markers for OpenSim and Pose2Sim, a file per person", LensNeed::kAny, !kTimeStep, !kOneSize, !kImages,
+        !kRigOnly},
        WriteTrc},
-      {{"c3d", "joints as markers for motion capture programs, a file per person", LensNeed::kAny, !kInstant, !kOneSize,
-        !kPictures, !kRigOnly},
+      {{"c3d", "joints as markers for motion capture programs, a file per person", LensNeed::kAny, !kTimeStep, !kOneSize,
+        !kImages, !kRigOnly},
        WriteC3d},
-      {{"bvh", "a skeleton with fixed bones for animation programs, a file per person", LensNeed::kAny, !kInstant, !kOneSize,
-        !kPictures, !kRigOnly},
+      {{"bvh", "a skeleton with fixed bones for animation programs, a file per person", LensNeed::kAny, !kTimeStep, !kOneSize,
+        !kImages, !kRigOnly},
        WriteBvh},
-      {{"csv", "joints as a table", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, !kRigOnly, !kAlpha, "", ".csv"},
-       WriteCsv},
-      {{"npz", "joints and cameras as numpy arrays", LensNeed::kBrown5, !kInstant, !kOneSize, !kPictures, kRigOnly, !kAlpha,
+      {{"csv", "joints as a table", LensNeed::kAny, !kTimeStep, !kOneSize, !kImages, !kRigOnly, !kAlpha, "", ".csv"}, WriteCsv},
+      {{"npz", "joints and cameras as numpy arrays", LensNeed::kBrown5, !kTimeStep, !kOneSize, !kImages, kRigOnly, !kAlpha,
         ".npz", ".npz"},
        WriteNpz},
-      {{"gltf", "cameras and animated skeletons for 3D viewers, one .glb", LensNeed::kAny, !kInstant, !kOneSize, !kPictures,
+      {{"gltf", "cameras and animated skeletons for 3D viewers, one .glb", LensNeed::kAny, !kTimeStep, !kOneSize, !kImages,
         kRigOnly, !kAlpha, ".glb", ".glb"},
        WriteGltf},
-      {{"ply", "cameras and skeletons as lines, for mesh viewers", LensNeed::kAny, !kInstant, !kOneSize, !kPictures, kRigOnly,
+      {{"ply", "cameras and skeletons as lines, for mesh viewers", LensNeed::kAny, !kTimeStep, !kOneSize, !kImages, kRigOnly,
         !kAlpha, ".ply"},
        WritePly},
       {{"blender", "Blender: a script that makes the cameras with their shift, calibration.json, background images",
-        LensNeed::kPinhole, !kInstant, !kOneSize, kPictures, kRigOnly},
+        LensNeed::kPinhole, !kTimeStep, !kOneSize, kImages, kRigOnly},
        WriteBlender},
-      {{"ros", "ROS: a camera_info file for each camera, without poses", LensNeed::kAny, !kInstant, !kOneSize, !kPictures,
+      {{"ros", "ROS: a camera_info file for each camera, without poses", LensNeed::kAny, !kTimeStep, !kOneSize, !kImages,
         kRigOnly},
        WriteRos},
   };
@@ -128,7 +127,7 @@ Json CameraJson(const View& view) {
 std::string ManifestText(const Take& take, const ExportReport& report, const std::string& masks_as) {
   Json json = {{"schema", "mvstudio.export/1"}, {"format", report.format},
                {"sequence", take.sequence},     {"frame_rate_hz", take.frame_rate_hz},
-               {"frames", take.frames},         {"pictures", report.pictures},
+               {"frames", take.frames},         {"pictures", report.images},
                {"masks", report.masks},         {"masks_as", masks_as},
                {"points", report.points},       {"cameras", Json::array()},
                {"files", report.files}};
@@ -139,21 +138,21 @@ std::string ManifestText(const Take& take, const ExportReport& report, const std
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-void RequireAny(const std::string& root, const dataset::MissingPictures& missing) {
+void RequireAny(const std::string& root, const dataset::MissingImages& missing) {
   int without = 0;
-  for (const auto& [camera, of] : missing.by_camera) without += static_cast<int>(of.no_picture.size());
+  for (const auto& [camera, of] : missing.by_camera) without += static_cast<int>(of.no_image.size());
   if (without > 0 && without == missing.asked())
     throw FormatError(root, "hdImgs", "holds none of the " + std::to_string(without) + " images of these cameras and frames");
 }
 
 void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportReport* report) {
-  if (!format.has_pictures || options.pictures == ExportPictures::kNone) return;
-  if (report->missing_pictures > 0) {
-    dataset::MissingPictures pictures = report->missing;
-    for (auto& [camera, of] : pictures.by_camera) of.no_mask.clear();
+  if (!format.has_images || options.images == ExportImages::kNone) return;
+  if (report->missing_images > 0) {
+    dataset::MissingImages images = report->missing;
+    for (auto& [camera, of] : images.by_camera) of.no_mask.clear();
     report->notes.push_back({"EXP-NO-PICTURE",
-                             std::to_string(report->missing_pictures) + " images are not in the dataset (" +
-                                 dataset::MissingCamerasText(pictures) + ")",
+                             std::to_string(report->missing_images) + " images are not in the dataset (" +
+                                 dataset::MissingCamerasText(images) + ")",
                              "`mvstudio dataset verify` counts them; option 'frames' and option 'cameras' leave them out"});
   }
   if (report->missing_masks > 0) {
@@ -181,20 +180,20 @@ void WriteOneFile(const Writer& writer, const Take& take, const std::string& roo
                   const ExportOptions& options, const RunContext& run, ExportReport* report) {
   const OutputFiles place({out}, {root, options.split});
   const std::string folder = std::filesystem::path(out).parent_path().string();
-  Pictures pictures(take, options, folder);
-  writer.write({take, pictures, options, run, folder, report, out});
+  Images images(take, options, folder);
+  writer.write({take, images, options, run, folder, report, out});
   FillFromTake(take, report);
 }
 
 }  // namespace
 
-std::string_view ToString(ExportPictures pictures) { return WordOf(kPictureWords, pictures); }
+std::string_view ToString(ExportImages images) { return WordOf(kImageWords, images); }
 std::string_view ToString(ExportUndistort undistort) { return WordOf(kUndistortWords, undistort); }
 std::string_view ToString(ExportNames names) { return WordOf(kNameWords, names); }
 std::string_view ToString(ExportMasks masks) { return WordOf(kMaskWords, masks); }
 
-void FromString(const std::string& text, ExportPictures* pictures) {
-  *pictures = KnownChoice(kPictureWords, text, "option 'pictures' " + text + ": must be one of link, copy, none");
+void FromString(const std::string& text, ExportImages* images) {
+  *images = KnownChoice(kImageWords, text, "option 'pictures' " + text + ": must be one of link, copy, none");
 }
 
 void FromString(const std::string& text, ExportUndistort* undistort) {
@@ -229,8 +228,8 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   ExportReport report;
   report.format = format;
   if (!IsDatasetFile(writer.info, out)) RequireFolderName(out);
-  if (writer.info.has_pictures && !dataset.root.empty()) dataset::RequireInView(dataset, true);
-  const std::string metres = dataset.root.empty() ? "" : dataset::MetresDoubt(dataset.rig);
+  if (writer.info.has_images && !dataset.root.empty()) dataset::RequireInView(dataset, true);
+  const std::string metres = dataset.root.empty() ? "" : dataset::MetresConflict(dataset.rig);
   if (!metres.empty())
     report.notes.push_back({"DAT-UNITS", metres, "the export has lengths of a hundredth: multiply t and joints by 100 first"});
   const Take take = PrepareTake(dataset, writer.info, options, &report);
@@ -239,11 +238,11 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
     return report;
   }
   AtomicFolder folder(out, options.overwrite, {dataset.root, options.split});
-  Pictures pictures(take, options, folder.work_path());
-  const Job job{take, pictures, options, run, folder.work_path(), &report};
+  Images images(take, options, folder.work_path());
+  const Job job{take, images, options, run, folder.work_path(), &report};
   NoteReaderLimits(job);
   writer.write(job);
-  pictures.Run(run, &report);
+  images.Run(run, &report);
   RequireAny(dataset.root, report.missing);
   NoteMissing(writer.info, options, &report);
   FillFromTake(take, &report);
@@ -263,11 +262,11 @@ ExportReport WriteRig(const geometry::Rig& rig, const std::string& format, const
   ExportReport report;
   report.format = format;
   ExportOptions options;
-  options.pictures = ExportPictures::kNone;
+  options.images = ExportImages::kNone;
   const Take take = TakeOfRig(rig, writer.info, path, &report);
-  Pictures pictures(take, options, path);
+  Images images(take, options, path);
   const bool one_file = IsRigFile(writer.info, path);
-  const Job job{take, pictures, options, {}, path, &report, one_file ? path : ""};
+  const Job job{take, images, options, {}, path, &report, one_file ? path : ""};
   NoteReaderLimits(job);
   writer.write(job);
   for (const View& view : take.views) report.cameras.push_back(view.info);

@@ -18,7 +18,7 @@
 /// Exports a dataset to formats of other programs. docs/exports.md describes their content and interpretation.
 namespace mvstudio::exports {
 
-enum class ExportPictures {
+enum class ExportImages {
   kLink,  ///< hard links; copies where the file system has none
   kCopy,
   kNone,  ///< cameras and joints only
@@ -40,18 +40,18 @@ enum class ExportMasks {
   kAlpha,   ///< the alpha channel of PNG images, which are black outside; no files
   kNone,
 };
-std::string_view ToString(ExportPictures pictures);    ///< "link", "copy", "none"
+std::string_view ToString(ExportImages images);        ///< "link", "copy", "none"
 std::string_view ToString(ExportUndistort undistort);  ///< "auto", "always", "never"
 std::string_view ToString(ExportNames names);          ///< "dataset", "studio"
 std::string_view ToString(ExportMasks masks);          ///< "folder", "alpha", "none"
 /// Throw UsageError.
-void FromString(const std::string& text, ExportPictures* pictures);
+void FromString(const std::string& text, ExportImages* images);
 void FromString(const std::string& text, ExportUndistort* undistort);
 void FromString(const std::string& text, ExportNames* names);
 void FromString(const std::string& text, ExportMasks* masks);
 
 struct ExportOptions {
-  ExportPictures pictures = ExportPictures::kCopy;
+  ExportImages images = ExportImages::kCopy;
   ExportUndistort undistort = ExportUndistort::kAuto;
   dataset::UndistortView undistort_view = dataset::UndistortView::kInside;
   ExportMasks masks = ExportMasks::kFolder;
@@ -70,7 +70,7 @@ struct ExportOptions {
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, ExportOptions& o) {
-  visit("pictures", o.pictures,
+  visit("pictures", o.images,
         "link: hard links, no space is taken (copies where the file system cannot); copy; none: cameras and joints only");
   visit("masks", o.masks,
         "folder: files of their own; alpha: the alpha channel of PNG images that are black outside (colmap, nerfstudio); none");
@@ -103,10 +103,10 @@ struct ExportReport {
   std::vector<ExportedCamera> cameras;
   std::vector<int> frames;
   int people = 0;  ///< different ids
-  int pictures = 0, masks = 0;
+  int images = 0, masks = 0;
   int points = 0;  ///< 3D points to start a reconstruction from, of all frames
-  int missing_pictures = 0, missing_masks = 0;
-  dataset::MissingPictures missing;                     ///< the same by camera of the dataset
+  int missing_images = 0, missing_masks = 0;
+  dataset::MissingImages missing;                       ///< the same by camera of the dataset
   int linked = 0;                                       ///< of the images and masks, those that use no disk space
   std::vector<std::string> files;                       ///< relative to the folder; without images and masks
   std::vector<std::pair<std::string, double>> figures;  ///< measured while writing: "bvh_rms_mm", "max_rounding_mm", …
@@ -119,9 +119,9 @@ enum class LensNeed { kAny, kBrown5, kBrown4, kPinhole };
 struct FormatInfo {
   std::string name, what;
   LensNeed lens = LensNeed::kAny;
-  bool one_instant = false;  ///< describes a single frame; several frames become one folder each
-  bool one_size = false;     ///< all images have the same size
-  bool has_pictures = false;
+  bool one_time_step = false;  ///< describes a single frame; several frames become one folder each
+  bool one_size = false;       ///< all images have the same size
+  bool has_images = false;
   bool rig_only = false;   ///< can be written from a calibration alone (WriteRig)
   bool has_alpha = false;  ///< its readers take masks from an alpha channel
   /// Ending of the one file that holds the cameras alone, and of the one that holds a dataset; empty: there are several.

@@ -27,8 +27,8 @@ void WriteHumman(const Job& job) {
   for (const int frame : take.frames) {
     for (size_t i = 0; i < take.views.size(); ++i) {
       const std::string stem = Numbered(Numbered("/kinect_", static_cast<int>(i), 3, "/"), frame, 6, "");
-      job.pictures.AddPicture(i, frame, "kinect_color" + stem, ".png");
-      job.pictures.AddMask(i, frame, "kinect_mask" + stem + ".png");
+      job.images.AddImage(i, frame, "kinect_color" + stem, ".png");
+      job.images.AddMask(i, frame, "kinect_mask" + stem + ".png");
     }
   }
 }

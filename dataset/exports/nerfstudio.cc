@@ -17,12 +17,12 @@ Json RowsJson(const Eigen::Matrix4d& matrix, int rows) {
   return json;
 }
 
-Json FrameJson(const View& view, const std::string& picture, const std::string& mask) {
+Json FrameJson(const View& view, const std::string& image, const std::string& mask) {
   const geometry::Camera& lens = view.camera.camera;
   const auto k = *Brown5Of(lens);
   Eigen::Matrix4d world_from_cam = ToMatrix(Inverse(view.camera.cam_from_world));
   world_from_cam.block<4, 2>(0, 1) *= -1;  // y up, z backward
-  return {{"file_path", picture},
+  return {{"file_path", image},
           {"w", lens.width_px},
           {"h", lens.height_px},
           {"fl_x", lens.fx()},
@@ -50,7 +50,7 @@ void CompleteMasks(const Job& job, const std::vector<size_t>& without_mask, cons
   }
 }
 
-void WriteInstant(const Job& job, int frame, const std::string& prefix) {
+void WriteTimeStep(const Job& job, int frame, const std::string& prefix) {
   Json json = {{"camera_model", "OPENCV"},
                {"orientation_override", "none"},
                {"applied_transform", RowsJson(Eigen::Matrix4d::Identity(), 3)}};
@@ -59,14 +59,14 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
   std::vector<size_t> without_mask;
   for (size_t i = 0; i < job.take.views.size(); ++i) {
     const View& view = job.take.views[i];
-    const std::string file = job.pictures.AddPicture(i, frame, prefix + "images/" + view.info.name);
+    const std::string file = job.images.AddImage(i, frame, prefix + "images/" + view.info.name);
     const std::string mask = "masks/" + view.info.name + ".png";
-    const bool has_mask = job.pictures.AddMask(i, frame, prefix + mask);
-    if (file.empty() && job.options.pictures != ExportPictures::kNone) continue;
+    const bool has_mask = job.images.AddMask(i, frame, prefix + mask);
+    if (file.empty() && job.options.images != ExportImages::kNone) continue;
     if (!has_mask) without_mask.push_back(i);
-    const std::string picture = file.empty() ? "images/" + view.info.name + ".jpg" : file.substr(prefix.size());
-    frames.push_back(FrameJson(view, picture, mask));
-    parts[view.info.part].push_back(picture);
+    const std::string image = file.empty() ? "images/" + view.info.name + ".jpg" : file.substr(prefix.size());
+    frames.push_back(FrameJson(view, image, mask));
+    parts[view.info.part].push_back(image);
   }
   CompleteMasks(job, without_mask, prefix, &frames);
   const std::vector<StartPoint> points = StartPoints(job, frame);
@@ -92,7 +92,7 @@ void WriteInstant(const Job& job, int frame, const std::string& prefix) {
 
 void WriteNerfstudio(const Job& job) {
   for (const int frame : job.take.frames) {
-    WriteInstant(job, frame, job.take.frames.size() > 1 ? Numbered("frame_", frame, 8, "/") : "");
+    WriteTimeStep(job, frame, job.take.frames.size() > 1 ? Numbered("frame_", frame, 8, "/") : "");
   }
 }
 

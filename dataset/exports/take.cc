@@ -62,7 +62,7 @@ std::vector<int> ChooseFrames(const dataset::PanopticDataset& dataset, const For
     for (const auto* part : {&split->validation, &split->test}) used.insert(part->frames.begin(), part->frames.end());
     chosen.assign(used.begin(), used.end());
   }
-  if (format.one_instant && !options.all_frames && chosen.size() > 1) {
+  if (format.one_time_step && !options.all_frames && chosen.size() > 1) {
     report->notes.push_back({"EXP-ONE-FRAME",
                              format.name + " describes one time step: frame " + std::to_string(chosen[0]) + " of " +
                                  std::to_string(chosen.size()) + " was taken",
@@ -116,7 +116,7 @@ void RequireMasksFit(const FormatInfo& format, const ExportOptions& options) {
   if (options.masks != ExportMasks::kAlpha) return;
   if (!format.has_alpha)
     throw UsageError("option 'masks' alpha: readers of " + format.name + " take no alpha channel; colmap and nerfstudio do");
-  if (options.pictures == ExportPictures::kNone)
+  if (options.images == ExportImages::kNone)
     throw UsageError("option 'masks' alpha needs images: leave out option 'pictures' none");
 }
 

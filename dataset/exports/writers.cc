@@ -110,9 +110,9 @@ std::vector<StartPoint> StartPoints(const Job& job, int frame) {
   options.frames = 1;
   options.points = job.options.hull_points;
   options.min_overlap = 1;
-  const auto picture = [&](int camera, int f) { return job.pictures.LoadPicture(static_cast<size_t>(camera), f); };
-  const auto mask = [&](int camera, int f) { return job.pictures.LoadMask(static_cast<size_t>(camera), f); };
-  const auto samples = dataset::SampleSurfaceColours(RigOf(job.take, AllViews(job.take)), {{frame, people}}, picture, mask,
+  const auto image = [&](int camera, int f) { return job.images.LoadImage(static_cast<size_t>(camera), f); };
+  const auto mask = [&](int camera, int f) { return job.images.LoadMask(static_cast<size_t>(camera), f); };
+  const auto samples = dataset::SampleSurfaceColours(RigOf(job.take, AllViews(job.take)), {{frame, people}}, image, mask,
                                                      options, {nullptr, job.run.num_threads, job.run.seed});
   std::vector<StartPoint> points;
   for (const dataset::ColourPoint& point : samples) points.push_back(Coloured(point));

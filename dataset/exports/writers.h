@@ -3,17 +3,17 @@
 #include <string>
 #include <vector>
 
-#include "dataset/exports/pictures.h"
+#include "dataset/exports/images.h"
 #include "dataset/exports/ply.h"
 #include "dataset/exports/take.h"
 
 /// One function per format; included by this module's .cc files only. Each writes its own files below the job's folder and
-/// lists images and masks with `pictures`.
+/// lists images and masks with `images`.
 namespace mvstudio::exports {
 
 struct Job {
   const Take& take;
-  Pictures& pictures;
+  Images& images;
   const ExportOptions& options;
   const RunContext& run;
   std::string folder;

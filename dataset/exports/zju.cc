@@ -47,10 +47,10 @@ void WriteZju(const Job& job) {
     std::vector<PyValue> paths;
     for (size_t i = 0; i < job.take.views.size(); ++i) {
       const std::string stem = Numbered(job.take.views[i].info.name + "/", frame, 6, "");
-      std::string file = job.pictures.AddPicture(i, frame, stem);
+      std::string file = job.images.AddImage(i, frame, stem);
       if (file.empty()) file = stem + ".jpg";
       paths.push_back(PyValue::Text(file));
-      if (job.pictures.AddMask(i, frame, "mask/" + stem + ".png")) job.pictures.AlsoTo("mask_cihp/" + stem + ".png");
+      if (job.images.AddMask(i, frame, "mask/" + stem + ".png")) job.images.AlsoTo("mask_cihp/" + stem + ".png");
     }
     frames.push_back(PyValue::Dict({{"ims", PyValue::List(paths)}}));
   }

@@ -30,12 +30,12 @@ bool HasImageExtension(const std::string& path) {
   return false;
 }
 
-ImageHeader Unturned(ImageHeader header) {
-  header.turn = PictureTurn();
+ImageHeader Unrotated(ImageHeader header) {
+  header.turn = ImageTurn();
   return header;
 }
 
-Notice TurnNote(const PictureTurn& turn) {
+Notice TurnNote(const ImageTurn& turn) {
   return {"SES-ROTATED", "the file asks for " + ToText(turn) + "; it is applied",
           "the calibration must be of footage turned the same way"};
 }
@@ -118,7 +118,7 @@ class ImageFolderSource : public FrameSource {
     if (files.images.by_other_place && !options.quiet)
       Log(LogLevel::kWarning,
           path_ + ": the last number in the names is the same in all or several; an earlier one is the frame");
-    as_stored_ = options.sensor_if_turned_unlike && TurnedUnlike();
+    as_stored_ = options.sensor_if_rotated_unlike && RotatedUnlike();
     if (as_stored_ && !options.quiet)
       Log(LogLevel::kWarning, path_ + ": EXIF turns these images unlike; they are used as the sensor stored them");
   }
@@ -136,9 +136,9 @@ class ImageFolderSource : public FrameSource {
     return std::nullopt;
   }
 
-  Image Picture() override {
+  Image FullImage() override {
     MVS_CHECK(next_ > 0, path_ << ": no frame was read");
-    return picture_.empty() ? Read(next_ - 1) : std::move(picture_);
+    return image_.empty() ? Read(next_ - 1) : std::move(image_);
   }
   Image Thumbnail(int max_side) override { return Reduced(ReadImage(files_[next_ - 1], true, as_stored_), max_side); }
   std::pair<int, int> size_px() const override { return size_px_; }
@@ -161,8 +161,8 @@ class ImageFolderSource : public FrameSource {
   /// Whether the next file is to be returned. To know that it is sound it must be decoded.
   bool Look(const std::string& label) {
     try {
-      picture_ = Image();
-      if (options_.keep_undamaged) picture_ = Read(next_);
+      image_ = Image();
+      if (options_.keep_undamaged) image_ = Read(next_);
       CheckHeader(ReadImageHeader(files_[next_]));
       return true;
     } catch (const FormatError& error) {
@@ -172,11 +172,11 @@ class ImageFolderSource : public FrameSource {
     }
   }
 
-  bool TurnedUnlike() const {
-    std::optional<PictureTurn> first;
+  bool RotatedUnlike() const {
+    std::optional<ImageTurn> first;
     for (const std::string& file : files_) {
       try {
-        const PictureTurn turn = ReadImageHeader(file).turn;
+        const ImageTurn turn = ReadImageHeader(file).turn;
         if (!(turn == first.value_or(turn))) return true;
         first = turn;
       } catch (const Error&) {  // reading it says why
@@ -187,8 +187,8 @@ class ImageFolderSource : public FrameSource {
 
   /// One camera's images have one frame of pixels.
   void CheckHeader(const ImageHeader& header) {
-    if (!turn_ && !options_.quiet) LogNotes(path_, NotesOn(as_stored_ ? Unturned(header) : header, options_.stretch));
-    const PictureTurn first = turn_.value_or(header.turn);
+    if (!turn_ && !options_.quiet) LogNotes(path_, NotesOn(as_stored_ ? Unrotated(header) : header, options_.stretch));
+    const ImageTurn first = turn_.value_or(header.turn);
     if (!as_stored_ && !(header.turn == first)) {
       throw FormatError(files_[next_], "EXIF",
                         "asks for " + (header.turn.any() ? ToText(header.turn) : "no turn") + ", the images before it for " +
@@ -205,9 +205,9 @@ class ImageFolderSource : public FrameSource {
   std::vector<int64_t> numbers_;  ///< of the files
   FrameOptions options_;
   std::vector<std::string> damage_;
-  std::optional<PictureTurn> turn_;  ///< of the last image
+  std::optional<ImageTurn> turn_;  ///< of the last image
   bool as_stored_ = false, told_levels_ = false;
-  Image picture_;
+  Image image_;
   std::pair<int, int> size_px_{0, 0};
   size_t next_ = 0;
 };
@@ -250,7 +250,7 @@ class VideoSource : public FrameSource {
     frame.time_s = clock_.Place(reader_->time_s());
     return frame;
   }
-  Image Picture() override { return reader_->Picture(); }
+  Image FullImage() override { return reader_->FullImage(); }
   Image Thumbnail(int max_side) override { return reader_->Thumbnail(max_side); }
   std::pair<int, int> size_px() const override { return {reader_->info().width, reader_->info().height}; }
   int64_t num_frames() const override { return num_frames_; }
@@ -304,7 +304,7 @@ void FindGaps(const std::vector<int64_t>& numbers, FootageInfo* info) {
   }
 }
 
-void DescribePictures(const std::vector<int64_t>& numbers, FootageInfo* info) {
+void DescribeImageFiles(const std::vector<int64_t>& numbers, FootageInfo* info) {
   const ImageHeader header = ReadImageHeader(info->files[0]);
   info->width = static_cast<int>(header.width), info->height = static_cast<int>(header.height);
   info->codec = header.codec;
@@ -368,7 +368,7 @@ FootageInfo DescribeFootage(const std::string& path_or_pattern) {
   info.is_video = files.is_video;
   info.files = std::move(files.paths);
   if (!info.is_video) {
-    DescribePictures(files.images.numbers, &info);
+    DescribeImageFiles(files.images.numbers, &info);
     return info;
   }
   const VideoInfo video = VideoReader(info.files[0]).info();

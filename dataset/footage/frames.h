@@ -10,7 +10,7 @@
 #include "core/image.h"
 #include "core/notice.h"
 #include "dataset/footage/frame_numbers.h"
-#include "dataset/footage/picture_turn.h"
+#include "dataset/footage/image_turn.h"
 
 namespace mvstudio::dataset {
 
@@ -28,12 +28,12 @@ class FrameSource {
   };
   std::optional<Frame> Next() {
     std::optional<Frame> frame = Advance();
-    if (frame) frame->rgb = Picture();
+    if (frame) frame->rgb = FullImage();
     return frame;
   }
-  /// Next in two steps, when not every image is needed: `rgb` stays empty until Picture is called.
+  /// Next in two steps, when not every image is needed: `rgb` stays empty until FullImage is called.
   virtual std::optional<Frame> Advance() = 0;
-  virtual Image Picture() = 0;
+  virtual Image FullImage() = 0;
   /// Grey, reduced so that the longer side is `max_side`; sufficient to detect motion.
   virtual Image Thumbnail(int max_side) = 0;
   /// Size of the frame that Advance returned.
@@ -48,7 +48,7 @@ struct FrameOptions {
   bool keep_undamaged = false;  ///< skip damaged frames and images instead of throwing; Damage() lists them
   /// Images that are not all turned alike (EXIF) come as the sensor stored them, instead of a FormatError: a lens belongs to
   /// the sensor, however the camera was held.
-  bool sensor_if_turned_unlike = false;
+  bool sensor_if_rotated_unlike = false;
   /// Images of more than 8 bits that fill a small part of their range are stretched over it, each by itself, see
   /// StretchedTo8Bits: for what looks for edges, not for what measures brightness.
   bool stretch = false;
@@ -83,7 +83,7 @@ struct FootageInfo {
   int64_t num_frames = 0;     ///< 0: unknown
   std::string codec;          ///< "h264", "png"
   int bits = 8;
-  PictureTurn turn;                               ///< that the file asks for; it is applied
+  ImageTurn turn;                                 ///< that the file asks for; it is applied
   std::vector<Notice> notes;                      ///< turn, opacity, 16 bits, pixels that are not square, interlacing
   std::optional<double> time_code_s;              ///< as in VideoInfo, of the first file
   std::vector<std::string> files;                 ///< images in order; the files of the video

@@ -191,7 +191,7 @@ ImageHeader ReadImageHeader(const std::string& path) {
 Image ReadImage(const std::string& path, bool grey, bool as_stored) {
   Decoded file = Decode(path, grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR);
   if (!grey) cv::cvtColor(file.mat, file.mat, cv::COLOR_BGR2RGB);
-  return as_stored ? FromMat(file.mat) : Turned(FromMat(file.mat), file.header.turn);
+  return as_stored ? FromMat(file.mat) : Rotated(FromMat(file.mat), file.header.turn);
 }
 
 StretchedImage ReadImageStretched(const std::string& path, bool as_stored) {
@@ -212,7 +212,7 @@ StretchedImage ReadImageStretched(const std::string& path, bool as_stored) {
     result.levels = static_cast<int>(std::min(high - low + 1, 65536.0)), result.of_levels = 65536;
   }
   cv::cvtColor(eight, eight, cv::COLOR_BGR2RGB);
-  result.rgb = as_stored ? FromMat(eight) : Turned(FromMat(eight), file.header.turn);
+  result.rgb = as_stored ? FromMat(eight) : Rotated(FromMat(eight), file.header.turn);
   return result;
 }
 
@@ -222,7 +222,7 @@ Image ReadImageWithAlpha(const std::string& path) {
   cv::Mat mat = file.mat;
   if (mat.depth() == CV_16U) mat.convertTo(mat, CV_8U, 1.0 / 257);
   cv::cvtColor(mat, mat, cv::COLOR_BGRA2RGBA);
-  return Turned(FromMat(mat), file.header.turn);
+  return Rotated(FromMat(mat), file.header.turn);
 }
 
 RawImage ReadRawImage(const std::string& path) {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/image.h"
-#include "dataset/footage/picture_turn.h"
+#include "dataset/footage/image_turn.h"
 
 namespace mvstudio::dataset {
 
@@ -17,7 +17,7 @@ struct ImageHeader {
   int64_t width = 0, height = 0;  ///< as shown, after `turn`
   int channels = 0, bits = 0;
   std::string codec;  ///< "png", "jpeg", "tiff", "webp", "bmp", "pnm"
-  PictureTurn turn;   ///< that EXIF or TIFF asks for
+  ImageTurn turn;     ///< that EXIF or TIFF asks for
 };
 /// Properties of an image from its header; the pixels are not read. Throws IoError / FormatError.
 ImageHeader ReadImageHeader(const std::string& path);

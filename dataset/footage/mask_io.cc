@@ -15,7 +15,7 @@ namespace mvstudio::dataset {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr char kPicture[] = "is a picture of many shades, not a mask: 255 must be the person and 0 the background";
+constexpr char kImage[] = "is a picture of many shades, not a mask: 255 must be the person and 0 the background";
 constexpr size_t kMostFiles = 48;          // looked at to decide
 constexpr size_t kMostLabels = 64;         // parts of a body; more numbers are shades
 constexpr double kHigh = 0.9, kLow = 0.1;  // of the largest number: what is person or background up to the losses of JPEG
@@ -99,7 +99,7 @@ Kind KindOf(const std::map<int, size_t>& counts, Look* look) {
     return Kind::kUnclear;
   }
   if (middle > 0.5 * (middle + high) && middle >= 1000) {
-    look->why = kPicture;
+    look->why = kImage;
     return Kind::kUnclear;
   }
   return Kind::kSoft;
@@ -122,7 +122,7 @@ Look LookAt(const Plane& plane) {
   const bool shades =
       look.kind == Kind::kSoft && look.numbers > kMostLabels;  // as of a photograph on white, cut at its lower edge
   look.inverted = LooksInverted(plane, look.share, shades ? 0.6 : kHigh);
-  if (plane.colourful) look.kind = Kind::kUnclear, look.why = kPicture;
+  if (plane.colourful) look.kind = Kind::kUnclear, look.why = kImage;
   if (look.kind == Kind::kLabels) {
     for (const auto& [value, n] : counts) look.labels.push_back(value);
   }
@@ -214,7 +214,7 @@ void CheckBackground(const std::vector<Seen>& seen, MaskMeaning* meaning) {
   }
   if (people == 0) return;
   const Seen& first = *std::find_if(seen.begin(), seen.end(), [](const Seen& s) { return s.look.kind != Kind::kNobody; });
-  if (everywhere == people && meaning->form == MaskMeaning::Form::kSoft) throw FormatError(first.path, "values", kPicture);
+  if (everywhere == people && meaning->form == MaskMeaning::Form::kSoft) throw FormatError(first.path, "values", kImage);
   if (everywhere == people && meaning->form == MaskMeaning::Form::kLabels)
     throw FormatError(first.path, "values", "no pixel is 0, in none of the masks: 0 must be the background");
   if (2 * meaning->inverted.size() > people)

@@ -33,9 +33,9 @@ namespace {
                         "; only quarter turns and mirrors are applied: write the video anew as it is to be shown");
 }
 
-PictureTurn TurnOf(const AVStream& stream, const std::string& path) {
+ImageTurn TurnOf(const AVStream& stream, const std::string& path) {
   const uint8_t* matrix = av_stream_get_side_data(&stream, AV_PKT_DATA_DISPLAYMATRIX, nullptr);
-  return matrix ? TurnOfMatrix(reinterpret_cast<const int32_t*>(matrix), path) : PictureTurn{};
+  return matrix ? TurnOfMatrix(reinterpret_cast<const int32_t*>(matrix), path) : ImageTurn{};
 }
 
 double PixelAspect(const AVStream& stream) {
@@ -124,14 +124,14 @@ void CheckClock(const std::string& path, AVFormatContext* format, AVStream* stre
 
 }  // namespace
 
-PictureTurn TurnOfMatrix(const int32_t* m, const std::string& path) {
+ImageTurn TurnOfMatrix(const int32_t* m, const std::string& path) {
   const double a = m[0], b = m[1], c = m[3], d = m[4];
   if (a == 0 && b == 0 && c == 0 && d == 0) return {};  // writers that leave it empty
   const double small = 1e-3 * std::max({std::abs(a), std::abs(b), std::abs(c), std::abs(d)});
   const auto zero = [&](double value) { return std::abs(value) <= small; };
   const bool straight = zero(b) && zero(c) && !zero(a) && !zero(d), crossed = zero(a) && zero(d) && !zero(b) && !zero(c);
   if ((!straight && !crossed) || m[2] != 0 || m[5] != 0) RefuseMatrix(m, path);
-  PictureTurn turn;
+  ImageTurn turn;
   turn.mirrored = a * d - b * c < 0;
   const double right = turn.mirrored ? -1 : 1;  // where the image's right goes once it is mirrored
   turn.quarter_turns_clockwise = straight ? (a * right > 0 ? 0 : 2) : (b * right > 0 ? 1 : 3);

@@ -51,7 +51,7 @@ class VideoFile {
 
 /// The turn of a display matrix [a b u; c d v; x y w] (ISO 14496-12), which shows (x, y) at (a x + c y, b x + d y). Throws
 /// FormatError unless it is made of quarter turns, a mirror and a scale.
-PictureTurn TurnOfMatrix(const int32_t* m, const std::string& path);
+ImageTurn TurnOfMatrix(const int32_t* m, const std::string& path);
 
 /// Result of a first pass over the packets.
 struct PacketScan {

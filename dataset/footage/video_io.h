@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/image.h"
-#include "dataset/footage/picture_turn.h"
+#include "dataset/footage/image_turn.h"
 
 namespace mvstudio::dataset {
 
@@ -19,7 +19,7 @@ struct VideoInfo {
   std::string codec;
   std::string pixel_format;  ///< libav's name, "yuv420p10le"
   int bits = 8;              ///< per colour sample
-  PictureTurn turn;          ///< that the container asks for; Picture() applies it
+  ImageTurn turn;            ///< that the container asks for; FullImage() applies it
   double pixel_aspect = 1;   ///< width to height of a pixel, by the metadata; not applied
   bool interlaced = false;   ///< by the container; a frame then shows two moments
   /// Time of day of the first frame, seconds, by the file's time code (SMPTE ST 12), which counts whole frames.
@@ -54,7 +54,7 @@ class VideoReader {
   std::optional<Image> Next();
   /// Next in two steps, when not every image is needed: decodes a frame (false at the end), then converts it to an image.
   bool Advance();
-  Image Picture();
+  Image FullImage();
   /// Grey image of the current frame, reduced by averaging so that its longer side is `max_side`; not rotated. Fast.
   Image Thumbnail(int max_side);
   /// Presentation time of the last frame returned, seconds, as in the file (edit lists applied). For frames without a time

@@ -283,7 +283,7 @@ void VideoReader::Impl::ListMissing() {
 void VideoReader::Impl::CheckTurn() const {
   const AVFrameSideData* const matrix = av_frame_get_side_data(frame.get(), AV_FRAME_DATA_DISPLAYMATRIX);
   if (!matrix) return;
-  const PictureTurn turn = internal::TurnOfMatrix(reinterpret_cast<const int32_t*>(matrix->data), path);
+  const ImageTurn turn = internal::TurnOfMatrix(reinterpret_cast<const int32_t*>(matrix->data), path);
   if (turn == info.turn) return;
   throw FormatError(path, "frame " + std::to_string(frame_idx),
                     "asks for " + ToText(turn) + ", its container for " + (info.turn.any() ? ToText(info.turn) : "none") +
@@ -306,7 +306,7 @@ Image VideoReader::Impl::Convert() {
   Image image(frame->width, frame->height, 3);
   for (int y = 0; y < image.height; ++y)
     std::copy_n(planes[0] + int64_t{y} * strides[0], size_t{3} * image.width, image.Pixel(0, y));
-  return Turned(std::move(image), info.turn);
+  return Rotated(std::move(image), info.turn);
 }
 
 VideoReader::VideoReader(const std::string& path, const VideoOptions& options) : impl_(std::make_unique<Impl>(path, options)) {
@@ -337,7 +337,7 @@ bool VideoReader::Advance() {
   return false;
 }
 
-Image VideoReader::Picture() {
+Image VideoReader::FullImage() {
   MVS_CHECK(impl_->frame && impl_->frame_idx >= 0, impl_->path << ": no frame was decoded");
   return impl_->Convert();
 }
@@ -363,7 +363,7 @@ Image VideoReader::Thumbnail(int max_side) {
 
 std::optional<Image> VideoReader::Next() {
   if (!Advance()) return std::nullopt;
-  return Picture();
+  return FullImage();
 }
 
 }  // namespace mvstudio::dataset

@@ -15,9 +15,9 @@ PanopticSyncTables ReadTables(const std::string& path, Findings* findings) {
   }
 }
 
-/// The times that the joints state, with those of the table for the other frames. `trust_habit`: take the usual shift when
+/// The times that the joints state, with those of the table for the other frames. `trust_prior`: take the usual shift when
 /// there are no joints to measure it by.
-std::map<int, double> WithTable(std::map<int, double> known_ms, const PanopticSyncTrack* track, bool trust_habit,
+std::map<int, double> WithTable(std::map<int, double> known_ms, const PanopticSyncTrack* track, bool trust_prior,
                                 const std::string& path, Findings* findings) {
   if (!track) return known_ms;
   const PanopticTableMatch match = MatchPanopticTable(known_ms, *track);
@@ -25,7 +25,7 @@ std::map<int, double> WithTable(std::map<int, double> known_ms, const PanopticSy
     findings->Warning("DAT-SYNC", path,
                       track->place.back() + ": its times and those of the joints differ by " + NumberText(match.residual_ms) +
                           " ms; the joints' are taken");
-  } else if (match.compared > 0 || trust_habit) {
+  } else if (match.compared > 0 || trust_prior) {
     AddTable(*track, match, &known_ms);
   }
   return known_ms;

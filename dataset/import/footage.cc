@@ -32,19 +32,19 @@ void Link(const fs::path& from, const fs::path& to) {
   MakeSymbolicLink(target.string(), to.string());
 }
 
-std::string PictureName(const std::string& camera, int64_t frame) {
+std::string ImageName(const std::string& camera, int64_t frame) {
   return camera + Format("_%08lld.jpg", static_cast<long long>(frame));
 }
 
 /// Images that cannot be told to be images are left out of copies; a linked folder is taken as it is.
-void ImportPictures(const ImportJob& job, const geometry::Camera& camera, const PanopticFootage& footage,
-                    ImportedFootage* imported, Findings* findings) {
+void ImportImages(const ImportJob& job, const geometry::Camera& camera, const PanopticFootage& footage,
+                  ImportedFootage* imported, Findings* findings) {
   const fs::path from = footage.path, to = fs::path(job.work) / imported->path;
-  const bool link = job.options.pictures == ImportPictures::kLink;
+  const bool link = job.options.images == ImportImages::kLink;
   const bool hd = from.parent_path().filename() == "hdImgs";
   bool first = true;
   if (!link) MakeFolder(to.string());
-  for (const auto& [number, name] : footage.pictures) {
+  for (const auto& [number, name] : footage.images) {
     if (!link && hd && !job.range.Has(number)) continue;
     const fs::path path = from / name;
     try {
@@ -53,7 +53,7 @@ void ImportPictures(const ImportJob& job, const geometry::Camera& camera, const 
         if (first) CheckSize(camera, header.width, header.height, path.string(), findings);
         first = false;
       }
-      if (!link) CopyOne(path, to / name), ++imported->pictures;
+      if (!link) CopyOne(path, to / name), ++imported->images;
       imported->frames.push_back(number);
     } catch (const FormatError& error) {
       findings->Error("DAT-IMAGE", path.string(), WithoutPath(error));
@@ -75,9 +75,9 @@ void DecodeVideo(const ImportJob& job, const geometry::Camera& camera, const Pan
     const auto frame = static_cast<int>(reader.frame_idx());
     if (hd && frame > job.range.last) break;
     if (hd && !job.range.Has(frame)) continue;
-    WriteImage(reader.Picture(), (to / PictureName(camera.name, frame)).string(), job.options.quality);
+    WriteImage(reader.FullImage(), (to / ImageName(camera.name, frame)).string(), job.options.quality);
     imported->frames.push_back(frame);
-    ++imported->pictures;
+    ++imported->images;
   }
   const VideoDamage& damage = reader.damage();
   if (damage.any()) {
@@ -89,7 +89,7 @@ void DecodeVideo(const ImportJob& job, const geometry::Camera& camera, const Pan
 
 void ImportVideo(const ImportJob& job, const geometry::Camera& camera, const PanopticFootage& footage,
                  ImportedFootage* imported, Findings* findings) {
-  if (job.options.pictures == ImportPictures::kDecode) return DecodeVideo(job, camera, footage, imported, findings);
+  if (job.options.images == ImportImages::kDecode) return DecodeVideo(job, camera, footage, imported, findings);
   imported->path += fs::path(footage.path).extension().string();
   const VideoInfo info = VideoReader(footage.path).info();
   CheckSize(camera, info.width, info.height, footage.path, findings);
@@ -97,7 +97,7 @@ void ImportVideo(const ImportJob& job, const geometry::Camera& camera, const Pan
   for (size_t i = 0; i < times.time_s.size(); ++i) imported->frames.push_back(static_cast<int>(i));
   if (!times.cut_short.empty()) findings->Error("DAT-VIDEO", footage.path, "is cut short: " + times.cut_short);
   const fs::path to = fs::path(job.work) / imported->path;
-  if (job.options.pictures == ImportPictures::kLink) return Link(footage.path, to);
+  if (job.options.images == ImportImages::kLink) return Link(footage.path, to);
   MakeFolder(to.parent_path().string());
   CopyOne(footage.path, to);
 }
@@ -109,7 +109,7 @@ void ImportMasks(const ImportJob& job, const std::string& camera, const std::str
   if (!fs::is_directory(from, error) ||
       (!job.options.follow_links && (fs::is_symlink(from) || fs::is_symlink(from.parent_path()))))
     return;
-  if (job.options.pictures == ImportPictures::kLink) return Link(from, to);
+  if (job.options.images == ImportImages::kLink) return Link(from, to);
   MakeFolder(to.string());
   for (const std::string& path : FilesIn(from.string())) {
     const std::string stem = fs::path(path).stem().string();
@@ -137,7 +137,7 @@ ImportedFootage ImportFootage(const ImportJob& job, const geometry::RigCamera& r
     if (footage.is_video) {
       ImportVideo(job, camera, footage, &imported, findings);
     } else {
-      ImportPictures(job, camera, footage, &imported, findings);
+      ImportImages(job, camera, footage, &imported, findings);
     }
   } catch (const FormatError& error) {
     findings->Error("DAT-VIDEO", error.path(), WithoutPath(error));

@@ -38,7 +38,7 @@ std::map<int, double> ImportJoints(ImportJob* job, const PanopticFrames& scenes,
 struct ImportedFootage {
   std::string camera, path;  ///< relative to the session; empty: unreadable
   std::vector<int> frames;   ///< numbers as in the session's footage
-  int64_t pictures = 0;      ///< copied or decoded
+  int64_t images = 0;        ///< copied or decoded
 };
 /// Links, copies or decodes the footage and masks of a camera; reports unreadable files in `findings`.
 ImportedFootage ImportFootage(const ImportJob& job, const geometry::RigCamera& camera, const std::string& take,

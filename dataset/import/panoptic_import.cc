@@ -208,8 +208,8 @@ void WriteSessionFile(const ImportJob& job, std::vector<SessionTake> takes) {
   WriteSession(session);
 }
 
-constexpr ChoiceWords<ImportPictures, 3> kImportPictures = {
-    {{ImportPictures::kLink, "link"}, {ImportPictures::kCopy, "copy"}, {ImportPictures::kDecode, "decode"}}};
+constexpr ChoiceWords<ImportImages, 3> kImportImages = {
+    {{ImportImages::kLink, "link"}, {ImportImages::kCopy, "copy"}, {ImportImages::kDecode, "decode"}}};
 
 void CheckOptions(const std::string& root, const PanopticImportOptions& options) {
   if (options.quality < 1 || options.quality > 100) throw UsageError("option 'quality' must be 1 to 100");
@@ -310,10 +310,10 @@ FrameRange ParseFrameRange(const std::string& text) {
 
 }  // namespace internal
 
-std::string_view ToString(ImportPictures pictures) { return WordOf(kImportPictures, pictures); }
+std::string_view ToString(ImportImages images) { return WordOf(kImportImages, images); }
 
-void FromString(const std::string& text, ImportPictures* pictures) {
-  *pictures = KnownChoice(kImportPictures, text, "option 'pictures' is link, copy or decode, not " + internal::Quoted(text));
+void FromString(const std::string& text, ImportImages* images) {
+  *images = KnownChoice(kImportImages, text, "option 'pictures' is link, copy or decode, not " + internal::Quoted(text));
 }
 
 PanopticImportReport ImportPanoptic(const std::string& root, const std::string& session_folder,
@@ -331,7 +331,7 @@ PanopticImportReport ImportPanoptic(const std::string& root, const std::string& 
   const TakeMaker takes(&job, clocks);
   ImportVgaJoints(&job, takes, without_hd);
   const std::vector<ImportedFootage> footage = ImportAllFootage(&job, takes);
-  for (const ImportedFootage& f : footage) report.pictures += f.pictures, report.cameras_with_footage += !f.path.empty();
+  for (const ImportedFootage& f : footage) report.images += f.images, report.cameras_with_footage += !f.path.empty();
   std::vector<SessionTake> session_takes = takes.Make(footage);
   for (const SessionTake& take : session_takes) report.takes.push_back(take.name);
   if (const auto hd = clocks.find("hd"); hd != clocks.end()) {
@@ -342,7 +342,7 @@ PanopticImportReport ImportPanoptic(const std::string& root, const std::string& 
   KeepFile(job, job.sequence.calibration, internal::kMaxCalibrationBytes);
   KeepFile(job, job.sequence.sync, internal::kMaxSyncBytes);
   KeepFile(job, job.sequence.kinect_sync, internal::kMaxSyncBytes);
-  if (options.pictures == ImportPictures::kLink && !session_takes.empty()) {
+  if (options.images == ImportImages::kLink && !session_takes.empty()) {
     job.findings.Warning(
         "DAT-OUTSIDE", session_folder,
         "its footage is symbolic links to " + root +

@@ -10,19 +10,19 @@
 
 namespace mvstudio::dataset {
 
-enum class ImportPictures {
+enum class ImportImages {
   kLink,  ///< the session refers to the footage where it lies
   kCopy,
   kDecode,  ///< copies images, turns videos into images
 };
-std::string_view ToString(ImportPictures pictures);  ///< "link", "copy", "decode"
+std::string_view ToString(ImportImages images);  ///< "link", "copy", "decode"
 /// Throws UsageError.
-void FromString(const std::string& text, ImportPictures* pictures);
+void FromString(const std::string& text, ImportImages* images);
 
 struct PanopticImportOptions {
   std::string cameras;
   std::string frames;
-  ImportPictures pictures = ImportPictures::kLink;
+  ImportImages images = ImportImages::kLink;
   std::string take;
   int quality = 95;
   bool follow_links = false;
@@ -34,7 +34,7 @@ void VisitFields(Visitor&& visit, PanopticImportOptions& o) {
   visit("cameras", o.cameras,
         "hd, vga, kinect and names such as 00_03, separated by commas; empty: those with footage, all when none has any");
   visit("frames", o.frames, "joints, faces, hands and images of these HD frames only, e.g. 245-1200; empty: all");
-  visit("pictures", o.pictures,
+  visit("pictures", o.images,
         "link: refer to the footage where it lies; copy: copy it; decode: copy images and turn videos into images");
   visit("take", o.take, "name of the take; empty: that of the sequence");
   visit("quality", o.quality, "JPEG quality of decoded images");
@@ -50,7 +50,7 @@ struct PanopticImportReport {
   int most_people = 0;
   int64_t joints = 0;             ///< with a position
   int faces = 0, hands = 0;       ///< files kept
-  int64_t pictures = 0;           ///< copied or decoded
+  int64_t images = 0;             ///< copied or decoded
   double worst_clock_ms = 0;      ///< largest distance of a frame's time from the clock's line
   std::vector<Finding> findings;  ///< errors: cameras and frames that were left out
 };

@@ -74,13 +74,13 @@ class Continuity {
   void FollowArm(size_t first, RawAngles* raw) const {
     double* v = raw->rad.data() + first;
     const double other[3] = {v[0] + kPi, kPi - v[1], v[2] + kPi};
-    double as_is = 0, turned = 0;
+    double as_is = 0, rotated = 0;
     for (size_t k = 0; k < 3; ++k) {
       const double last = last_[first + k];
       if (!std::isfinite(v[k]) || !std::isfinite(last)) continue;
-      as_is += std::abs(Near(v[k], last) - last), turned += std::abs(Near(other[k], last) - last);
+      as_is += std::abs(Near(v[k], last) - last), rotated += std::abs(Near(other[k], last) - last);
     }
-    if (turned < as_is) std::copy(other, other + 3, v);
+    if (rotated < as_is) std::copy(other, other + 3, v);
   }
 
   std::vector<double> last_;

@@ -16,7 +16,7 @@ namespace {
 
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
-/// Calls `use(position, number, picture)` for every frame; they must have one size and rising numbers. With `damage`, frames
+/// Calls `use(position, number, image)` for every frame; they must have one size and rising numbers. With `damage`, frames
 /// that do not decode are left out, and it gets a line for them. With `only`, `use` gets those frames alone.
 template <class Use>
 int EachFrame(const std::string& path, const Use& use, std::vector<std::string>* damage = nullptr,
@@ -139,9 +139,9 @@ void Flicker::Add(const Image& rgb_before, const Image& mask_before, const Image
   cv::split(step, channels);
   cv::max(channels[0], channels[1], step), cv::max(step, channels[2], step);
   cv::dilate(step, step, cv::Mat());
-  const cv::Mat same = step <= kSame, turned = internal::View(mask) != internal::View(mask_before);
+  const cv::Mat same = step <= kSame, rotated = internal::View(mask) != internal::View(mask_before);
   unmoving_px += cv::countNonZero(same);
-  changed_px += cv::countNonZero(same & turned);
+  changed_px += cv::countNonZero(same & rotated);
 }
 
 TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
@@ -160,20 +160,20 @@ TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const
     const Image room = possible ? possible(number) : Image();
     if (!probability.empty()) hints.probability = &probability;
     if (!room.empty()) hints.possible = &room;
-    if (take.pictures > 0) hints.previous_rgb = &previous_rgb, hints.previous_mask = &previous_mask;
+    if (take.images > 0) hints.previous_rgb = &previous_rgb, hints.previous_mask = &previous_mask;
     BodyMask mask = SegmentPeople(rgb, hints, model, options);
     seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (take.pictures > 0) take.flicker.Add(previous_rgb, previous_mask, rgb, mask.mask);
+    if (take.images > 0) take.flicker.Add(previous_rgb, previous_mask, rgb, mask.mask);
     use(number, rgb, mask);
-    ++take.pictures;
+    ++take.images;
     take.empty += mask.area_fraction == 0;
     take.mean_area_fraction += mask.area_fraction;
     take.joints += mask.joints, take.joints_on_mask += mask.joints_on_mask, take.joints_supported += mask.joints_supported;
     previous_rgb = std::move(rgb), previous_mask = std::move(mask.mask);
   };
   EachFrame(path, segment, keep_undamaged ? &damage : nullptr, only);
-  take.mean_area_fraction /= std::max(1, take.pictures);
-  take.ms_per_picture = 1000 * seconds / std::max(1, take.pictures);
+  take.mean_area_fraction /= std::max(1, take.images);
+  take.ms_per_image = 1000 * seconds / std::max(1, take.images);
   return take;
 }
 

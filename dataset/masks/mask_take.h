@@ -59,11 +59,11 @@ struct Flicker {
 };
 
 struct TakeMasks {
-  int pictures = 0, empty = 0;
+  int images = 0, empty = 0;
   double mean_area_fraction = 0;
   int joints = 0, joints_on_mask = 0, joints_supported = 0;
   Flicker flicker;
-  double ms_per_picture = 0;  ///< segmentation alone
+  double ms_per_image = 0;  ///< segmentation alone
 };
 
 /// `possible(frame)`: where other cameras allow a person; empty image: anywhere; may be an empty function. `use` receives

@@ -23,19 +23,19 @@ cv::Mat Tile(const SheetTile& tile, int tile_px, bool crop) {
   const cv::Rect box = CropOf(tile, crop);
   const double scale = tile_px / double(std::max(box.width, box.height));
   const cv::Size size(std::max(1, int(box.width * scale)), std::max(1, int(box.height * scale)));
-  cv::Mat picture, mask, truth, eroded;
-  cv::resize(internal::View(tile.rgb)(box), picture, size, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
+  cv::Mat image, mask, truth, eroded;
+  cv::resize(internal::View(tile.rgb)(box), image, size, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_CUBIC);
   cv::resize(internal::View(tile.mask)(box), mask, size, 0, 0, scale < 1 ? cv::INTER_AREA : cv::INTER_NEAREST);
   mask = mask > 127;
   if (tile.truth.empty()) {
     cv::erode(mask, eroded, cv::Mat());
-    picture.setTo(cv::Scalar(0, 255, 0), mask & ~eroded);
-    return picture;
+    image.setTo(cv::Scalar(0, 255, 0), mask & ~eroded);
+    return image;
   }
   cv::resize(internal::View(tile.truth)(box), truth, size, 0, 0, cv::INTER_NEAREST);
-  picture.setTo(cv::Scalar(255, 0, 0), mask & ~truth);
-  picture.setTo(cv::Scalar(0, 0, 255), truth & ~mask);
-  return picture;
+  image.setTo(cv::Scalar(255, 0, 0), mask & ~truth);
+  image.setTo(cv::Scalar(0, 0, 255), truth & ~mask);
+  return image;
 }
 
 }  // namespace
@@ -43,19 +43,18 @@ cv::Mat Tile(const SheetTile& tile, int tile_px, bool crop) {
 Image ContactSheet(const std::vector<SheetTile>& tiles, int columns, int tile_px, bool crop) {
   MVS_CHECK(columns > 0 && tile_px > 0, "a sheet has columns and tiles a size");
   constexpr int kGap = 4;
-  std::vector<cv::Mat> pictures;
+  std::vector<cv::Mat> images;
   cv::Size largest(1, 1);
   for (const SheetTile& tile : tiles) {
-    pictures.push_back(Tile(tile, tile_px, crop));
-    largest.width = std::max(largest.width, pictures.back().cols),
-    largest.height = std::max(largest.height, pictures.back().rows);
+    images.push_back(Tile(tile, tile_px, crop));
+    largest.width = std::max(largest.width, images.back().cols), largest.height = std::max(largest.height, images.back().rows);
   }
-  const int n = int(pictures.size()), used = std::max(1, std::min(columns, n)), rows = std::max(1, (n + columns - 1) / columns);
+  const int n = int(images.size()), used = std::max(1, std::min(columns, n)), rows = std::max(1, (n + columns - 1) / columns);
   Image sheet(used * (largest.width + kGap) + kGap, rows * (largest.height + kGap) + kGap, 3, 255);
   const cv::Mat view = internal::View(sheet);
   for (int i = 0; i < n; ++i) {
     const cv::Point at(kGap + (i % columns) * (largest.width + kGap), kGap + (i / columns) * (largest.height + kGap));
-    pictures[i].copyTo(view(cv::Rect(at, pictures[i].size())));
+    images[i].copyTo(view(cv::Rect(at, images[i].size())));
   }
   return sheet;
 }

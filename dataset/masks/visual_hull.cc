@@ -244,13 +244,13 @@ void HullSummary::Add(const VisualHull& hull) {
     sums[c].missing += hull.cameras[c].missing;
     sums[c].blame += hull.cameras[c].blame;
   }
-  ++instants;
+  ++time_steps;
 }
 
 HullAgreement HullSummary::Mean(size_t camera) const {
-  if (instants == 0 || camera >= sums.size()) return {};
+  if (time_steps == 0 || camera >= sums.size()) return {};
   const HullAgreement& s = sums[camera];
-  const double n = instants;
+  const double n = time_steps;
   return {s.mask_px / n, s.outside / n, s.missing / n, s.blame / n};
 }
 

@@ -66,9 +66,9 @@ struct HullAgreement {
 struct VisualHull {
   Status status = Status::kOk;  ///< kTooFewViews: fewer than two masks that are not empty; kDegenerate: no point that all
                                 ///< allow; kNonFiniteInput: no box
-  double voxel_m = 0;                  ///< of the finest cells; larger than requested when `most_cells` was reached
-  double volume_m3 = 0;                ///< of the cells that no camera excludes
-  std::vector<HullCell> cells;         ///< excluded by no camera or by one
+  double voxel_m = 0;           ///< of the finest cells; larger than requested when `most_cells` was reached
+  double volume_m3 = 0;         ///< of the cells that no camera excludes
+  std::vector<HullCell> cells;  ///< excluded by no camera or by one
   std::vector<HullAgreement> cameras;  ///< in the views' order; all zero unless status is kOk or kDegenerate
 };
 
@@ -82,7 +82,7 @@ Image PossiblePixels(const VisualHull& hull, const geometry::RigCamera& camera, 
 /// Agreement over many time steps: accumulate with `Add`, then read the means.
 struct HullSummary {
   std::vector<HullAgreement> sums;
-  int instants = 0, skipped = 0;  ///< skipped: the hull had a status other than kOk and kDegenerate
+  int time_steps = 0, skipped = 0;  ///< skipped: the hull had a status other than kOk and kDegenerate
   void Add(const VisualHull& hull);
   HullAgreement Mean(size_t camera) const;
   /// Cameras whose masks disagree with the others by more than `most_outside`: too large (outside) or too small (blame).

@@ -80,7 +80,7 @@ struct PackBuildReport {
   std::vector<std::string> notes;              ///< why a shard was made again
   MaskMeaning masks = {};                      ///< how the masks were read; nothing after a merge
   std::vector<std::string> skipped;            ///< images left out: "camera 00_03, frame 17: no image"
-  MissingPictures missing;                     ///< of the whole pack's images and masks; nothing after a merge
+  MissingImages missing;                       ///< of the whole pack's images and masks; nothing after a merge
   std::string frames_beyond;                   ///< what was asked for and is not there, see KnownFrames
   int frames_without_person = 0;               ///< that were asked for; nothing after a merge
   int64_t samples = 0;                         ///< in built and kept shards

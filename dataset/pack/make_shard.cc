@@ -38,24 +38,24 @@ struct EncodedTarget {
   std::string image, mask;
 };
 
-struct EncodedPicture {
+struct EncodedImage {
   InputFiles files;
   std::vector<EncodedTarget> targets;
   PackTimes times;
 };
 
-const geometry::RigCamera& SourceCamera(const PackPlan& plan, const PackPicture& picture) {
-  return plan.dataset.rig.cameras[picture.camera_idx];
+const geometry::RigCamera& SourceCamera(const PackPlan& plan, const PackImage& image) {
+  return plan.dataset.rig.cameras[image.camera_idx];
 }
 
-InputFiles FindInputs(const PackPlan& plan, const PackPicture& picture) {
+InputFiles FindInputs(const PackPlan& plan, const PackImage& image) {
   InputFiles files;
-  const std::string& camera = SourceCamera(plan, picture).camera.name;
-  files.image = plan.dataset.ImagePath(camera, picture.frame);
+  const std::string& camera = SourceCamera(plan, image).camera.name;
+  files.image = plan.dataset.ImagePath(camera, image.frame);
   if (!fs::exists(files.image)) return {};
   files.image_sha256 = Sha256File(files.image);
   if (!plan.masks) return files;
-  files.mask = plan.dataset.MaskPath(camera, picture.frame);
+  files.mask = plan.dataset.MaskPath(camera, image.frame);
   if (fs::exists(files.mask)) {
     files.mask_sha256 = Sha256File(files.mask);
   } else {
@@ -64,8 +64,8 @@ InputFiles FindInputs(const PackPlan& plan, const PackPicture& picture) {
   return files;
 }
 
-std::string InputsLine(const PackPicture& picture, const InputFiles& files) {
-  return std::to_string(picture.camera_idx) + " " + std::to_string(picture.frame) + " " +
+std::string InputsLine(const PackImage& image, const InputFiles& files) {
+  return std::to_string(image.camera_idx) + " " + std::to_string(image.frame) + " " +
          (files.image.empty() ? "missing" : files.image_sha256) + " " + (files.mask.empty() ? "missing" : files.mask_sha256) +
          "\n";
 }
@@ -84,32 +84,32 @@ Image Binary(Image mask) {
   return mask;
 }
 
-struct Pictures {
+struct Images {
   Image image, mask;  ///< the mask may be empty
 };
 
-Pictures Resampled(const PackPlan& plan, const ShardTools& tools, const PackPicture& picture, const geometry::RigCamera& view,
-                   const Pictures& source) {
+Images Resampled(const PackPlan& plan, const ShardTools& tools, const PackImage& image, const geometry::RigCamera& view,
+                 const Images& source) {
   const bool has_mask = !source.mask.empty();
   if (plan.view == PackView::kFull) return {source.image, has_mask ? Binary(source.mask) : Image()};
   if (plan.view == PackView::kUndistorted) {
-    const Undistorter& undistorter = tools.undistorters.at(picture.camera_idx);
-    return {undistorter.Picture(source.image), has_mask ? undistorter.Mask(source.mask) : Image()};
+    const Undistorter& undistorter = tools.undistorters.at(image.camera_idx);
+    return {undistorter.Apply(source.image), has_mask ? undistorter.Mask(source.mask) : Image()};
   }
-  const ResampleMap map(SourceCamera(plan, picture), view);
-  return {map.Picture(source.image), has_mask ? map.Mask(source.mask) : Image()};
+  const ResampleMap map(SourceCamera(plan, image), view);
+  return {map.Apply(source.image), has_mask ? map.Mask(source.mask) : Image()};
 }
 
-EncodedPicture Encode(const PackPlan& plan, const ShardTools& tools, const PackPicture& picture) {
-  EncodedPicture encoded;
+EncodedImage Encode(const PackPlan& plan, const ShardTools& tools, const PackImage& image) {
+  EncodedImage encoded;
   PackTimes& times = encoded.times;
-  const geometry::RigCamera& camera = SourceCamera(plan, picture);
+  const geometry::RigCamera& camera = SourceCamera(plan, image);
   {
     const Stopwatch watch(&times.hash_s);
-    encoded.files = FindInputs(plan, picture);
+    encoded.files = FindInputs(plan, image);
   }
   if (encoded.files.image.empty()) return encoded;
-  Pictures source;
+  Images source;
   {
     const Stopwatch watch(&times.decode_s);
     const InputFiles& files = encoded.files;
@@ -118,22 +118,22 @@ EncodedPicture Encode(const PackPlan& plan, const ShardTools& tools, const PackP
   }
   if (plan.options.match_colours && !plan.colour.cameras.empty()) {
     const Stopwatch watch(&times.resample_s);
-    ApplyColour(plan.colour.cameras.at(picture.camera_idx), plan.colour.space, &source.image);
+    ApplyColour(plan.colour.cameras.at(image.camera_idx), plan.colour.space, &source.image);
   }
-  for (const PackTarget& target : picture.targets) {
+  for (const PackTarget& target : image.targets) {
     EncodedTarget made;
-    Pictures pictures;
+    Images images;
     {
       const Stopwatch watch(&times.resample_s);
       made.view = plan.view != PackView::kCrop
-                      ? plan.views[picture.camera_idx]
+                      ? plan.views[image.camera_idx]
                       : CropCamera(camera, target.extent.middle_in_cam, plan.half_extent_m.at(target.person), plan.options.fill,
                                    plan.options.crop_px);
-      pictures = Resampled(plan, tools, picture, made.view, source);
+      images = Resampled(plan, tools, image, made.view, source);
     }
     const Stopwatch watch(&times.encode_s);
-    made.image = EncodeImage(pictures.image, plan.options.codec);
-    if (!pictures.mask.empty()) made.mask = EncodeMask(pictures.mask);
+    made.image = EncodeImage(images.image, plan.options.codec);
+    if (!images.mask.empty()) made.mask = EncodeMask(images.mask);
     encoded.targets.push_back(std::move(made));
   }
   return encoded;
@@ -191,16 +191,16 @@ int32_t PoseRow(const Shard& shard, int frame, int person) {
   return -1;
 }
 
-void AddSample(const PackPlan& plan, const PackPicture& picture, const PackTarget& target, const EncodedTarget& made,
+void AddSample(const PackPlan& plan, const PackImage& image, const PackTarget& target, const EncodedTarget& made,
                const InputFiles& files, double univ_time_ms, Shard* shard) {
-  shard->camera.push_back(picture.camera_idx);
-  shard->frame.push_back(picture.frame);
+  shard->camera.push_back(image.camera_idx);
+  shard->frame.push_back(image.frame);
   shard->person.push_back(target.person);
-  shard->pose.push_back(PoseRow(*shard, picture.frame, target.person));
+  shard->pose.push_back(PoseRow(*shard, image.frame, target.person));
   shard->univ_time_ms.push_back(univ_time_ms);
-  shard->part.push_back(static_cast<uint8_t>(picture.part));
+  shard->part.push_back(static_cast<uint8_t>(image.part));
   AddView(made.view, shard);
-  const Coco19Pose* pose = target.person < 0 ? nullptr : &plan.dataset.poses.at(picture.frame).at(target.person);
+  const Coco19Pose* pose = target.person < 0 ? nullptr : &plan.dataset.poses.at(image.frame).at(target.person);
   AddJoints(made.view, pose, shard);
   AddDigest(files.image_sha256, &shard->source_sha256);
   AddDigest(files.mask_sha256, &shard->mask_sha256);
@@ -212,14 +212,14 @@ void AddTimes(const PackTimes& from, PackTimes* to) {
   to->resample_s += from.resample_s, to->encode_s += from.encode_s;
 }
 
-std::string PictureName(const PackPlan& plan, const PackPicture& picture) {
-  return "camera " + SourceCamera(plan, picture).camera.name + ", frame " + std::to_string(picture.frame);
+std::string ImageName(const PackPlan& plan, const PackImage& image) {
+  return "camera " + SourceCamera(plan, image).camera.name + ", frame " + std::to_string(image.frame);
 }
 
-uint64_t LargestPair(const std::vector<EncodedPicture>& pictures) {
+uint64_t LargestPair(const std::vector<EncodedImage>& images) {
   uint64_t largest = 0;
-  for (const EncodedPicture& picture : pictures) {
-    for (const EncodedTarget& t : picture.targets) largest = std::max<uint64_t>(largest, t.image.size() + t.mask.size());
+  for (const EncodedImage& image : images) {
+    for (const EncodedTarget& t : image.targets) largest = std::max<uint64_t>(largest, t.image.size() + t.mask.size());
   }
   return largest;
 }
@@ -236,10 +236,10 @@ ShardTools MakeShardTools(const PackPlan& plan) {
 }
 
 MadeShard MakeShard(const PackPlan& plan, const ShardTools& tools, int number, const RunContext& run) {
-  const std::vector<PackPicture>& pictures = plan.shards[number];
-  std::vector<EncodedPicture> encoded(pictures.size());
-  ParallelFor(static_cast<int64_t>(pictures.size()), ResolveThreads(run.num_threads),
-              [&](int64_t i) { encoded[i] = Encode(plan, tools, pictures[i]); });
+  const std::vector<PackImage>& images = plan.shards[number];
+  std::vector<EncodedImage> encoded(images.size());
+  ParallelFor(static_cast<int64_t>(images.size()), ResolveThreads(run.num_threads),
+              [&](int64_t i) { encoded[i] = Encode(plan, tools, images[i]); });
   MadeShard made;
   Shard& shard = made.shard;
   shard.plan = plan.json, shard.rig = plan.rig_json;
@@ -247,18 +247,18 @@ MadeShard MakeShard(const PackPlan& plan, const ShardTools& tools, int number, c
   shard.blob_chunk = ChooseBlobChunk(LargestPair(encoded));
   Sha256 inputs;
   double univ_time_ms = -1;
-  for (size_t i = 0; i < pictures.size(); ++i) {
-    if (i == 0 || pictures[i].frame != pictures[i - 1].frame) {
-      AddPoses(plan, pictures[i].frame, &shard);
-      univ_time_ms = ReadBody3dSceneFile(plan.scene_paths.at(pictures[i].frame)).univ_time_ms;
+  for (size_t i = 0; i < images.size(); ++i) {
+    if (i == 0 || images[i].frame != images[i - 1].frame) {
+      AddPoses(plan, images[i].frame, &shard);
+      univ_time_ms = ReadBody3dSceneFile(plan.scene_paths.at(images[i].frame)).univ_time_ms;
     }
-    const EncodedPicture& e = encoded[i];
-    const std::string line = InputsLine(pictures[i], e.files);
+    const EncodedImage& e = encoded[i];
+    const std::string line = InputsLine(images[i], e.files);
     inputs.Update(line.data(), line.size());
     AddTimes(e.times, &made.times);
-    if (e.files.image.empty()) made.skipped.push_back(PictureName(plan, pictures[i]) + ": no image");
+    if (e.files.image.empty()) made.skipped.push_back(ImageName(plan, images[i]) + ": no image");
     for (size_t k = 0; k < e.targets.size(); ++k) {
-      AddSample(plan, pictures[i], pictures[i].targets[k], e.targets[k], e.files, univ_time_ms, &shard);
+      AddSample(plan, images[i], images[i].targets[k], e.targets[k], e.files, univ_time_ms, &shard);
     }
     encoded[i].targets.clear();
   }
@@ -267,10 +267,10 @@ MadeShard MakeShard(const PackPlan& plan, const ShardTools& tools, int number, c
 }
 
 std::string InputsSha256(const PackPlan& plan, int number, const RunContext& run) {
-  const std::vector<PackPicture>& pictures = plan.shards[number];
-  std::vector<std::string> lines(pictures.size());
-  ParallelFor(static_cast<int64_t>(pictures.size()), ResolveThreads(run.num_threads),
-              [&](int64_t i) { lines[i] = InputsLine(pictures[i], FindInputs(plan, pictures[i])); });
+  const std::vector<PackImage>& images = plan.shards[number];
+  std::vector<std::string> lines(images.size());
+  ParallelFor(static_cast<int64_t>(images.size()), ResolveThreads(run.num_threads),
+              [&](int64_t i) { lines[i] = InputsLine(images[i], FindInputs(plan, images[i])); });
   Sha256 digest;
   for (const std::string& line : lines) digest.Update(line.data(), line.size());
   return digest.HexDigest();

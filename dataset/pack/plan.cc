@@ -74,7 +74,7 @@ std::vector<PackTarget> TargetsOf(const PackPlan& plan, int camera_idx, int fram
   return targets;
 }
 
-int64_t PictureBytes(const PackPlan& plan) {
+int64_t BytesOfImage(const PackPlan& plan) {
   int64_t largest = 3 * int64_t{plan.options.crop_px} * plan.options.crop_px;
   for (const geometry::RigCamera& c : plan.views) {
     largest = std::max(largest, 3 * int64_t{c.camera.width_px} * c.camera.height_px);
@@ -84,24 +84,24 @@ int64_t PictureBytes(const PackPlan& plan) {
 
 void FillShards(const std::optional<Split>& split, PackPlan* plan) {
   const std::set<int> cameras = ChooseCameras(plan->dataset, plan->options.cameras);
-  const int64_t limit = std::clamp<int64_t>(kShardPixelBytes / PictureBytes(*plan), 1, plan->options.shard_samples);
+  const int64_t limit = std::clamp<int64_t>(kShardPixelBytes / BytesOfImage(*plan), 1, plan->options.shard_samples);
   int64_t held = 0;
   for (const int frame : ChooseFrames(plan)) {
-    std::vector<PackPicture> pictures;
+    std::vector<PackImage> images;
     int64_t count = 0;
     for (const int c : cameras) {
       const PartOfSplit part = split ? PartOf(*split, plan->dataset.rig.cameras[c].camera.name, frame) : PartOfSplit::kNone;
       if (split && part == PartOfSplit::kNone) continue;
-      PackPicture picture{c, frame, part, TargetsOf(*plan, c, frame)};
-      count += static_cast<int64_t>(picture.targets.size());
-      if (!picture.targets.empty()) pictures.push_back(std::move(picture));
+      PackImage image{c, frame, part, TargetsOf(*plan, c, frame)};
+      count += static_cast<int64_t>(image.targets.size());
+      if (!image.targets.empty()) images.push_back(std::move(image));
     }
     const auto& people = plan->dataset.poses.at(frame);
     plan->frames_without_person += plan->options.person < 0 ? people.empty() : people.count(plan->options.person) == 0;
-    if (pictures.empty()) continue;
+    if (images.empty()) continue;
     if (plan->shards.empty() || held + count > limit) plan->shards.emplace_back(), held = 0;
     held += count;
-    for (PackPicture& picture : pictures) plan->shards.back().push_back(std::move(picture));
+    for (PackImage& image : images) plan->shards.back().push_back(std::move(image));
   }
   if (plan->shards.empty())
     throw UsageError("nothing to pack: no camera sees a person in the chosen frames of " + plan->dataset.root);
@@ -111,13 +111,13 @@ void FillShards(const std::optional<Split>& split, PackPlan* plan) {
 void FindMissingOfPlan(PackPlan* plan) {
   std::map<int, std::vector<int>> frames;
   for (const auto& shard : plan->shards) {
-    for (const PackPicture& picture : shard) frames[picture.camera_idx].push_back(picture.frame);
+    for (const PackImage& image : shard) frames[image.camera_idx].push_back(image.frame);
   }
   for (const auto& [camera_idx, of_camera] : frames) {
     const std::string& name = plan->dataset.rig.cameras[camera_idx].camera.name;
     plan->missing.by_camera.merge(FindMissing(plan->dataset, {name}, of_camera, plan->masks).by_camera);
     const MissingOfCamera& missing = plan->missing.by_camera.at(name);
-    if (missing.no_picture.size() == of_camera.size()) {
+    if (missing.no_image.size() == of_camera.size()) {
       throw FormatError(plan->dataset.root, "hdImgs/" + name,
                         "holds none of the " + std::to_string(of_camera.size()) +
                             " pictures to pack; leave the camera out with option 'cameras'");
@@ -149,11 +149,11 @@ std::string PosesSha256(const std::map<int, std::string>& paths) {
 }
 
 // Digest of what is in each shard; the files themselves are in the done-markers.
-std::string PicturesSha256(const PackPlan& plan) {
+std::string ImagesSha256(const PackPlan& plan) {
   Sha256 list;
   for (const auto& shard : plan.shards) {
     std::string text = "shard\n";
-    for (const PackPicture& p : shard) {
+    for (const PackImage& p : shard) {
       text += std::to_string(p.camera_idx) + " " + std::to_string(p.frame) + " " + std::to_string(static_cast<int>(p.part));
       for (const PackTarget& t : p.targets) text += " " + std::to_string(t.person);
       text += "\n";
@@ -201,13 +201,13 @@ std::string PlanJson(const PackPlan& plan, const std::optional<Split>& split) {
   json["inputs"]["calibration"] = {{"file", fs::path(calibration).filename().string()}, {"sha256", Sha256File(calibration)}};
   json["inputs"]["joints_sha256"] = PosesSha256(plan.scene_paths);
   json["shards"] = plan.shards.size();
-  json["pictures_sha256"] = PicturesSha256(plan);
+  json["pictures_sha256"] = ImagesSha256(plan);
   return json.dump(1);
 }
 
-void CheckPictureSizes(const PanopticDataset& dataset) {
+void CheckImageSizes(const PanopticDataset& dataset) {
   for (const auto& camera : dataset.rig.cameras) {
-    if (int64_t{camera.camera.width_px} * camera.camera.height_px > kMaxPicturePx) {
+    if (int64_t{camera.camera.width_px} * camera.camera.height_px > kMaxImagePx) {
       throw UsageError("camera " + camera.camera.name + " has images too large for a pack");
     }
   }
@@ -247,7 +247,7 @@ PackPlan MakePackPlan(const std::string& dataset_root, const PackOptions& option
   RequireInView(plan.dataset, true);
   plan.scene_paths = ListBody3dScenes(dataset_root);
   plan.masks = options.masks && fs::is_directory(dataset_root + "/masks");
-  CheckPictureSizes(plan.dataset);
+  CheckImageSizes(plan.dataset);
   ChoosePerson(&plan);
   const std::optional<Split> split = ReadSplitFor(plan);
   FillViews(&plan);

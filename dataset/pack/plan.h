@@ -23,7 +23,7 @@ struct PackTarget {
 };
 
 /// One image file and its samples.
-struct PackPicture {
+struct PackImage {
   int camera_idx = 0;
   int frame = 0;
   PartOfSplit part = PartOfSplit::kNone;
@@ -39,11 +39,11 @@ struct PackPlan {
   std::vector<geometry::RigCamera> views;  ///< whole images: the camera of each, by camera_idx
   std::map<int, double> half_extent_m;     ///< crops: by person
   ColourMatch colour;
-  std::map<int, std::string> scene_paths;        ///< body3DScene files
-  std::vector<std::vector<PackPicture>> shards;  ///< in order of frame, camera
-  int frames_without_person = 0;                 ///< of the chosen frames, those without anybody (or the chosen person)
-  std::string frames_beyond;                     ///< see KnownFrames
-  MissingPictures missing;                       ///< of the shards' images and, with masks, masks
+  std::map<int, std::string> scene_paths;      ///< body3DScene files
+  std::vector<std::vector<PackImage>> shards;  ///< in order of frame, camera
+  int frames_without_person = 0;               ///< of the chosen frames, those without anybody (or the chosen person)
+  std::string frames_beyond;                   ///< see KnownFrames
+  MissingImages missing;                       ///< of the shards' images and, with masks, masks
   std::string json, sha256, rig_json;
 };
 

@@ -12,7 +12,7 @@
 /// One HDF5 file of a pack: its tables in memory, written and read.
 namespace mvstudio::dataset::internal {
 
-inline constexpr int64_t kMaxPicturePx = int64_t{1} << 26;
+inline constexpr int64_t kMaxImagePx = int64_t{1} << 26;
 
 /// Row i of every table of the first group is sample i; of the second, pose i. Encoded images and masks are in `blob`,
 /// none across a chunk border.

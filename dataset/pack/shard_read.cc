@@ -88,7 +88,7 @@ class TableCheck {
 
   void View(size_t i) const {
     const int64_t width = s_.size_px[2 * i], height = s_.size_px[2 * i + 1];
-    Require(width > 0 && height > 0 && width <= kMaxPicturePx && height <= kMaxPicturePx && width * height <= kMaxPicturePx,
+    Require(width > 0 && height > 0 && width <= kMaxImagePx && height <= kMaxImagePx && width * height <= kMaxImagePx,
             "samples/size_px", i, "is no size of an image");
     const double* k = s_.intrinsics.data() + 9 * i;
     const bool form = k[1] == 0 && k[3] == 0 && k[6] == 0 && k[7] == 0 && k[8] == 1 && k[0] > 0 && k[4] > 0;

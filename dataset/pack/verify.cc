@@ -33,7 +33,7 @@ class Verifier {
     } else {
       Shard(path_, nullptr);
     }
-    Pictures();
+    Images();
     Joints();
     Summarise(&data_);
     report_.info = data_.info;
@@ -135,7 +135,7 @@ class Verifier {
     }
   }
 
-  void Pictures() {
+  void Images() {
     // Pack does not own the data here: it lives as long as this object.
     const Pack pack(std::shared_ptr<const Pack::Data>(&data_, [](const Pack::Data*) {}));
     const auto count = static_cast<int64_t>(data_.samples.size());

@@ -162,7 +162,7 @@ std::string UnusedKeysOf(const PanopticCalibrationFile& file, const std::string&
   return unused.Text();
 }
 
-std::vector<PanopticNameDoubt> PanopticNameDoubts(const std::vector<PanopticCamera>& cameras) {
+std::vector<PanopticNameConflict> PanopticNameConflicts(const std::vector<PanopticCamera>& cameras) {
   const auto stated = [](const PanopticCamera& camera) {
     int panel = 0, node = 0;
     if (!ParsePanopticName(camera.name, &panel, &node)) return camera.name;
@@ -171,18 +171,19 @@ std::vector<PanopticNameDoubt> PanopticNameDoubts(const std::vector<PanopticCame
   std::set<std::string> names;
   std::map<std::string, int> times;
   for (const PanopticCamera& camera : cameras) names.insert(camera.name), ++times[stated(camera)];
-  std::vector<PanopticNameDoubt> doubts;
+  std::vector<PanopticNameConflict> conflicts;
   for (size_t i = 0; i < cameras.size(); ++i) {
     const std::string other = stated(cameras[i]);
     if (other == cameras[i].name) continue;
     const bool exchanged = names.count(other) > 0 && times[other] == 1;
-    doubts.push_back({i,
-                      "panel and node do not agree with the name " + internal::Quoted(cameras[i].name) + ": they say " + other +
-                          (exchanged ? ", which is another camera of the file; make them agree, or leave panel and node out"
-                                     : "; the name counts"),
-                      exchanged});
+    conflicts.push_back({i,
+                         "panel and node do not agree with the name " + internal::Quoted(cameras[i].name) + ": they say " +
+                             other +
+                             (exchanged ? ", which is another camera of the file; make them agree, or leave panel and node out"
+                                        : "; the name counts"),
+                         exchanged});
   }
-  return doubts;
+  return conflicts;
 }
 
 PanopticCamera internal::ReadPanopticCameraFields(const JsonView& json) {
@@ -280,8 +281,8 @@ geometry::Rig ToRig(const PanopticCalibrationFile& file, const std::string& path
     if (!names.insert(name).second) throw FormatError(path, where + ".name", internal::Quoted(name) + " is there twice");
   }
   if (rig.cameras.empty()) throw FormatError(path, "cameras", "is empty");
-  for (const PanopticNameDoubt& doubt : PanopticNameDoubts(file.cameras)) {
-    if (doubt.exchanged) throw FormatError(path, "cameras[" + std::to_string(doubt.camera) + "]", doubt.text);
+  for (const PanopticNameConflict& conflict : PanopticNameConflicts(file.cameras)) {
+    if (conflict.exchanged) throw FormatError(path, "cameras[" + std::to_string(conflict.camera) + "]", conflict.text);
   }
   return rig;
 }

@@ -39,7 +39,7 @@ double RigRadiusM(const geometry::Rig& rig) {
   return radius_m;
 }
 
-std::string MetresDoubt(const geometry::Rig& rig) {
+std::string MetresConflict(const geometry::Rig& rig) {
   const double radius_m = RigRadiusM(rig);
   if (rig.cameras.size() < 3 || !(radius_m < kLeastRadiusM)) return "";
   return Format("all cameras are within %.3g cm of their middle; Panoptic files are in centimetres, are these metres?",

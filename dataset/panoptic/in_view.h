@@ -19,7 +19,7 @@ void RequireInView(const PanopticDataset& dataset, bool units_only);
 
 /// What speaks for metres where Panoptic's files have centimetres: three cameras or more, all within 20 cm of their middle.
 /// Else empty.
-std::string MetresDoubt(const geometry::Rig& rig);
+std::string MetresConflict(const geometry::Rig& rig);
 
 /// Distance of the farthest camera from the middle of all, metres.
 double RigRadiusM(const geometry::Rig& rig);

@@ -13,13 +13,13 @@ namespace mvstudio::dataset {
 
 /// Frames of one camera that cannot be used.
 struct MissingOfCamera {
-  int asked = 0;             ///< frames asked for
-  std::set<int> no_picture;  ///< frame numbers
-  std::set<int> no_mask;     ///< the image exists, its mask does not
-  int missing() const { return static_cast<int>(no_picture.size() + no_mask.size()); }
+  int asked = 0;           ///< frames asked for
+  std::set<int> no_image;  ///< frame numbers
+  std::set<int> no_mask;   ///< the image exists, its mask does not
+  int missing() const { return static_cast<int>(no_image.size() + no_mask.size()); }
 };
 
-struct MissingPictures {
+struct MissingImages {
   std::map<std::string, MissingOfCamera> by_camera;  ///< all cameras that were asked for
 
   int asked() const;
@@ -31,17 +31,17 @@ struct MissingPictures {
 
 /// Those of `cameras` (Panoptic names) in `frames` whose image or, with `masks`, whose mask does not exist. Only names
 /// are looked at.
-MissingPictures FindMissing(const PanopticDataset& dataset, const std::vector<std::string>& cameras,
-                            const std::vector<int>& frames, bool masks = true);
+MissingImages FindMissing(const PanopticDataset& dataset, const std::vector<std::string>& cameras,
+                          const std::vector<int>& frames, bool masks = true);
 
-/// "285 of 300 pictures are not in the dataset (00_01: 95 of 100, 00_02: 95 of 100, …)".
-std::string MissingText(const MissingPictures& missing);
+/// "285 of 300 images are not in the dataset (00_01: 95 of 100, 00_02: 95 of 100, …)".
+std::string MissingText(const MissingImages& missing);
 /// "00_01: 95 of 100, 00_02: 95 of 100": those that miss some, at most six.
-std::string MissingCamerasText(const MissingPictures& missing);
+std::string MissingCamerasText(const MissingImages& missing);
 /// The likely cause, and what can be done.
-std::string MissingHint(const MissingPictures& missing);
+std::string MissingHint(const MissingImages& missing);
 /// {"asked", "missing", "pictures", "masks", "cameras": {"00_01": {"asked", "pictures", "masks"}}, "names": […]}: cameras
 /// that miss some, and at most 20 names like "camera 00_01, frame 3: no image".
-std::string MissingToJsonText(const MissingPictures& missing);
+std::string MissingToJsonText(const MissingImages& missing);
 
 }  // namespace mvstudio::dataset

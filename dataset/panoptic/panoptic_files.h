@@ -46,14 +46,14 @@ PanopticCalibrationFile ReadPanopticCalibrationFile(const std::string& path);
 std::string UnusedKeysOf(const PanopticCalibrationFile& file, const std::string& path);
 
 /// A camera whose panel and node are not those of its name.
-struct PanopticNameDoubt {
+struct PanopticNameConflict {
   size_t camera = 0;  ///< index
   std::string text;   ///< what disagrees, and what counts
   /// They are those of another camera of the file: programs that go by the numbers, as CMU's, take one camera for the other.
   /// The readers of rigs refuse that. Else the name counts, because footage bears it.
   bool exchanged = false;
 };
-std::vector<PanopticNameDoubt> PanopticNameDoubts(const std::vector<PanopticCamera>& cameras);
+std::vector<PanopticNameConflict> PanopticNameConflicts(const std::vector<PanopticCamera>& cameras);
 std::string ToText(const PanopticCalibrationFile& file);
 void WritePanopticCalibrationFile(const PanopticCalibrationFile& file, const std::string& path);
 

@@ -14,7 +14,7 @@ namespace mvstudio::dataset {
 namespace fs = std::filesystem;
 namespace {
 
-bool IsPicture(const fs::path& path) {
+bool IsImage(const fs::path& path) {
   const std::string extension = path.extension().string();
   return extension == ".jpg" || extension == ".png" || extension == ".jpeg";
 }
@@ -47,7 +47,7 @@ class Scanner {
       throw FormatError(sequence_.calibration, "", "is a symbolic link that leads out of the sequence");
     sequence_.name = fs::path(sequence_.calibration).stem().string().substr(std::string("calibration_").size());
     for (const char* kind : {"hd", "vga", "kinect"}) {
-      Pictures(std::string(kind) + "Imgs", kind);
+      Images(std::string(kind) + "Imgs", kind);
       Videos(std::string(kind) + "Videos", kind);
     }
     Scenes({"hdPose3d_stage1_coco19", "hdPose3d_stage1_op25", "hdPose3d_stage1"}, &sequence_.hd_scenes);
@@ -96,7 +96,7 @@ class Scanner {
   }
 
   /// hdImgs/00_03/00_03_00000012.jpg
-  void Pictures(const std::string& name, const std::string& kind) {
+  void Images(const std::string& name, const std::string& kind) {
     const std::string folder = Folder(name);
     if (folder.empty()) return;
     for (const fs::directory_entry& camera : List(folder)) {
@@ -108,15 +108,15 @@ class Scanner {
       }
       PanopticFootage footage;
       footage.path = camera.path().string();
-      for (const fs::directory_entry& file : List(footage.path)) AddPicture(file.path(), camera_name, &footage);
-      if (!footage.pictures.empty()) sequence_.footage[camera_name] = std::move(footage);
+      for (const fs::directory_entry& file : List(footage.path)) AddImage(file.path(), camera_name, &footage);
+      if (!footage.images.empty()) sequence_.footage[camera_name] = std::move(footage);
     }
   }
 
-  void AddPicture(const fs::path& file, const std::string& camera, PanopticFootage* footage) {
-    const int number = IsPicture(file) ? NumberAfter(file.stem().string(), camera + "_") : -1;
+  void AddImage(const fs::path& file, const std::string& camera, PanopticFootage* footage) {
+    const int number = IsImage(file) ? NumberAfter(file.stem().string(), camera + "_") : -1;
     if (number < 0) return Strange(file, "is not named " + camera + "_%08d.jpg or .png and is not read");
-    if (!footage->pictures.emplace(number, file.filename().string()).second)
+    if (!footage->images.emplace(number, file.filename().string()).second)
       Strange(file, "is a second image of frame " + std::to_string(number) + " and is not read");
   }
 
@@ -144,7 +144,7 @@ class Scanner {
       return Strange(file, "is not named " + prefix + "%02d_%02d.mp4 and is not read");
     PanopticFootage& footage = sequence_.footage[camera];
     (footage.path.empty() ? footage.path : footage.other) = file.string();
-    footage.is_video = footage.pictures.empty();
+    footage.is_video = footage.images.empty();
   }
 
   void Frames(const std::string& name, const std::string& prefix, PanopticFrames* frames) {

@@ -18,9 +18,9 @@ std::string ToString(PanopticKind kind);
 /// Images or a video of one camera.
 struct PanopticFootage {
   bool is_video = false;
-  std::string path;                     ///< video file, or folder of images
-  std::map<int, std::string> pictures;  ///< number in the name -> file name; the Kinects' numbers begin at 1
-  std::string other;                    ///< a second video, or a video beside the images; usually empty
+  std::string path;                   ///< video file, or folder of images
+  std::map<int, std::string> images;  ///< number in the name -> file name; the Kinects' numbers begin at 1
+  std::string other;                  ///< a second video, or a video beside the images; usually empty
 };
 
 /// A folder with files of one kind, by the frame number in their names.

@@ -191,7 +191,7 @@ MarkerFile ReadMarkers(const std::string& path, const std::string& unit, const s
   return file;
 }
 
-std::string UnitDoubt(const MarkerFile& file, const std::string& path) {
+std::string UnitConflict(const MarkerFile& file, const std::string& path) {
   constexpr double kLeastM = 0.005, kMostM = 20;
   const double spread_m = SpreadOf(file.pose);
   if (spread_m == 0 || (spread_m >= kLeastM && spread_m <= kMostM)) return "";

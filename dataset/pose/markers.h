@@ -34,7 +34,7 @@ Eigen::Vector3d AxesFromWorld(const Eigen::Vector3d& x_in_world, const std::stri
 
 /// What speaks against the unit, in a sentence: in most frames the points of a file lie within 5 mm, or over more than 20 m.
 /// Empty where nothing does, and where no frame has two points.
-std::string UnitDoubt(const MarkerFile& file, const std::string& path);
+std::string UnitConflict(const MarkerFile& file, const std::string& path);
 
 /// The notes of a file with its path before them.
 std::vector<std::string> NotesOf(const MarkerFile& file, const std::string& path);

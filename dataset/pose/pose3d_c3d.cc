@@ -89,11 +89,11 @@ size_t BeyondCount(const C3dParameters& c3d, const Layout& layout, size_t held, 
   constexpr size_t kTurn = 65536;
   const size_t counted = layout.num_frames, filling = kBlock / layout.frame_bytes + 1;
   if (held <= counted + filling) return counted;
-  const size_t turned = counted + (held - counted) / kTurn * kTurn;
-  if (turned > counted && held - turned <= filling) {
+  const size_t rotated = counted + (held - counted) / kTurn * kTurn;
+  if (rotated > counted && held - rotated <= filling) {
     notes->push_back(Format("it counts %zu frames, its size is that of %zu: the count began anew after 65536; all are read",
-                            counted, turned));
-    return turned;
+                            counted, rotated));
+    return rotated;
   }
   if (at_end) {
     size_t frames = held;

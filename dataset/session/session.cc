@@ -85,7 +85,7 @@ std::string WayOut(const fs::path& path) {
 }
 
 /// The images of a folder or pattern are reached one by one.
-void CheckPictures(const Session& session, const std::string& path, const std::string& joined, const fs::path& real_folder) {
+void CheckImages(const Session& session, const std::string& path, const std::string& joined, const fs::path& real_folder) {
   const bool pattern = IsPattern(joined);
   if (!pattern && !fs::is_directory(joined)) return;
   for (const std::string& file : FilesMatching(joined)) {
@@ -149,7 +149,7 @@ std::string ResolveInSession(const Session& session, const std::string& path, bo
   if (!allow_outside) {
     const fs::path real_folder = Real(session.folder);
     CheckLink(session, path, fixed, real_folder);
-    CheckPictures(session, path, joined.string(), real_folder);
+    CheckImages(session, path, joined.string(), real_folder);
   }
   return joined.string();
 }

@@ -114,9 +114,9 @@ FoundLayout FindLayout(const std::vector<FootageFolder>& folders, bool has_plate
   if (found.layout == SessionLayout::kTakeFirst && !open) return found;
   const bool chose_camera = found.layout == SessionLayout::kCameraFirst;
   const std::string by_take = Reading(outside, inside), by_camera = Reading(inside, outside);
-  found.doubt = "the folders are read as " + (chose_camera ? "CAMERA/TAKE: " + by_camera : "TAKE/CAMERA: " + by_take) +
-                "; option 'layout' " + (chose_camera ? "take-first" : "camera-first") + " reads them as " +
-                (chose_camera ? by_take : by_camera);
+  found.conflict = "the folders are read as " + (chose_camera ? "CAMERA/TAKE: " + by_camera : "TAKE/CAMERA: " + by_take) +
+                   "; option 'layout' " + (chose_camera ? "take-first" : "camera-first") + " reads them as " +
+                   (chose_camera ? by_take : by_camera);
   return found;
 }
 

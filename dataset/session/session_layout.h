@@ -20,7 +20,7 @@ struct FootageFolder {
 /// cameras where the other gives one. Of equal ones: TAKE/CAMERA.
 struct FoundLayout {
   SessionLayout layout = SessionLayout::kTakeFirst;
-  std::string doubt;
+  std::string conflict;
 };
 /// `has_plates`: there is a folder of clean plates beside them, as among takes.
 FoundLayout FindLayout(const std::vector<FootageFolder>& folders, bool has_plates);

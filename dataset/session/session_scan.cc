@@ -40,7 +40,7 @@ std::vector<fs::path> Entries(const fs::path& folder) {
   return entries;
 }
 
-bool HasPictures(const fs::path& folder) {
+bool HasImages(const fs::path& folder) {
   const auto entries = Entries(folder);
   return std::any_of(entries.begin(), entries.end(), IsImageFile);
 }
@@ -78,7 +78,7 @@ bool HoldsNumberedFrames(const fs::path& folder) {
 
 /// A folder of one camera's footage: its images, or its only video.
 std::optional<fs::path> FootageOfFolder(const fs::path& folder) {
-  if (HasPictures(folder)) return folder;
+  if (HasImages(folder)) return folder;
   const FoundFootage videos = VideosIn(folder);
   if (videos.size() == 1 && videos.begin()->second.size() == 1) return videos.begin()->second[0];
   return std::nullopt;
@@ -244,10 +244,10 @@ ScannedSession ScanRaw(const std::string& folder, SessionLayout layout) {
   if (layout == SessionLayout::kAuto) {
     const internal::FoundLayout found = internal::FindLayout(folders, !plates.empty());
     scanned.layout = found.layout;
-    if (!found.doubt.empty()) scanned.notes.push_back(found.doubt);
+    if (!found.conflict.empty()) scanned.notes.push_back(found.conflict);
   }
-  const bool turned = scanned.layout == SessionLayout::kCameraFirst && !folders.empty();
-  if (turned) TurnAround(raw, &folders, &plates, &scanned.notes);
+  const bool rotated = scanned.layout == SessionLayout::kCameraFirst && !folders.empty();
+  if (rotated) TurnAround(raw, &folders, &plates, &scanned.notes);
   std::set<std::string> cameras;
   for (const internal::FootageFolder& found : folders) {
     SessionTake take = TakeFrom(found, plates);
@@ -256,7 +256,7 @@ ScannedSession ScanRaw(const std::string& folder, SessionLayout layout) {
       if (!footage.plate.empty()) footage.plate = InSession(footage.plate, raw);
       cameras.insert(footage.camera);
     }
-    if (!turned && fs::is_regular_file(raw / take.name / kTimestamps))
+    if (!rotated && fs::is_regular_file(raw / take.name / kTimestamps))
       take.timestamps = (fs::path("raw") / take.name / kTimestamps).string();
     scanned.takes.push_back(std::move(take));
   }

@@ -90,7 +90,7 @@ TimelineClock RelateClocks(const Session& session, const SessionTake& take, cons
 }
 
 /// `cut_short`, if not null: why the video ends before its last frame; empty: it does not.
-CameraTimes ReadTimes(const std::string& camera, const std::string& path, double picture_fps_hz, std::string* cut_short) {
+CameraTimes ReadTimes(const std::string& camera, const std::string& path, double image_fps_hz, std::string* cut_short) {
   CameraTimes times;
   times.camera = camera;
   times.source = path;
@@ -109,7 +109,7 @@ CameraTimes ReadTimes(const std::string& camera, const std::string& path, double
     if (!times.frame.empty() && number <= times.frame.back())
       RefuseOrder(path, fs::path(files.paths[i]).filename().string(), number, times.frame.back());
     times.frame.push_back(number);
-    times.time_s.push_back(static_cast<double>(number) / picture_fps_hz);
+    times.time_s.push_back(static_cast<double>(number) / image_fps_hz);
   }
   return times;
 }
@@ -136,8 +136,8 @@ bool PlaceByTimeCodes(std::vector<CameraTimes>* times) {
   return true;
 }
 
-CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path, double picture_fps_hz) {
-  return ReadTimes(camera, path, picture_fps_hz, nullptr);
+CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path, double image_fps_hz) {
+  return ReadTimes(camera, path, image_fps_hz, nullptr);
 }
 
 std::vector<int64_t> FindRepeats(const std::string& path) {

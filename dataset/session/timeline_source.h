@@ -11,7 +11,7 @@ namespace mvstudio::dataset {
 
 /// Numbers and times of a camera's frames. Videos: the presentation times (read, not decoded); images: number / fps after
 /// time step 0. Throws like OpenFrames.
-CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path, double picture_fps_hz);
+CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path, double image_fps_hz);
 
 /// Sets the cameras' times from a table of time stamps (CSV with a header). Columns:
 ///   camera: `camera`, `cam`, `cam_id`, `camera_id` or `port`, with its name, its serial or the number in its name
@@ -38,7 +38,7 @@ struct TakeTimelineOptions {
 
 struct TakeTimeline {
   Timeline timeline;
-  std::vector<std::string> notes;  ///< assumptions of the timeline, and doubts: one line each
+  std::vector<std::string> notes;  ///< assumptions of the timeline, and conflicts: one line each
 };
 
 /// Puts all cameras on the clock of their time codes. False, and nothing changes, unless all have one and film at one time

@@ -14,7 +14,7 @@ namespace {
 using internal::ClockFit;
 using internal::kNoTick;
 
-constexpr double kMaxInstants = 2e6;
+constexpr double kMaxTimeSteps = 2e6;
 constexpr double kSameRate = 2e-3;    // relative; clocks of the same nominal rate differ by less
 constexpr double kTie = 1e-6;         // of a period: a time step halfway between two frames takes the later one
 constexpr double kWorstOnLine = 0.4;  // of a period
@@ -134,12 +134,12 @@ double TickBetween(const Clock& c, double time_s) {
 }
 
 /// Position of the frame at a common time; -1: none.
-int64_t FrameAt(const Clock& c, double time_s, double instant_period_s) {
+int64_t FrameAt(const Clock& c, double time_s, double step_period_s) {
   if (c.by_time.empty()) return -1;
   if (c.fit.status == ClockStatus::kVariable || c.fit.period_s <= 0) {
     auto near = std::lower_bound(c.by_time.begin(), c.by_time.end(), std::pair<double, size_t>{time_s, 0});
     if (near == c.by_time.end() || (near != c.by_time.begin() && time_s - (near - 1)->first < near->first - time_s)) --near;
-    const double most = (0.5 + kTie) * std::max(c.period_s, instant_period_s);
+    const double most = (0.5 + kTie) * std::max(c.period_s, step_period_s);
     return std::abs(near->first - time_s) <= most ? static_cast<int64_t>(near->second) : -1;
   }
   const double exact = c.on_line ? (time_s - c.TickTime(0)) / c.period_s : TickBetween(c, time_s);
@@ -163,7 +163,7 @@ double FirstNumber(const Clock& c, TimelineClock kind) {
   return 0;
 }
 
-int64_t CountInstants(const std::vector<Clock>& clocks, double start_s, double period_s) {
+int64_t CountTimeSteps(const std::vector<Clock>& clocks, double start_s, double period_s) {
   std::vector<double> ends;
   for (const Clock& c : clocks) {
     if (c.placed && !c.by_time.empty()) ends.push_back(c.by_time.back().first + 0.5 * c.period_s);
@@ -171,7 +171,7 @@ int64_t CountInstants(const std::vector<Clock>& clocks, double start_s, double p
   std::sort(ends.rbegin(), ends.rend());
   const double end = ends[std::min<size_t>(1, ends.size() - 1)];
   const double count = std::floor((end - start_s) / period_s) + 1;
-  if (count > kMaxInstants) {
+  if (count > kMaxTimeSteps) {
     throw FormatError(
         clocks[0].times->source, "",
         "the time stamps span " + std::to_string(count / 1e6) + " million time steps: are they in seconds, and of one take?");
@@ -221,13 +221,13 @@ void DescribeClock(const Clock& c, const Clock& ref, TimelineClock kind, double 
   }
 }
 
-void Assign(const Clock& c, const std::vector<double>& instants, double period_s, const TimelineOptions& options,
+void Assign(const Clock& c, const std::vector<double>& time_steps, double period_s, const TimelineOptions& options,
             CameraTimeline* out) {
   std::vector<double> sizes;
-  for (size_t i = 0; i < instants.size(); ++i) {
-    const int64_t at = c.placed ? FrameAt(c, instants[i], period_s) : -1;
+  for (size_t i = 0; i < time_steps.size(); ++i) {
+    const int64_t at = c.placed ? FrameAt(c, time_steps[i], period_s) : -1;
     if (at < 0) continue;
-    const double residual = TimeOf(c, static_cast<size_t>(at)) - instants[i];
+    const double residual = TimeOf(c, static_cast<size_t>(at)) - time_steps[i];
     if (options.max_residual_ms > 0 && 1000 * std::abs(residual) > options.max_residual_ms) continue;
     out->frame_at[i] = c.times->frame[static_cast<size_t>(at)];
     out->residual_s[i] = residual;
@@ -271,26 +271,26 @@ Timeline BuildTimeline(const std::vector<CameraTimes>& cameras, TimelineClock cl
   timeline.fps_hz = 1 / ref.period_s;
   const bool numbered = clock != TimelineClock::kCommon && ref.times->origin_s.has_value();
   timeline.start_s = numbered ? ref.Common(*ref.times->origin_s) : ref.TickTime(-FirstNumber(ref, clock));
-  timeline.num_instants = CountInstants(clocks, timeline.start_s, ref.period_s);
-  std::vector<double> instants(static_cast<size_t>(timeline.num_instants));
-  for (size_t i = 0; i < instants.size(); ++i) instants[i] = timeline.start_s + static_cast<double>(i) * ref.period_s;
+  timeline.num_time_steps = CountTimeSteps(clocks, timeline.start_s, ref.period_s);
+  std::vector<double> time_steps(static_cast<size_t>(timeline.num_time_steps));
+  for (size_t i = 0; i < time_steps.size(); ++i) time_steps[i] = timeline.start_s + static_cast<double>(i) * ref.period_s;
   for (const Clock& c : clocks) {
     CameraTimeline& out = timeline.cameras.emplace_back();
     out.name = c.times->camera;
     out.source = c.times->source;
     out.status = c.placed || c.fit.status == ClockStatus::kNoTime ? c.fit.status : ClockStatus::kNoOffset;
     out.num_frames = static_cast<int64_t>(c.times->frame.size());
-    out.frame_at.assign(instants.size(), -1);
-    out.residual_s.assign(instants.size(), std::nan(""));
+    out.frame_at.assign(time_steps.size(), -1);
+    out.residual_s.assign(time_steps.size(), std::nan(""));
     DescribeClock(c, ref, clock, timeline.start_s, &out);
     ListDropped(c, &out);
     ListDoubled(c, &out);
-    Assign(c, instants, ref.period_s, options, &out);
+    Assign(c, time_steps, ref.period_s, options, &out);
   }
   return timeline;
 }
 
-std::vector<std::pair<int64_t, int64_t>> InstantsOfFrames(const CameraTimeline& camera) {
+std::vector<std::pair<int64_t, int64_t>> TimeStepsOfFrames(const CameraTimeline& camera) {
   std::vector<std::pair<int64_t, int64_t>> rows;
   for (size_t i = 0; i < camera.frame_at.size(); ++i) {
     if (camera.frame_at[i] >= 0) rows.emplace_back(camera.frame_at[i], static_cast<int64_t>(i));
@@ -299,12 +299,12 @@ std::vector<std::pair<int64_t, int64_t>> InstantsOfFrames(const CameraTimeline& 
   return rows;
 }
 
-std::map<int64_t, int64_t> InstantOfEachFrame(const CameraTimeline& camera) {
-  std::map<int64_t, std::vector<int64_t>> instants;
-  for (const auto& [frame, instant] : InstantsOfFrames(camera)) instants[frame].push_back(instant);
-  const auto distance_s = [&](int64_t instant) { return std::abs(camera.residual_s.at(static_cast<size_t>(instant))); };
+std::map<int64_t, int64_t> TimeStepOfEachFrame(const CameraTimeline& camera) {
+  std::map<int64_t, std::vector<int64_t>> time_steps;
+  for (const auto& [frame, time_step] : TimeStepsOfFrames(camera)) time_steps[frame].push_back(time_step);
+  const auto distance_s = [&](int64_t time_step) { return std::abs(camera.residual_s.at(static_cast<size_t>(time_step))); };
   std::map<int64_t, int64_t> nearest;
-  for (const auto& [frame, of] : instants) {
+  for (const auto& [frame, of] : time_steps) {
     nearest[frame] = of[(of.size() - 1) / 2];
     if (camera.residual_s.empty()) continue;
     nearest[frame] =

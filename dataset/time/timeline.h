@@ -18,11 +18,11 @@ namespace mvstudio::dataset {
 /// The frames of one camera's footage, in order.
 struct CameraTimes {
   std::string camera;
-  std::string source;              ///< path, for messages
-  std::vector<int64_t> frame;      ///< number of each frame, ascending: position in a video, number in an image's name
-  std::vector<double> time_s;      ///< NaN where there is no time stamp
-  std::vector<int64_t> repeats;    ///< frames that show the same image as the previous one
-  std::optional<double> origin_s;  ///< time of its time step 0; none: that of its first frame
+  std::string source;                      ///< path, for messages
+  std::vector<int64_t> frame;              ///< number of each frame, ascending: position in a video, number in an image's name
+  std::vector<double> time_s;              ///< NaN where there is no time stamp
+  std::vector<int64_t> repeats;            ///< frames that show the same image as the previous one
+  std::optional<double> origin_s;          ///< time of its time step 0; none: that of its first frame
   std::optional<double> time_code_s = {};  ///< time of day of its first frame by a time code, which counts whole frames
 };
 
@@ -84,7 +84,7 @@ struct Timeline {
   TimelineClock clock = TimelineClock::kStart;
   double fps_hz = 0;   ///< time steps per second
   double start_s = 0;  ///< time of time step 0 on the reference's clock
-  int64_t num_instants = 0;
+  int64_t num_time_steps = 0;
   std::vector<CameraTimeline> cameras;
 
   const CameraTimeline* Find(const std::string& camera) const;  ///< nullptr: not there
@@ -106,11 +106,11 @@ Timeline ReadTimeline(const std::string& path);
 
 /// The time step of each frame number, (frame number, time step) ascending by frame; frames used for several time steps
 /// have several rows.
-std::vector<std::pair<int64_t, int64_t>> InstantsOfFrames(const CameraTimeline& camera);
+std::vector<std::pair<int64_t, int64_t>> TimeStepsOfFrames(const CameraTimeline& camera);
 
 /// The time step of each frame number. A frame that is the nearest one of several time steps has the one nearest to it, or
 /// the middle one where the timeline comes from a file.
-std::map<int64_t, int64_t> InstantOfEachFrame(const CameraTimeline& camera);
+std::map<int64_t, int64_t> TimeStepOfEachFrame(const CameraTimeline& camera);
 
 /// (frame number, tick of the camera's own clock) ascending by frame, for the frames that have one. The tick is the
 /// position if no frame had been dropped or doubled. Images keep their numbers; so do the frames of a camera without a

@@ -20,7 +20,7 @@ constexpr ChoiceWords<ClockStatus, 4> kClockStatuses = {{{ClockStatus::kOk, "Ok"
                                                          {ClockStatus::kNoOffset, "NoOffset"}}};
 
 constexpr char kSchema[] = "mvstudio.timeline/1";
-constexpr double kMaxInstants = 2e6, kMaxNumber = 9e15;
+constexpr double kMaxTimeSteps = 2e6, kMaxNumber = 9e15;
 
 double Finite(double value) {
   MVS_CHECK(std::isfinite(value), "a timeline's number is not finite");
@@ -84,7 +84,7 @@ void ReadRuns(const JsonView& json, std::vector<int64_t>* frame_at) {
   }
 }
 
-CameraTimeline ReadCamera(const JsonView& json, size_t num_instants) {
+CameraTimeline ReadCamera(const JsonView& json, size_t num_time_steps) {
   CameraTimeline c;
   c.name = internal::CameraName(json["name"]);
   c.source = json["source"].Text();
@@ -107,7 +107,7 @@ CameraTimeline ReadCamera(const JsonView& json, size_t num_instants) {
   }
   c.doubled = Frames(json["doubled"]);
   c.bad_times = Frames(json["bad_times"]);
-  c.frame_at.assign(num_instants, -1);
+  c.frame_at.assign(num_time_steps, -1);
   ReadRuns(json["instants"], &c.frame_at);
   return c;
 }
@@ -129,7 +129,7 @@ void WriteTimeline(const Timeline& timeline, const std::string& path) {
   json["clock"] = ToString(timeline.clock);
   json["fps_hz"] = Finite(timeline.fps_hz);
   json["start_s"] = Finite(timeline.start_s);
-  json["num_instants"] = timeline.num_instants;
+  json["num_instants"] = timeline.num_time_steps;
   json["cameras"] = Json::array();
   for (const CameraTimeline& c : timeline.cameras) json["cameras"].push_back(CameraJson(c));
   WriteFileAtomic(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
@@ -146,14 +146,14 @@ Timeline ReadTimeline(const std::string& path) {
   timeline.fps_hz = view["fps_hz"].Number();
   if (!(timeline.fps_hz > 0)) view["fps_hz"].Fail("must be positive");
   timeline.start_s = view["start_s"].Number();
-  timeline.num_instants = Whole(view["num_instants"], 0, kMaxInstants);
+  timeline.num_time_steps = Whole(view["num_instants"], 0, kMaxTimeSteps);
   const JsonView cameras = view["cameras"];
   constexpr double kMaxEntries = 6.5e7;
-  if (static_cast<double>(cameras.ArraySize()) * static_cast<double>(timeline.num_instants) > kMaxEntries) {
+  if (static_cast<double>(cameras.ArraySize()) * static_cast<double>(timeline.num_time_steps) > kMaxEntries) {
     cameras.Fail("too many cameras for so many time steps");
   }
   for (size_t i = 0; i < cameras.ArraySize(); ++i) {
-    timeline.cameras.push_back(ReadCamera(cameras[i], static_cast<size_t>(timeline.num_instants)));
+    timeline.cameras.push_back(ReadCamera(cameras[i], static_cast<size_t>(timeline.num_time_steps)));
   }
   if (!timeline.Find(timeline.reference)) view["reference"].Fail("is none of the cameras");
   return timeline;

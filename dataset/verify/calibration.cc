@@ -47,15 +47,15 @@ void VerifyCamera(const JsonView& json, const std::string& path, std::set<std::s
 
 /// Folds and units have words of their own here.
 void CheckPlausible(const geometry::Rig& rig, const std::string& path, Findings* findings) {
-  for (const Notice& doubt : geometry::DoubtsAbout(rig)) {
-    if (doubt.code == "CAL-FOLD" || (doubt.code == "CAL-DISTANCES" && rig.cameras.size() >= 3)) continue;
-    findings->Warning("DAT-CALIB", path, doubt.text);
+  for (const Notice& conflict : geometry::ConflictsIn(rig)) {
+    if (conflict.code == "CAL-FOLD" || (conflict.code == "CAL-DISTANCES" && rig.cameras.size() >= 3)) continue;
+    findings->Warning("DAT-CALIB", path, conflict.text);
   }
 }
 
 /// What only all cameras together show.
 void CheckPlaces(const geometry::Rig& rig, const std::string& path, Findings* findings) {
-  const std::string metres = MetresDoubt(rig);
+  const std::string metres = MetresConflict(rig);
   if (!metres.empty()) findings->Warning("DAT-UNITS", path, metres);
   std::map<std::array<double, 7>, std::string> places;
   for (const auto& camera : rig.cameras) {
@@ -93,9 +93,9 @@ geometry::Rig VerifyCalibration(const std::string& path, Findings* findings) {
     }
     if (unreadable > kMostTold)
       findings->Error("DAT-CALIB", path, std::to_string(unreadable - kMostTold) + " more cameras cannot be read");
-    for (const PanopticNameDoubt& doubt : PanopticNameDoubts(all)) {
-      const auto tell = doubt.exchanged ? &Findings::Error : &Findings::Warning;
-      (findings->*tell)("DAT-NAME", path, doubt.text);
+    for (const PanopticNameConflict& conflict : PanopticNameConflicts(all)) {
+      const auto tell = conflict.exchanged ? &Findings::Error : &Findings::Warning;
+      (findings->*tell)("DAT-NAME", path, conflict.text);
     }
   } catch (const FormatError& error) {
     findings->Error("DAT-CALIB", path, WithoutPath(error));

@@ -54,7 +54,7 @@ void CheckHeaders(InspectedFootage* f, Findings* findings) {
   }
 }
 
-void InspectPictures(InspectedFootage* f, bool decode, Findings* findings) {
+void InspectImages(InspectedFootage* f, bool decode, Findings* findings) {
   const FootageInfo& info = *f->info;
   f->num_frames = info.num_frames;
   f->sound = true;
@@ -116,7 +116,7 @@ void InspectFootage(const Session& session, const InspectOptions& options, Inspe
   }
   try {
     f->info = DescribeFootage(f->path);
-    f->info->is_video ? InspectVideo(f, options.decode, findings) : InspectPictures(f, options.decode, findings);
+    f->info->is_video ? InspectVideo(f, options.decode, findings) : InspectImages(f, options.decode, findings);
   } catch (const IoError& error) {
     findings->push_back({"SES-MISSING", Where(*f) + ": " + error.what(), "", true});
   } catch (const FormatError& error) {
@@ -178,7 +178,7 @@ void CompareSizes(const Session& session, const SessionReport& report, bool allo
   const std::string path = CalibrationOf(session, allow_outside);
   if (path.empty()) return;
   const geometry::Rig rig = ReadAnyCalibration(path);
-  Append(geometry::DoubtsAbout(rig), findings);
+  Append(geometry::ConflictsIn(rig), findings);
   std::set<std::string> filmed;
   for (const InspectedFootage& f : report.footage) {
     filmed.insert(f.camera);

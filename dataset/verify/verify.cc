@@ -142,7 +142,7 @@ void CompareImages(const PanopticSequence& sequence, const std::vector<geometry:
     const PanopticFootage& footage = sequence.footage.at(name);
     if (footage.is_video || KindOf(name) != PanopticKind::kHd) continue;
     files.rig.cameras.push_back(camera);
-    for (const auto& [frame, file] : footage.pictures) all[name].push_back(frame);
+    for (const auto& [frame, file] : footage.images) all[name].push_back(frame);
     if (fs::is_directory(sequence.root + "/masks/" + name)) masked[name] = all[name];
   }
   std::vector<Finding> found;
@@ -166,9 +166,8 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
     const PanopticFootage& footage = sequence.footage.at(cameras[k].camera.name);
     const PanopticKind kind = KindOf(cameras[k].camera.name);
     const auto& scenes = kind == PanopticKind::kHd ? hd : kind == PanopticKind::kVga ? vga : none;
-    checks[k] = footage.is_video
-                    ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
-                    : internal::VerifyPictures(sequence, cameras[k], footage, scenes, masks, options, &by_camera[k]);
+    checks[k] = footage.is_video ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
+                                 : internal::VerifyImages(sequence, cameras[k], footage, scenes, masks, options, &by_camera[k]);
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
   });
@@ -190,7 +189,7 @@ void CheckInView(const PanopticSequence& sequence, const geometry::Rig& rig, con
 
 std::string WhyUnusable(const geometry::Rig& rig, const VerifyReport& report) {
   if (rig.cameras.empty()) return "no camera of the calibration can be read";
-  if (report.frames == 0 && report.pictures + report.videos == 0) return "there are neither joints nor images that can be read";
+  if (report.frames == 0 && report.images + report.videos == 0) return "there are neither joints nor images that can be read";
   return "";
 }
 
@@ -209,7 +208,7 @@ int VerifyReport::num_errors() const { return Count(findings, Finding::Severity:
 int VerifyReport::num_warnings() const { return Count(findings, Finding::Severity::kWarning); }
 
 VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options, const RunContext& run) {
-  if (options.picture_step < 1) throw UsageError("option 'picture-step' must be at least 1");
+  if (options.image_step < 1) throw UsageError("option 'picture-step' must be at least 1");
   Findings findings;
   const PanopticSequence sequence = ScanPanopticSequence(root, options.follow_links);
   const geometry::Rig rig = internal::VerifyCalibration(sequence.calibration, &findings);
@@ -234,9 +233,9 @@ VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options
   for (size_t i = 0; i < checks.size(); ++i) {
     const FootageCheck& check = checks[i];
     const std::string& name = cameras[i].camera.name;
-    if (check.no_picture > 0) report.no_picture[name] = check.no_picture;
+    if (check.no_image > 0) report.no_image[name] = check.no_image;
     if (check.no_mask > 0) report.no_mask[name] = check.no_mask;
-    report.pictures += static_cast<int>(check.pictures);
+    report.images += static_cast<int>(check.images);
     report.masks += static_cast<int>(check.masks);
     report.videos += static_cast<int>(check.videos);
   }

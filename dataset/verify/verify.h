@@ -18,28 +18,28 @@ struct Finding {
 };
 
 struct VerifyOptions {
-  int picture_step = 1;
+  int image_step = 1;
   double least_cover = 0.8;
   bool follow_links = false;
 };
 
 template <class Visitor>
 void VisitFields(Visitor&& visit, VerifyOptions& o) {
-  visit("picture-step", o.picture_step, "decode every n-th frame's images and masks; 1 decodes all");
+  visit("picture-step", o.image_step, "decode every n-th frame's images and masks; 1 decodes all");
   visit("least-cover", o.least_cover, "least share of a camera's joints that must lie on its masks");
   visit("follow-links", o.follow_links, "read through symbolic links that lead out of the folder; off lists them as errors");
 }
 
 struct VerifyReport {
-  int cameras = 0;                          ///< calibrated and with footage, all panels
-  int frames = 0;                           ///< body3DScene files that are readable
-  int pictures = 0, masks = 0, videos = 0;  ///< decoded
-  int faces = 0, hands = 0;                 ///< files that are readable
-  std::string skeleton;                     ///< of the joints beside Panoptic's 19; empty: there are none
-  int own_frames = 0;                       ///< files of it that are readable
-  std::map<std::string, int> no_picture;    ///< by camera, where not 0: frames with joints without an image
-  std::map<std::string, int> no_mask;       ///< likewise with an image and without a mask, in datasets with masks
-  std::string unusable;  ///< why the folder is unusable: no camera, or neither joints nor images; else empty
+  int cameras = 0;                        ///< calibrated and with footage, all panels
+  int frames = 0;                         ///< body3DScene files that are readable
+  int images = 0, masks = 0, videos = 0;  ///< decoded
+  int faces = 0, hands = 0;               ///< files that are readable
+  std::string skeleton;                   ///< of the joints beside Panoptic's 19; empty: there are none
+  int own_frames = 0;                     ///< files of it that are readable
+  std::map<std::string, int> no_image;    ///< by camera, where not 0: frames with joints without an image
+  std::map<std::string, int> no_mask;     ///< likewise with an image and without a mask, in datasets with masks
+  std::string unusable;                   ///< why the folder is unusable: no camera, or neither joints nor images; else empty
   std::vector<Finding> findings;
   int num_errors() const;
   int num_warnings() const;

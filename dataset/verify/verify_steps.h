@@ -37,13 +37,13 @@ void VerifySyncTables(const PanopticSequence& sequence, const std::map<int, Body
 
 /// An image reduced to a few grey means, to detect cameras that show the same.
 using Thumbnail = std::array<float, 16 * 16>;
-Thumbnail MakeThumbnail(const Image& picture);
+Thumbnail MakeThumbnail(const Image& image);
 
 struct FootageCheck {
-  int64_t pictures = 0, masks = 0, videos = 0;  ///< decoded
-  int64_t frames = 0;                           ///< existing, or listed as missing
-  int no_picture = 0, no_mask = 0;              ///< frames with joints without an image; with an image and without a mask
-  std::map<int, Thumbnail> thumbnails;          ///< of a few frames
+  int64_t images = 0, masks = 0, videos = 0;  ///< decoded
+  int64_t frames = 0;                         ///< existing, or listed as missing
+  int no_image = 0, no_mask = 0;              ///< frames with joints without an image; with an image and without a mask
+  std::map<int, Thumbnail> thumbnails;        ///< of a few frames
 };
 /// Pixels in the image of the valid joints.
 struct ProjectedJoints {
@@ -65,9 +65,9 @@ std::optional<MaskMeaning> VerifyMaskValues(const PanopticSequence& sequence, Fi
 
 /// Checks images or the video, and masks, of one camera. `scenes`: of its kind. Without `masks`, what masks show is not
 /// looked at.
-FootageCheck VerifyPictures(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
-                            const std::map<int, Body3dScene>& scenes, const std::optional<MaskMeaning>& masks,
-                            const VerifyOptions& options, Findings* findings);
+FootageCheck VerifyImages(const PanopticSequence& sequence, const geometry::RigCamera& camera, const PanopticFootage& footage,
+                          const std::map<int, Body3dScene>& scenes, const std::optional<MaskMeaning>& masks,
+                          const VerifyOptions& options, Findings* findings);
 FootageCheck VerifyVideo(const geometry::RigCamera& camera, const PanopticFootage& footage,
                          const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
 

@@ -21,12 +21,12 @@ void CheckSize(const VideoInfo& info, const geometry::Camera& camera, const std:
 
 /// Decodes all frames, or with a step only the first few; keeps thumbnails of frames spread over them.
 void Decode(VideoReader* reader, int64_t frames, const VerifyOptions& options, FootageCheck* check) {
-  const bool all = options.picture_step == 1;
+  const bool all = options.image_step == 1;
   const int64_t sample = all ? std::max<int64_t>(1, frames / 8) : 1;
   while (reader->Advance()) {
     const int64_t frame = reader->frame_idx();
     if (frame % sample == 0 && check->thumbnails.size() < 8) {
-      check->thumbnails[static_cast<int>(frame)] = MakeThumbnail(reader->Picture());
+      check->thumbnails[static_cast<int>(frame)] = MakeThumbnail(reader->FullImage());
       if (!all && check->thumbnails.size() == 8) return;
     }
   }
@@ -90,20 +90,20 @@ void CompareCounts(const std::vector<geometry::RigCamera>& cameras, const std::v
 
 }  // namespace
 
-Thumbnail MakeThumbnail(const Image& picture) {
+Thumbnail MakeThumbnail(const Image& image) {
   Thumbnail thumbnail{};
   for (int row = 0; row < kSide; ++row) {
     for (int column = 0; column < kSide; ++column) {
-      const int x0 = column * picture.width / kSide, x1 = std::max(x0 + 1, (column + 1) * picture.width / kSide);
-      const int y0 = row * picture.height / kSide, y1 = std::max(y0 + 1, (row + 1) * picture.height / kSide);
+      const int x0 = column * image.width / kSide, x1 = std::max(x0 + 1, (column + 1) * image.width / kSide);
+      const int y0 = row * image.height / kSide, y1 = std::max(y0 + 1, (row + 1) * image.height / kSide);
       double sum = 0;
-      for (int y = y0; y < std::min(y1, picture.height); ++y) {
-        for (int x = x0; x < std::min(x1, picture.width); ++x) {
-          for (int c = 0; c < picture.channels; ++c) sum += picture.Pixel(x, y)[c];
+      for (int y = y0; y < std::min(y1, image.height); ++y) {
+        for (int x = x0; x < std::min(x1, image.width); ++x) {
+          for (int c = 0; c < image.channels; ++c) sum += image.Pixel(x, y)[c];
         }
       }
       thumbnail[static_cast<size_t>(row * kSide + column)] =
-          static_cast<float>(sum / (double(x1 - x0) * (y1 - y0) * picture.channels));
+          static_cast<float>(sum / (double(x1 - x0) * (y1 - y0) * image.channels));
     }
   }
   return thumbnail;

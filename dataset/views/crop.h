@@ -49,7 +49,7 @@ class ResampleMap {
  public:
   ResampleMap(const geometry::RigCamera& from, const geometry::RigCamera& to);
 
-  Image Picture(const Image& source, Border border = Border::kBlack, int num_threads = 1) const;
+  Image Apply(const Image& source, Border border = Border::kBlack, int num_threads = 1) const;
   /// 255 where at least half of the footprint is foreground (a value of 128 or more counts by its share), else 0.
   Image Mask(const Image& source, int num_threads = 1) const;
   /// 255 where at least half of the footprint lies in the source image, else 0.

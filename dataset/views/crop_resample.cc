@@ -286,7 +286,7 @@ void WriteRow(const RowSums& sums, int samples, Border border, int y, Image* out
 
 }  // namespace
 
-Image ResampleMap::Picture(const Image& source, Border border, int num_threads) const {
+Image ResampleMap::Apply(const Image& source, Border border, int num_threads) const {
   const Knots& k = *knots_;
   RequireSource(source, k.from.camera());
   Image out(k.to_width(), k.to_height(), source.channels);
@@ -303,7 +303,7 @@ Image ResampleMap::Picture(const Image& source, Border border, int num_threads) 
 
 Image ResampleMap::Mask(const Image& source, int num_threads) const {
   MVS_CHECK(source.channels == 1, "a mask has one channel, not " << source.channels);
-  Image mask = Picture(source, Border::kBlack, num_threads);
+  Image mask = Apply(source, Border::kBlack, num_threads);
   for (uint8_t& value : mask.pixels) value = value >= 128 ? 255 : 0;
   return mask;
 }
@@ -315,7 +315,7 @@ Image ResampleMap::Validity() const {
 
 Image Resample(const Image& source, const geometry::RigCamera& from, const geometry::RigCamera& to) {
   RequireSource(source, from.camera);
-  return ResampleMap(from, to).Picture(source);
+  return ResampleMap(from, to).Apply(source);
 }
 
 }  // namespace mvstudio::dataset

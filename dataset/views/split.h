@@ -99,7 +99,7 @@ struct SplitReport {
   /// vertical and translation; metres, over the test frames. NaN without poses.
   double median_novelty_m = 0, p90_novelty_m = 0, max_novelty_m = 0;
   double usual_step_m = 0;  ///< the same between neighbouring frames: the level of "not new"
-  int train_pictures = 0, validation_pictures = 0, test_pictures = 0;
+  int train_images = 0, validation_images = 0, test_images = 0;
 };
 SplitReport DescribeSplit(const PanopticDataset& dataset, const Split& split);
 

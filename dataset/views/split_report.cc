@@ -54,8 +54,8 @@ double PoseDistance(const Coco19Pose& a, const Coco19Pose& b) {
   const double angle = std::atan2(sine, cosine), c = std::cos(angle), s = std::sin(angle);
   double sum = 0;
   for (int i = 0; i < count; ++i) {
-    const Eigen::Vector3d turned(c * x(0, i) - s * x(1, i), s * x(0, i) + c * x(1, i), x(2, i));
-    sum += (turned - y.col(i)).norm();
+    const Eigen::Vector3d rotated(c * x(0, i) - s * x(1, i), s * x(0, i) + c * x(1, i), x(2, i));
+    sum += (rotated - y.col(i)).norm();
   }
   return sum / count;
 }
@@ -168,9 +168,9 @@ SplitReport DescribeSplit(const PanopticDataset& dataset, const Split& split) {
   report.median_novelty_m = FiniteQuantile(novelty, 0.5), report.p90_novelty_m = FiniteQuantile(novelty, 0.9);
   report.max_novelty_m = FiniteQuantile(novelty, 1);
   report.usual_step_m = FiniteQuantile(Steps(dataset, PoseDistance), 0.5);
-  const auto pictures = [](const SplitPart& part) { return static_cast<int>(part.cameras.size() * part.frames.size()); };
-  report.train_pictures = pictures(split.train), report.validation_pictures = pictures(split.validation);
-  report.test_pictures = pictures(split.test);
+  const auto images = [](const SplitPart& part) { return static_cast<int>(part.cameras.size() * part.frames.size()); };
+  report.train_images = images(split.train), report.validation_images = images(split.validation);
+  report.test_images = images(split.test);
   return report;
 }
 

@@ -268,16 +268,14 @@ UndistortedCamera IdealPinhole(const geometry::RigCamera& source, const Undistor
 Undistorter::Undistorter(const geometry::RigCamera& source, const geometry::RigCamera& pinhole)
     : map_(source, pinhole), validity_(map_.Validity()) {}
 
-Image Undistorter::Picture(const Image& source, int num_threads) const {
-  return map_.Picture(source, Border::kLeave, num_threads);
-}
+Image Undistorter::Apply(const Image& source, int num_threads) const { return map_.Apply(source, Border::kLeave, num_threads); }
 
 Image Undistorter::Mask(const Image& source, int num_threads) const { return map_.Mask(source, num_threads); }
 
 namespace {
 
 // Waves of random direction and phase, none shorter than `finest_px`.
-Image BandLimitedPicture(int width, int height, double finest_px, uint64_t seed) {
+Image BandLimitedImage(int width, int height, double finest_px, uint64_t seed) {
   constexpr int kWaves = 24;
   Rng rng(seed);
   Eigen::Array<double, 3, kWaves> waves;  // radians a pixel along x and y, phase
@@ -285,25 +283,25 @@ Image BandLimitedPicture(int width, int height, double finest_px, uint64_t seed)
     const double angle = rng.Uniform(0, 2 * kPi), frequency = 2 * kPi / (finest_px * rng.Uniform(1, 6));
     waves.col(k) << frequency * std::cos(angle), frequency * std::sin(angle), rng.Uniform(0, 2 * kPi);
   }
-  Image picture(width, height, 1);
+  Image image(width, height, 1);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const double sum = (waves.row(0) * x + waves.row(1) * y + waves.row(2)).sin().sum();
-      *picture.Pixel(x, y) = static_cast<uint8_t>(std::lround(std::clamp(127.5 + 22 * sum, 0.0, 255.0)));
+      *image.Pixel(x, y) = static_cast<uint8_t>(std::lround(std::clamp(127.5 + 22 * sum, 0.0, 255.0)));
     }
   }
-  return picture;
+  return image;
 }
 
 // Of the pixels that come back from an image that is white all over as white.
-double PsnrThereAndBack(const ResampleMap& there, const ResampleMap& back, const Image& picture) {
-  const Image returned = back.Picture(there.Picture(picture));
-  const Image whole = back.Picture(there.Picture(Image(picture.width, picture.height, 1, 255)));
+double PsnrThereAndBack(const ResampleMap& there, const ResampleMap& back, const Image& image) {
+  const Image returned = back.Apply(there.Apply(image));
+  const Image whole = back.Apply(there.Apply(Image(image.width, image.height, 1, 255)));
   double sum = 0;
   int64_t count = 0;
-  for (size_t i = 0; i < picture.pixels.size(); ++i) {
+  for (size_t i = 0; i < image.pixels.size(); ++i) {
     if (whole.pixels[i] < 255) continue;
-    const double difference = static_cast<double>(returned.pixels[i]) - picture.pixels[i];
+    const double difference = static_cast<double>(returned.pixels[i]) - image.pixels[i];
     sum += difference * difference, ++count;
   }
   if (count == 0) return std::numeric_limits<double>::quiet_NaN();
@@ -313,7 +311,7 @@ double PsnrThereAndBack(const ResampleMap& there, const ResampleMap& back, const
 }  // namespace
 
 UndistortionError MeasureUndistortion(const geometry::RigCamera& source, const geometry::RigCamera& pinhole, uint64_t seed,
-                                      bool with_picture) {
+                                      bool with_image) {
   const ResampleMap there(source, pinhole), back(pinhole, source);
   const geometry::Projector lens(source.camera), ideal(pinhole.camera);
   const geometry::Rigid3 world_from_source = geometry::Inverse(source.cam_from_world);
@@ -332,9 +330,9 @@ UndistortionError MeasureUndistortion(const geometry::RigCamera& source, const g
   }
   error.finest_px = std::max(16.0, 8.0 * std::max(there.samples_per_side(), back.samples_per_side()));
   error.psnr_db = std::numeric_limits<double>::quiet_NaN();
-  if (!with_picture) return error;
+  if (!with_image) return error;
   error.psnr_db =
-      PsnrThereAndBack(there, back, BandLimitedPicture(source.camera.width_px, source.camera.height_px, error.finest_px, seed));
+      PsnrThereAndBack(there, back, BandLimitedImage(source.camera.width_px, source.camera.height_px, error.finest_px, seed));
   return error;
 }
 

@@ -65,7 +65,7 @@ class Undistorter {
  public:
   /// `pinhole` as from IdealPinhole, or any pinhole at the same position.
   Undistorter(const geometry::RigCamera& source, const geometry::RigCamera& pinhole);
-  Image Picture(const Image& source, int num_threads = 1) const;
+  Image Apply(const Image& source, int num_threads = 1) const;
   /// 255 where at least half of the pixel's footprint is foreground.
   Image Mask(const Image& source, int num_threads = 1) const;
   /// 255 where at least half of the pixel's footprint lies in the footage.
@@ -85,8 +85,8 @@ struct UndistortionError {
   double psnr_db = 0;       ///< of a seeded band-limited image resampled there and back, where both have a source; NaN: nowhere
   double finest_px = 0;     ///< shortest period of that image
 };
-/// With `with_picture` false, psnr_db stays NaN and the call takes milliseconds instead of a second.
+/// With `with_image` false, psnr_db stays NaN and the call takes milliseconds instead of a second.
 UndistortionError MeasureUndistortion(const geometry::RigCamera& source, const geometry::RigCamera& pinhole, uint64_t seed = 1,
-                                      bool with_picture = true);
+                                      bool with_image = true);
 
 }  // namespace mvstudio::dataset

@@ -21,8 +21,8 @@ WithoutSkew ReplaceSkew(const Camera& camera, double skew_px) {
   if (HasOpenCvOrder(camera.model) && p.size() >= 8) {
     // (p2, p1) and the prism's (s1, s3), (s2, s4) turn as vectors; radial terms stay.
     const auto rotate = [&](Eigen::Index x, Eigen::Index y) {
-      const Eigen::Vector2d turned = turn * Eigen::Vector2d(p[x], p[y]);
-      p[x] = turned.x(), p[y] = turned.y();
+      const Eigen::Vector2d rotated = turn * Eigen::Vector2d(p[x], p[y]);
+      p[x] = rotated.x(), p[y] = rotated.y();
     };
     rotate(7, 6);
     if (p.size() >= 16) rotate(12, 14), rotate(13, 15);

@@ -67,7 +67,7 @@ Rig WithAxesMirrored(Rig rig) {
   });
 }
 
-Rig WithAxesTurned(Rig rig) {
+Rig WithAxesRotated(Rig rig) {
   Rigid3 half_turn;
   half_turn.rotation = Eigen::Quaterniond(0, 1, 0, 0);  // about x
   return WithPosesChanged(std::move(rig), [&](const Rigid3& cam_from_world) { return half_turn * cam_from_world; });

@@ -30,6 +30,6 @@ Rig WithPosesInverted(Rig rig, const Eigen::Matrix3d& world_from_file = Eigen::M
 Rig WithAxesMirrored(Rig rig);
 
 /// Cameras that look along -z with y up (OpenGL) instead: each is turned by half a turn about its x axis.
-Rig WithAxesTurned(Rig rig);
+Rig WithAxesRotated(Rig rig);
 
 }  // namespace mvstudio::geometry

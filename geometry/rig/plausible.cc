@@ -70,7 +70,7 @@ void Report(const Rig& rig, const std::string& code, const std::string& hint, co
   found->push_back({code, Listed(names) + ": " + first + whose, hint});
 }
 
-std::string LookAtDecentring(const Camera& camera) {
+std::string CheckDecentring(const Camera& camera) {
   const double p = Decentring(camera);
   if (!(p > kMaxDecentring)) return "";
   const std::string order = BetterOrder(camera);
@@ -78,13 +78,13 @@ std::string LookAtDecentring(const Camera& camera) {
          (order.empty() ? "" : "; in the order " + order + " the terms make sense");
 }
 
-std::string LookAtFold(const Camera& camera) {
+std::string CheckFold(const Camera& camera) {
   if (!FoldsInside(camera)) return "";
   return "the lens folds inside the image: " + Number(100 * ShareWithoutRay(camera)) +
          " % of it, at the corners first, belong to no direction";
 }
 
-std::string LookAtCentre(const Camera& camera) {
+std::string CheckCentre(const Camera& camera) {
   const auto outside = [](double center, int size) { return std::max(-center, center - size) / size; };
   if (std::max(outside(camera.cx(), camera.width_px), outside(camera.cy(), camera.height_px)) <= kMaxOutside) return "";
   return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") lies far outside the image of " +
@@ -95,14 +95,14 @@ std::string LookAtCentre(const Camera& camera) {
 std::string ExchangedSides(const Camera& camera) {
   constexpr double kNear = 0.1, kFar = 0.15, kClearly = 4;  // shares of the shorter side; how much nearer the other middle is
   const Eigen::Vector2d sides(camera.width_px, camera.height_px), at(camera.cx() + 0.5, camera.cy() + 0.5);
-  const double off = (at - sides / 2).norm(), turned_off = (at - sides.reverse() / 2).norm(), side = sides.minCoeff();
-  if (turned_off > kNear * side || off < kFar * side || off < kClearly * turned_off) return "";
+  const double off = (at - sides / 2).norm(), rotated_off = (at - sides.reverse() / 2).norm(), side = sides.minCoeff();
+  if (rotated_off > kNear * side || off < kFar * side || off < kClearly * rotated_off) return "";
   return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") is the middle of an image of " +
          std::to_string(camera.height_px) + " x " + std::to_string(camera.width_px) + " px, not of " +
          std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + ": width and height are exchanged";
 }
 
-std::string LookAtFocal(const Camera& camera) {
+std::string CheckFocal(const Camera& camera) {
   const double diagonal = std::hypot(camera.width_px, camera.height_px);
   const double low = std::min(camera.fx(), camera.fy()), high = std::max(camera.fx(), camera.fy());
   const std::string focal = "fx = " + Number(camera.fx()) + " and fy = " + Number(camera.fy()) + " px";
@@ -126,30 +126,30 @@ double FarthestApart(const Rig& rig) {
 }
 
 /// All in one place though their poses differ, or all with their backs to the point where their axes meet.
-bool LookAtDirections(const Rig& rig, std::vector<Notice>* doubts) {
+bool CheckDirections(const Rig& rig, std::vector<Notice>* conflicts) {
   const int count = static_cast<int>(rig.cameras.size());
   double farthest_world = 0;
   for (const RigCamera& camera : rig.cameras)
     farthest_world = std::max(farthest_world, camera.cam_from_world.translation.norm());
   const double apart = FarthestApart(rig);
-  const bool turned = std::any_of(rig.cameras.begin(), rig.cameras.end(), [&](const RigCamera& camera) {
+  const bool rotated = std::any_of(rig.cameras.begin(), rig.cameras.end(), [&](const RigCamera& camera) {
     return RotationAngle(camera.cam_from_world.rotation, rig.cameras[0].cam_from_world.rotation) > kOnePlace;
   });  // otherwise these are lenses alone, without places
-  const bool one_place = turned && farthest_world > 0 && apart < kOnePlace * farthest_world;
+  const bool one_place = rotated && farthest_world > 0 && apart < kOnePlace * farthest_world;
   const AxesMeeting as_read = MeetingOfAxes(rig), inverted = MeetingOfAxes(WithPosesInverted(rig));
   const bool reads_well = as_read.sharp() && 2 * as_read.in_front > count;
   const bool faces = inverted.in_front == count || inverted.in_front == 0;  // files with OpenGL's axes: all behind
   if ((one_place || count > 2) && !reads_well && inverted.sharp() && faces) {
-    doubts->push_back({"CAL-INVERTED",
-                       (one_place ? "all cameras stand at one place" : "the cameras do not look at a common place") +
-                           std::string("; with the poses inverted their axes meet at ") + Number(inverted.mean_distance_m) +
-                           " m: does the file give poses the other way round (world from camera, or camera from world)?",
-                       "option 'invert' of calib show and calib convert inverts them"});
+    conflicts->push_back({"CAL-INVERTED",
+                          (one_place ? "all cameras stand at one place" : "the cameras do not look at a common place") +
+                              std::string("; with the poses inverted their axes meet at ") + Number(inverted.mean_distance_m) +
+                              " m: does the file give poses the other way round (world from camera, or camera from world)?",
+                          "option 'invert' of calib show and calib convert inverts them"});
   } else if (one_place) {
-    doubts->push_back({"CAL-DISTANCES", "all cameras stand at one place (within " + Number(1000 * apart) + " mm)",
-                       "points cannot be triangulated from it; check the poses"});
+    conflicts->push_back({"CAL-DISTANCES", "all cameras stand at one place (within " + Number(1000 * apart) + " mm)",
+                          "points cannot be triangulated from it; check the poses"});
   } else if (count > 2 && as_read.sharp() && as_read.in_front == 0) {
-    doubts->push_back(
+    conflicts->push_back(
         {"CAL-LOOKAWAY",
          "all cameras look away from the place where their axes meet, " + Number(as_read.mean_distance_m) + " m behind",
          "nothing to do if they look outwards; else their axes may be OpenGL's (y up, looking along -z)"});
@@ -157,23 +157,23 @@ bool LookAtDirections(const Rig& rig, std::vector<Notice>* doubts) {
   return one_place;
 }
 
-void LookAtDistances(const Rig& rig, std::vector<Notice>* doubts) {
-  if (rig.cameras.size() < 2 || LookAtDirections(rig, doubts)) return;
+void CheckDistances(const Rig& rig, std::vector<Notice>* conflicts) {
+  if (rig.cameras.size() < 2 || CheckDirections(rig, conflicts)) return;
   const double apart = FarthestApart(rig), least = rig.cameras.size() == 2 ? kMinApartPair : kMinApart;
   const std::string hint =
       "if the unit is another: calib convert option 'unit' mm, cm or m, or the side of the board's squares";
   if (apart > kMaxApart) {
-    doubts->push_back({"CAL-DISTANCES",
-                       "the cameras stand up to " + Number(apart) + " m apart; were the numbers millimetres it would be " +
-                           Number(apart / 1000) + " m, centimetres " + Number(apart / 100) + " m, inches " +
-                           Number(apart * 0.0254) + " m",
-                       hint});
+    conflicts->push_back({"CAL-DISTANCES",
+                          "the cameras stand up to " + Number(apart) + " m apart; were the numbers millimetres it would be " +
+                              Number(apart / 1000) + " m, centimetres " + Number(apart / 100) + " m, inches " +
+                              Number(apart * 0.0254) + " m",
+                          hint});
   } else if (apart > 0 && apart < least) {
-    doubts->push_back({"CAL-DISTANCES",
-                       "the cameras stand no more than " + Number(1000 * apart) +
-                           " mm apart; were the numbers metres, read as millimetres, it would be " + Number(1000 * apart) +
-                           " m",
-                       hint});
+    conflicts->push_back({"CAL-DISTANCES",
+                          "the cameras stand no more than " + Number(1000 * apart) +
+                              " mm apart; were the numbers metres, read as millimetres, it would be " + Number(1000 * apart) +
+                              " m",
+                          hint});
   }
 }
 
@@ -184,7 +184,7 @@ bool LooksShifted(const Camera& camera) {
   return k3 != 0 && std::abs(p1) > 0.01 && std::abs(p1) > 10 * std::max(std::abs(p2), std::abs(k3));
 }
 
-void LookAtOrder(const Rig& rig, std::vector<Notice>* doubts) {
+void CheckOrder(const Rig& rig, std::vector<Notice>* conflicts) {
   const auto shifted = std::count_if(rig.cameras.begin(), rig.cameras.end(),
                                      [](const RigCamera& camera) { return LooksShifted(camera.camera); });
   if (2 * shifted <= static_cast<std::ptrdiff_t>(rig.cameras.size())) return;
@@ -192,7 +192,8 @@ void LookAtOrder(const Rig& rig, std::vector<Notice>* doubts) {
     if (!LooksShifted(camera) || Decentring(camera) > kMaxDecentring) return "";
     return "p1 = " + Number(camera.params[6]) + " is far larger than p2 and k3, as when the file lists k1 k2 k3 p1 p2";
   };
-  Report(rig, "CAL-TERMORDER", "compare with the program that wrote the file; here the order is k1 k2 p1 p2 k3", look, doubts);
+  Report(rig, "CAL-TERMORDER", "compare with the program that wrote the file; here the order is k1 k2 p1 p2 k3", look,
+         conflicts);
 }
 
 std::vector<TermOrder> Reordered(const Camera& camera, const std::vector<std::pair<const char*, std::vector<int>>>& orders) {
@@ -255,23 +256,23 @@ double ShareWithoutRay(const Camera& camera) {
   return static_cast<double>(missing) / ((kSteps + 1) * (kSteps + 1));
 }
 
-std::vector<Notice> DoubtsAbout(const Rig& rig) {
-  std::vector<Notice> doubts;
+std::vector<Notice> ConflictsIn(const Rig& rig) {
+  std::vector<Notice> conflicts;
   const std::string compare = "compare with the program that wrote the file; calib eval tells whether images agree with it";
   Report(rig, "CAL-DECENTRING", compare + "; option 'ignore-distortion' where the images are undistorted already",
-         LookAtDecentring, &doubts);
-  LookAtOrder(rig, &doubts);
-  Report(rig, "CAL-FOLD", "points there are left out; calibrate with boards up to the corners, or a simpler lens", LookAtFold,
-         &doubts);
-  Report(rig, "CAL-CENTRE", "check the size of the images and of the calibration, and that cx, cy are pixels", LookAtCentre,
-         &doubts);
+         CheckDecentring, &conflicts);
+  CheckOrder(rig, &conflicts);
+  Report(rig, "CAL-FOLD", "points there are left out; calibrate with boards up to the corners, or a simpler lens", CheckFold,
+         &conflicts);
+  Report(rig, "CAL-CENTRE", "check the size of the images and of the calibration, and that cx, cy are pixels", CheckCentre,
+         &conflicts);
   Report(rig, "CAL-SIDES",
          "exchange them in the file: NumPy and MATLAB state rows (the height) first; of photos rotated by EXIF, calibrate anew",
-         ExchangedSides, &doubts);
+         ExchangedSides, &conflicts);
   Report(rig, "CAL-FOCALSIZE", "check that the focal lengths are pixels, not millimetres or parts of the image, and the size",
-         LookAtFocal, &doubts);
-  if (rig.gauge != kLensesOnly) LookAtDistances(rig, &doubts);  // nobody stated the poses
-  return doubts;
+         CheckFocal, &conflicts);
+  if (rig.gauge != kLensesOnly) CheckDistances(rig, &conflicts);  // nobody stated the poses
+  return conflicts;
 }
 
 std::string WhyNotARotation(const Eigen::Matrix3d& matrix, double tolerance) {

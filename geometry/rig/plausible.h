@@ -25,7 +25,7 @@ namespace mvstudio::geometry {
 ///     may be wrong. The position of the world's origin does not matter. Or all stand at one place.
 ///
 /// No finding makes a rig unusable: wide fields and exotic optics are real.
-std::vector<Notice> DoubtsAbout(const Rig& rig);
+std::vector<Notice> ConflictsIn(const Rig& rig);
 
 /// A lens with its distortion terms in an order other than that of reading.
 struct TermOrder {

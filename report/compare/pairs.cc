@@ -89,7 +89,7 @@ std::string ImagePairs(SectionContext* context, const ComparedRuns& runs, const 
   for (const ComparedStage& stage : stages) {
     if (stage.command != "avatar eval" || !stage.InBoth()) continue;
     for (const ImagePair& pair : SharedPairs(*context, *stage.runs.front(), *stage.runs.back())) {
-      if (count >= context->options.max_heldout_pictures) break;
+      if (count >= context->options.max_heldout_images) break;
       const std::string html = PairHtml(context, runs, stage, pair);
       if (html.empty()) continue;
       (++count <= kMostOpen ? shown : folded).push_back(html);

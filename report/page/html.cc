@@ -5,7 +5,7 @@
 #include "core/check.h"
 #include "core/hash/sha256.h"
 #include "core/utf8.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 
 namespace mvstudio::report {
 namespace {

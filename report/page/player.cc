@@ -5,7 +5,7 @@
 #include <cstring>
 
 #include "report/page/html.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 
 namespace mvstudio::report {
 namespace {
@@ -15,12 +15,12 @@ constexpr size_t kHeader = 64;
 
 /// Numbers of Gaussians, faces, vertices, time steps; whether the Mip filter is on.
 struct Counts {
-  uint32_t gaussians = 0, faces = 0, vertices = 0, instants = 0, mip = 0;
+  uint32_t gaussians = 0, faces = 0, vertices = 0, time_steps = 0, mip = 0;
 };
 
 double SizeOf(const Counts& c) {
-  return static_cast<double>(kHeader) + 4.0 * c.instants + 12.0 * c.faces + 4.0 * c.gaussians +
-         6.0 * c.vertices * static_cast<double>(c.instants) + 6.0 * c.gaussians + 11.0 * c.gaussians;
+  return static_cast<double>(kHeader) + 4.0 * c.time_steps + 12.0 * c.faces + 4.0 * c.gaussians +
+         6.0 * c.vertices * static_cast<double>(c.time_steps) + 6.0 * c.gaussians + 11.0 * c.gaussians;
 }
 
 }  // namespace
@@ -29,7 +29,7 @@ bool IsPlayerFile(std::string_view bytes) {
   if (bytes.size() < kHeader || bytes.substr(0, 8) != kMagic) return false;
   Counts counts;
   std::memcpy(&counts, bytes.data() + 8, sizeof counts);
-  return counts.instants > 0 && SizeOf(counts) == static_cast<double>(bytes.size());
+  return counts.time_steps > 0 && SizeOf(counts) == static_cast<double>(bytes.size());
 }
 
 std::string PlayerHtml(std::string_view bytes, const std::string& label) {

@@ -9,8 +9,8 @@
 #include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/random.h"
+#include "report/page/image.h"
 #include "report/page/inside.h"
-#include "report/page/picture.h"
 #include "report/page/value.h"
 #include "report/study/study_page.h"
 
@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 
 constexpr size_t kSealDigits = 24;
 
-std::map<std::string, std::string> PicturesOf(const std::string& folder, bool follow_links) {
+std::map<std::string, std::string> ImagesOf(const std::string& folder, bool follow_links) {
   RequireFolder(folder, "; give a folder of images");
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::directory_iterator(folder)) {
@@ -36,9 +36,9 @@ std::map<std::string, std::string> PicturesOf(const std::string& folder, bool fo
   return files;
 }
 
-std::string ReadPicture(const std::string& path) {
+std::string ReadScoredImage(const std::string& path) {
   std::string bytes = ReadFile(path);
-  if (PictureType(bytes).empty()) throw FormatError(path, "", "is neither PNG nor JPEG");
+  if (ImageType(bytes).empty()) throw FormatError(path, "", "is neither PNG nor JPEG");
   return bytes;
 }
 
@@ -60,14 +60,14 @@ void Shuffle(std::vector<T>* items, Rng* rng) {
 /// The questions in the order of the page.
 std::vector<StudyQuestion> Questions(const StudySpec& spec) {
   Rng rng(spec.seed);
-  std::vector<size_t> order(spec.pictures.size());
+  std::vector<size_t> order(spec.images.size());
   std::vector<char> a_left(order.size());
   for (size_t i = 0; i < order.size(); ++i) order[i] = i, a_left[i] = i % 2 == 0;
   if (order.size() % 2 == 1) a_left.back() = rng.Index(2) == 0;
   Shuffle(&order, &rng);
   Shuffle(&a_left, &rng);
   std::vector<StudyQuestion> questions;
-  for (size_t i = 0; i < order.size(); ++i) questions.push_back({&spec.pictures[order[i]], a_left[i] != 0, ""});
+  for (size_t i = 0; i < order.size(); ++i) questions.push_back({&spec.images[order[i]], a_left[i] != 0, ""});
   return questions;
 }
 
@@ -75,9 +75,9 @@ std::string DigestOf(const StudySpec& spec, const std::vector<StudyQuestion>& qu
   const auto hex = [](const std::string& bytes) { return Sha256Hex(bytes.data(), bytes.size()); };
   std::string text = std::string(kStudySchema) + "\n" + spec.methods[0] + "\n" + spec.methods[1] + "\n";
   for (const StudyQuestion& question : questions) {
-    const StudyPicture& picture = *question.picture;
-    text += picture.name + " " + (question.a_left ? "a" : "b") + " " + hex(picture.truth) + " " + hex(picture.a) + " " +
-            hex(picture.b) + "\n";
+    const StudyImage& image = *question.image;
+    text += image.name + " " + (question.a_left ? "a" : "b") + " " + hex(image.truth) + " " + hex(image.a) + " " +
+            hex(image.b) + "\n";
   }
   return hex(text);
 }
@@ -86,7 +86,7 @@ std::string KeyJson(const StudySpec& spec, const Study& study, const std::vector
   Value list = Value::Array();
   for (const StudyQuestion& question : questions) {
     list.Append(Value::Object()
-                    .Set("picture", question.picture->name)
+                    .Set("picture", question.image->name)
                     .Set("left", spec.methods[question.a_left ? 0 : 1])
                     .Set("right", spec.methods[question.a_left ? 1 : 0]));
   }
@@ -101,53 +101,52 @@ std::string KeyJson(const StudySpec& spec, const Study& study, const std::vector
 
 }  // namespace
 
-std::vector<StudyPicture> ReadStudyPictures(const std::string& truth_folder, const std::string& a_folder,
-                                            const std::string& b_folder, std::vector<std::string>* unmatched,
-                                            bool follow_links) {
-  const auto truths = PicturesOf(truth_folder, follow_links), a = PicturesOf(a_folder, follow_links),
-             b = PicturesOf(b_folder, follow_links);
-  std::vector<StudyPicture> pictures;
+std::vector<StudyImage> ReadStudyImages(const std::string& truth_folder, const std::string& a_folder,
+                                        const std::string& b_folder, std::vector<std::string>* unmatched, bool follow_links) {
+  const auto truths = ImagesOf(truth_folder, follow_links), a = ImagesOf(a_folder, follow_links),
+             b = ImagesOf(b_folder, follow_links);
+  std::vector<StudyImage> images;
   for (const auto& [name, path] : truths) {
     const auto of_a = a.find(name), of_b = b.find(name);
     if (of_a == a.end() || of_b == b.end()) {
       unmatched->push_back(name);
       continue;
     }
-    pictures.push_back({name, ReadPicture(path), ReadPicture(of_a->second), ReadPicture(of_b->second)});
-    RequireSameSize(of_a->second, pictures.back().truth, pictures.back().a);
-    RequireSameSize(of_b->second, pictures.back().truth, pictures.back().b);
+    images.push_back({name, ReadScoredImage(path), ReadScoredImage(of_a->second), ReadScoredImage(of_b->second)});
+    RequireSameSize(of_a->second, images.back().truth, images.back().a);
+    RequireSameSize(of_b->second, images.back().truth, images.back().b);
   }
   for (const auto* others : {&a, &b}) {
     for (const auto& [name, path] : *others) {
       if (!truths.count(name)) unmatched->push_back(name);
     }
   }
-  if (pictures.empty())
+  if (images.empty())
     throw FormatError(truth_folder, "", "has no file name in common with both " + a_folder + " and " + b_folder);
-  return pictures;
+  return images;
 }
 
-std::vector<StudyPicture> ThinStudy(const std::vector<StudyPicture>& pictures, int count) {
-  const size_t number = std::min(pictures.size(), static_cast<size_t>(std::max(count, 1)));
-  std::vector<StudyPicture> chosen;
-  for (size_t k = 0; k < number; ++k) chosen.push_back(pictures[(2 * k + 1) * pictures.size() / (2 * number)]);
+std::vector<StudyImage> ThinStudy(const std::vector<StudyImage>& images, int count) {
+  const size_t number = std::min(images.size(), static_cast<size_t>(std::max(count, 1)));
+  std::vector<StudyImage> chosen;
+  for (size_t k = 0; k < number; ++k) chosen.push_back(images[(2 * k + 1) * images.size() / (2 * number)]);
   return chosen;
 }
 
-std::string StudySeal(const std::string& study_sha256, const std::string& picture, const std::string& left_method) {
-  const std::string text = study_sha256 + "\n" + picture + "\n" + left_method;
+std::string StudySeal(const std::string& study_sha256, const std::string& image, const std::string& left_method) {
+  const std::string text = study_sha256 + "\n" + image + "\n" + left_method;
   return Sha256Hex(text.data(), text.size()).substr(0, kSealDigits);
 }
 
 Study MakeStudy(const StudySpec& spec) {
-  if (spec.pictures.empty()) throw UsageError("a study needs at least one image");
+  if (spec.images.empty()) throw UsageError("a study needs at least one image");
   if (spec.methods[0].empty() || spec.methods[0] == spec.methods[1])
     throw UsageError("the two methods of a study need different names; give them as NAME=FOLDER");
   std::vector<StudyQuestion> questions = Questions(spec);
   Study study;
   study.sha256 = DigestOf(spec, questions);
   for (StudyQuestion& question : questions)
-    question.seal = StudySeal(study.sha256, question.picture->name, spec.methods[question.a_left ? 0 : 1]);
+    question.seal = StudySeal(study.sha256, question.image->name, spec.methods[question.a_left ? 0 : 1]);
   study.html = StudyPageHtml(spec, study.sha256, questions);
   study.json = KeyJson(spec, study, questions);
   return study;

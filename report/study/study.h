@@ -12,7 +12,7 @@ inline constexpr char kStudySchema[] = "mvstudio.study/1";
 inline constexpr char kStudyAnswersSchema[] = "mvstudio.study-answers/1";
 
 /// One question: the bytes of three PNG or JPEG files.
-struct StudyPicture {
+struct StudyImage {
   std::string name;
   std::string truth, a, b;
 };
@@ -20,17 +20,17 @@ struct StudyPicture {
 /// Images with the same file name in three folders (without subfolders), sorted; names that are not in all three are
 /// listed in `unmatched`. Throws IoError for missing folders. Throws FormatError when no name is in all three, for content
 /// that is not an image, for PNG files of different sizes, and unless `follow_links` for links that lead out of a folder.
-std::vector<StudyPicture> ReadStudyPictures(const std::string& truth_folder, const std::string& a_folder,
-                                            const std::string& b_folder, std::vector<std::string>* unmatched,
-                                            bool follow_links = false);
+std::vector<StudyImage> ReadStudyImages(const std::string& truth_folder, const std::string& a_folder,
+                                        const std::string& b_folder, std::vector<std::string>* unmatched,
+                                        bool follow_links = false);
 /// `count` of them, evenly spaced in the list; all when there are fewer.
-std::vector<StudyPicture> ThinStudy(const std::vector<StudyPicture>& pictures, int count);
+std::vector<StudyImage> ThinStudy(const std::vector<StudyImage>& images, int count);
 
 struct StudySpec {
   std::string title;
   std::array<std::string, 2> methods;  ///< names of a and b; they appear in the answers, not on the page
   uint64_t seed = 1;                   ///< order of the questions and sides
-  std::vector<StudyPicture> pictures;
+  std::vector<StudyImage> images;
 };
 
 struct Study {
@@ -45,6 +45,6 @@ struct Study {
 Study MakeStudy(const StudySpec& spec);
 
 /// The seal of a question: a digest of the study, the image and the method on the left.
-std::string StudySeal(const std::string& study_sha256, const std::string& picture, const std::string& left_method);
+std::string StudySeal(const std::string& study_sha256, const std::string& image, const std::string& left_method);
 
 }  // namespace mvstudio::report

@@ -1,7 +1,7 @@
 #include "report/study/study_page.h"
 
 #include "report/page/html.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 #include "report/page/value.h"
 
 namespace mvstudio::report {
@@ -123,7 +123,7 @@ other from one question to the next.</p>
 <noscript><p>This page needs JavaScript to ask its questions; it loads nothing from anywhere.</p></noscript>
 )html";
 
-std::string DataUri(const std::string& bytes) { return "data:" + PictureType(bytes) + ";base64," + Base64(bytes); }
+std::string DataUri(const std::string& bytes) { return "data:" + ImageType(bytes) + ";base64," + Base64(bytes); }
 
 /// JSON that cannot end the script element that holds it.
 std::string ForScript(const std::string& json) {
@@ -135,13 +135,13 @@ std::string ForScript(const std::string& json) {
 std::string DataJson(const StudySpec& spec, const std::string& sha256, const std::vector<StudyQuestion>& questions) {
   Value list = Value::Array();
   for (const StudyQuestion& question : questions) {
-    const StudyPicture& picture = *question.picture;
+    const StudyImage& image = *question.image;
     list.Append(Value::Object()
-                    .Set("picture", picture.name)
+                    .Set("picture", image.name)
                     .Set("seal", question.seal)
-                    .Set("left", DataUri(question.a_left ? picture.a : picture.b))
-                    .Set("truth", DataUri(picture.truth))
-                    .Set("right", DataUri(question.a_left ? picture.b : picture.a)));
+                    .Set("left", DataUri(question.a_left ? image.a : image.b))
+                    .Set("truth", DataUri(image.truth))
+                    .Set("right", DataUri(question.a_left ? image.b : image.a)));
   }
   return Value::Object()
       .Set("answers_schema", kStudyAnswersSchema)

@@ -9,7 +9,7 @@ namespace mvstudio::report {
 
 /// A question as it is asked.
 struct StudyQuestion {
-  const StudyPicture* picture;
+  const StudyImage* image;
   bool a_left;
   std::string seal;
 };

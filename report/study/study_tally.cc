@@ -20,12 +20,12 @@ std::string RequireText(const Value& value, const std::string& path, const std::
 
 StudyAnswer ReadAnswer(const Value& value, const StudyAnswers& file, const std::string& where) {
   StudyAnswer answer;
-  answer.picture = RequireText(value["picture"], file.path, where + ".picture");
+  answer.image = RequireText(value["picture"], file.path, where + ".picture");
   const std::string seal = RequireText(value["seal"], file.path, where + ".seal");
   const std::string choice = RequireText(value["choice"], file.path, where + ".choice");
   if (choice != "left" && choice != "right") throw FormatError(file.path, where + ".choice", "is neither left nor right");
-  const bool a_left = seal == StudySeal(file.study, answer.picture, file.methods[0]);
-  if (!a_left && seal != StudySeal(file.study, answer.picture, file.methods[1]))
+  const bool a_left = seal == StudySeal(file.study, answer.image, file.methods[0]);
+  if (!a_left && seal != StudySeal(file.study, answer.image, file.methods[1]))
     throw FormatError(file.path, where + ".seal", "does not belong to this study; was the file edited?");
   answer.chose_left = choice == "left";
   answer.chose_a = answer.chose_left == a_left;
@@ -49,7 +49,7 @@ StudyAnswers ReadStudyAnswers(const std::string& path) {
   for (size_t i = 0; i < json["answers"].items().size(); ++i) {
     const std::string where = "answers[" + std::to_string(i) + "]";
     file.answers.push_back(ReadAnswer(json["answers"].At(i), file, where));
-    if (!seen.insert(file.answers.back().picture).second) throw FormatError(path, where, "answers an image a second time");
+    if (!seen.insert(file.answers.back().image).second) throw FormatError(path, where, "answers an image a second time");
   }
   if (file.answers.empty()) throw FormatError(path, "answers", "is empty: nothing was answered");
   return file;

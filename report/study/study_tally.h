@@ -9,7 +9,7 @@
 namespace mvstudio::report {
 
 struct StudyAnswer {
-  std::string picture;
+  std::string image;
   bool chose_a = false, chose_left = false;
   double seconds = 0;  ///< NaN when unknown
 };

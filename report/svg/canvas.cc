@@ -7,7 +7,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "report/page/html.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 
 namespace mvstudio::report {
 namespace {
@@ -60,10 +60,10 @@ void SvgCanvas::Circle(double x, double y, double radius, const std::string& css
            CloseWithTooltip("circle", tooltip);
 }
 
-void SvgCanvas::Picture(double x, double y, double width, double height, std::string_view bytes) {
-  if (!AllFinite({x, y, width, height}) || width < 0 || height < 0 || PictureType(bytes).empty()) return;
+void SvgCanvas::EmbedImage(double x, double y, double width, double height, std::string_view bytes) {
+  if (!AllFinite({x, y, width, height}) || width < 0 || height < 0 || ImageType(bytes).empty()) return;
   body_ += "<image" + Attribute("x", x) + Attribute("y", y) + Attribute("width", width) + Attribute("height", height) +
-           " preserveAspectRatio=\"none\" href=\"" + PictureUri(bytes) + "\"/>\n";
+           " preserveAspectRatio=\"none\" href=\"" + ImageUri(bytes) + "\"/>\n";
 }
 
 void SvgCanvas::Text(double x, double y, const std::string& text, const std::string& anchor, const std::string& css_class,

@@ -21,7 +21,7 @@ class SvgCanvas {
   void Rect(double x, double y, double width, double height, const std::string& css_class, const std::string& tooltip = {});
   void Circle(double x, double y, double radius, const std::string& css_class, const std::string& tooltip = {});
   /// A PNG or JPEG, stretched over the rectangle; nothing for other bytes.
-  void Picture(double x, double y, double width, double height, std::string_view bytes);
+  void EmbedImage(double x, double y, double width, double height, std::string_view bytes);
   /// `anchor`: "start", "middle" or "end".
   void Text(double x, double y, const std::string& text, const std::string& anchor = "start", const std::string& css_class = {},
             double rotate_deg = 0);

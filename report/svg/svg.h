@@ -90,9 +90,9 @@ struct ImagePoint {
   double x = 0, y = 0;
 };
 /// Points of an image on the image itself: a ring where each was observed, and an arrow from its projection to it.
-struct PictureOverlaySpec {
+struct ImageOverlaySpec {
   std::string title;
-  std::string_view picture;  ///< PNG or JPEG; others leave the frame empty
+  std::string_view image;  ///< PNG or JPEG; others leave the frame empty
   /// The part of the frame that the image shows and the figure covers, px: its left and top edge (-0.5 for all of it), size.
   double left_px = -0.5, top_px = -0.5, width_px = 0, height_px = 0;
   std::vector<ImageArrow> points;    ///< x, y observed; dx, dy observed minus projected
@@ -102,7 +102,7 @@ struct PictureOverlaySpec {
   double width = 420;
 };
 /// Empty without a size.
-std::string PictureOverlay(const PictureOverlaySpec& spec);
+std::string ImageOverlay(const ImageOverlaySpec& spec);
 
 /// One small target per camera with its mean residual (observed minus projected, px) as an arrow, all at one scale; those
 /// above `suspect_px` are highlighted.

@@ -18,7 +18,7 @@ using nlohmann::ordered_json;
 /// What was put right about the corners.
 CommandResult DescribeFindings(const calib::CornerFindings& found) {
   CommandResult result;
-  for (const calib::TurnedCamera& camera : found.turned)
+  for (const calib::RotatedCamera& camera : found.rotated)
     result.warnings.push_back(
         {"CAL-NUMBERING", NumberingText(camera), "use a board with an odd and an even number of corners, or one with markers"});
   if (!found.numbers_text.empty())
@@ -28,17 +28,17 @@ CommandResult DescribeFindings(const calib::CornerFindings& found) {
 }
 
 CommandResult DescribeFloor(const FeetFloor& floor) {
-  const double sigma_deg = RadToDeg(floor.tilt_sigma_rad), turned_deg = RadToDeg(floor.turned_rad);
+  const double sigma_deg = RadToDeg(floor.tilt_sigma_rad), rotated_deg = RadToDeg(floor.rotated_rad);
   CommandResult result;
   ordered_json& json = result.metrics["floor"];
   json["tilt_sigma_deg"] = FiniteOrNull(sigma_deg);
-  json["turned_deg"] = FiniteOrNull(turned_deg);
+  json["turned_deg"] = FiniteOrNull(rotated_deg);
   json["level"] = floor.level;
   json["joint_height_mm"] = ordered_json::object();
   for (const auto& [joint, height_m] : floor.joint_height_m) json["joint_height_mm"][joint] = FiniteOrNull(1e3 * height_m);
   if (floor.status != Status::kOk) return result;
   result.text =
-      Format("z turned by %.2f degrees, tilt known to %.2f degrees; z = 0: %s\n", turned_deg, sigma_deg, floor.level.c_str());
+      Format("z turned by %.2f degrees, tilt known to %.2f degrees; z = 0: %s\n", rotated_deg, sigma_deg, floor.level.c_str());
   constexpr double kMostTiltDeg = 1;
   if (sigma_deg > kMostTiltDeg) {
     result.warnings.push_back({"CAL-FLOOR", Format("the floor's tilt is known to %.1f degrees only", sigma_deg),

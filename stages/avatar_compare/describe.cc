@@ -26,7 +26,7 @@ ordered_json ComparisonRowJson(const ComparisonRow& row) {
   json["splits"] = ordered_json::object();
   for (const auto& [kind, scores] : row.splits) {
     for (const auto& [key, spread] : scores.values) json["splits"][kind][key] = SpreadJson(spread);
-    json["splits"][kind]["same_pictures"] = scores.same_pictures;
+    json["splits"][kind]["same_pictures"] = scores.same_images;
   }
   json["costs"] = ordered_json::object();
   for (const auto& [key, spread] : row.costs) json["costs"][key] = SpreadJson(spread);

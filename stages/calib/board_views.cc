@@ -10,7 +10,7 @@
 #include "core/format.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
-#include "stages/input/frame_pictures.h"
+#include "stages/input/frame_images.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -70,7 +70,7 @@ class FrameNumbers {
       last_[c] = LastCheapFrame(arguments.cameras[static_cast<size_t>(kept[c])].path);
       const auto* camera = arguments.timeline ? arguments.timeline->Find(report.cameras[c].name) : nullptr;
       if (!camera) continue;
-      for (const auto& [frame, step] : dataset::InstantOfEachFrame(*camera)) steps_[c][step] = frame;
+      for (const auto& [frame, step] : dataset::TimeStepOfEachFrame(*camera)) steps_[c][step] = frame;
     }
   }
 
@@ -93,15 +93,15 @@ class FrameNumbers {
   std::vector<int64_t> last_;
 };
 
-FramePicture BoxOf(const BoardView& view, const calib::CalibrateReport& report) {
+FrameImage BoxOf(const BoardView& view, const calib::CalibrateReport& report) {
   std::vector<Eigen::Vector2d> points;
   for (const calib::CornerResidual& corner : view.corners) points.push_back(corner.px);
   return BoxAround(points, report.rig.cameras[static_cast<size_t>(view.camera_idx)].camera);
 }
 
 /// Fills the small images of one camera's views; those that cannot be read, or have another size, stay empty.
-void FillPictures(const std::vector<BoardView>& views, const calib::CalibrateReport& report, int camera,
-                  const NamedPath& footage, bool mirrored, std::vector<std::string>* pictures) {
+void FillBoardImages(const std::vector<BoardView>& views, const calib::CalibrateReport& report, int camera,
+                     const NamedPath& footage, bool mirrored, std::vector<std::string>* drawn) {
   const geometry::Camera& lens = report.rig.cameras[static_cast<size_t>(camera)].camera;
   std::set<int64_t> numbers;
   for (const BoardView& view : views) {
@@ -115,22 +115,22 @@ void FillPictures(const std::vector<BoardView>& views, const calib::CalibrateRep
     const Image& frame = image->second;
     if (frame.width != lens.width_px || frame.height != lens.height_px) continue;
     const Image upright = mirrored ? calib::FlippedLeftRight(frame) : frame;
-    (*pictures)[i] = SmallPicture(upright, BoxOf(views[i], report), kLongerSidePx, most).jpeg;
+    (*drawn)[i] = SmallImage(upright, BoxOf(views[i], report), kLongerSidePx, most).jpeg;
   }
 }
 
-std::vector<std::string> ReadPictures(const CornerArguments& arguments, const calib::CalibrateReport& report,
-                                      const std::vector<BoardView>& views, const std::vector<int>& kept,
-                                      const RunContext& run) {
-  std::vector<std::string> pictures(views.size());
-  if (arguments.cameras.empty()) return pictures;
+std::vector<std::string> ReadBoardImages(const CornerArguments& arguments, const calib::CalibrateReport& report,
+                                         const std::vector<BoardView>& views, const std::vector<int>& kept,
+                                         const RunContext& run) {
+  std::vector<std::string> images(views.size());
+  if (arguments.cameras.empty()) return images;
   ParallelFor(static_cast<int64_t>(kept.size()), ResolveThreads(run.num_threads), [&](int64_t c) {
     const NamedPath& camera = arguments.cameras[static_cast<size_t>(kept[static_cast<size_t>(c)])];
     const auto& flipped = arguments.mirrored;
     const bool mirrored = std::find(flipped.begin(), flipped.end(), camera.name) != flipped.end();
-    FillPictures(views, report, static_cast<int>(c), camera, mirrored, &pictures);
+    FillBoardImages(views, report, static_cast<int>(c), camera, mirrored, &images);
   });
-  return pictures;
+  return images;
 }
 
 std::vector<std::string> NamesOf(const std::vector<BoardView>& views) {
@@ -164,11 +164,11 @@ std::vector<BoardView> ChooseBoardViews(const calib::CalibrateReport& report,
 }
 
 ordered_json BoardViewsJson(const calib::CalibrateReport& report, const std::vector<BoardView>& views,
-                            const std::vector<std::string>& pictures) {
+                            const std::vector<std::string>& images) {
   ordered_json json = ordered_json::array();
   for (size_t i = 0; i < views.size(); ++i) {
     const BoardView& view = views[i];
-    const FramePicture box = BoxOf(view, report);
+    const FrameImage box = BoxOf(view, report);
     ordered_json corners = ordered_json::array();
     const auto rounded = [](double value, double step) { return std::round(value / step) * step; };
     for (const calib::CornerResidual& c : view.corners) {
@@ -180,7 +180,7 @@ ordered_json BoardViewsJson(const calib::CalibrateReport& report, const std::vec
                     {"kind", view.worst ? "worst" : "ordinary"},
                     {"rms_px", FiniteOrNull(view.rms_px)},
                     {"box_px", {box.x, box.y, box.width, box.height}},
-                    {"picture", pictures[i].empty() ? ordered_json() : ordered_json(pictures[i])},
+                    {"picture", images[i].empty() ? ordered_json() : ordered_json(images[i])},
                     {"corners", corners}});
   }
   return json;
@@ -191,8 +191,8 @@ WrittenBoardViews WriteBoardViews(const CornerArguments& arguments, const calib:
   const FrameNumbers numbers(arguments, report, kept);
   WrittenBoardViews written;
   written.views = ChooseBoardViews(report, [&](int camera, int64_t frame_idx) { return numbers.Of(camera, frame_idx); });
-  written.paths = WritePictures(ReadPictures(arguments, report, written.views, kept, run), NamesOf(written.views),
-                                out + "/" + kBoardViewsFolder);
+  written.paths = WriteImages(ReadBoardImages(arguments, report, written.views, kept, run), NamesOf(written.views),
+                              out + "/" + kBoardViewsFolder);
   return written;
 }
 

@@ -36,7 +36,7 @@ std::vector<BoardView> ChooseBoardViews(const calib::CalibrateReport& report,
 /// Their corners as metrics: [{camera, frame, kind, rms_px, box_px, picture, corners}]. `pictures` are file names, empty ones
 /// null. A corner is [x, y, dx, dy, 1 if it was rejected else 0] px, observed minus projected.
 nlohmann::ordered_json BoardViewsJson(const calib::CalibrateReport& report, const std::vector<BoardView>& views,
-                                      const std::vector<std::string>& pictures);
+                                      const std::vector<std::string>& images);
 
 struct WrittenBoardViews {
   std::vector<BoardView> views;

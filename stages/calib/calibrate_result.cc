@@ -183,8 +183,8 @@ ordered_json CalibrateMetrics(const calib::CalibrateReport& report, const std::v
   m["uncertainty"] = FieldsJson(report.uncertainty);
   m["uncertainty"]["cameras"] = RowsJson(report.uncertainty.cameras);
   m["motions"] = RowsJson(report.motions);
-  if (!report.turned.empty()) m["turned_views"] = ordered_json::object();
-  for (const calib::TurnedCamera& camera : report.turned) m["turned_views"][camera.camera] = camera.num_turned;
+  if (!report.rotated.empty()) m["turned_views"] = ordered_json::object();
+  for (const calib::RotatedCamera& camera : report.rotated) m["turned_views"][camera.camera] = camera.num_rotated;
   m["film_next"] = FilmHints(report);
   FillBoards(report, &m);
   m["model_selection"] = RowsJson(report.selection);

@@ -88,10 +88,10 @@ void RequireShape(const geometry::Camera& camera, const PixelArea& area, const I
       Format("camera %s: ", camera.name.c_str()) +
       Format("%d x %d pixels of its %d x %d image", area.width_px, area.height_px, camera.width_px, camera.height_px) +
       Format(" do not become %d x %d", size.width_px, size.height_px);
-  const bool turned = (size.width_px < size.height_px) != (area.width_px < area.height_px);
+  const bool rotated = (size.width_px < size.height_px) != (area.width_px < area.height_px);
   if (!geometry::KeepsAspect(area, size.width_px, size.height_px)) {
     throw UsageError(
-        sizes + (turned
+        sizes + (rotated
                      ? " by scaling: the images are turned by a quarter; turn the footage back"
                      : " by scaling: the shape differs; say with option 'crop' which part of the calibrated image they show"));
   }

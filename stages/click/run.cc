@@ -17,7 +17,7 @@ namespace {
 Image ClickImageOf(const NamedPath& camera, int frame) {
   const auto source = dataset::OpenFrames(camera.path, {false, false, true});
   while (const auto found = source->Advance()) {
-    if (found->number >= frame) return source->Picture();
+    if (found->number >= frame) return source->FullImage();
   }
   throw UsageError("option 'frame' " + std::to_string(frame) + ": " + camera.path + " of camera " + camera.name +
                    " ends before it");

@@ -24,12 +24,12 @@ CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptio
   result.metrics = {{"num_errors", report.num_errors()}, {"num_warnings", report.num_warnings()}};
   result.Add(DescribeDatasetFindings(report.findings));
   const std::pair<const char*, int> counts[] = {
-      {"cameras", report.cameras}, {"frames", report.frames}, {"pictures", report.pictures}, {"masks", report.masks},
+      {"cameras", report.cameras}, {"frames", report.frames}, {"pictures", report.images}, {"masks", report.masks},
       {"videos", report.videos},   {"faces", report.faces},   {"hands", report.hands}};
   for (const auto& [name, count] : counts) result.metrics[name] = count;
   result.metrics["skeleton"] = report.skeleton.empty() ? "coco19" : report.skeleton;
   result.metrics["own_frames"] = report.own_frames;
-  result.metrics["missing_pictures"] = report.no_picture;
+  result.metrics["missing_pictures"] = report.no_image;
   result.metrics["missing_masks"] = report.no_mask;
   result.text += std::to_string(report.cameras) + " cameras with images, " + std::to_string(report.frames) +
                  " frames: " + Counted(report.num_errors(), "error") + ", " + Counted(report.num_warnings(), "warning") + "\n";
@@ -87,7 +87,7 @@ std::pair<ordered_json, std::string> DescribeCamera(const geometry::Camera& came
                                                     const std::string& alias) {
   const auto found = sequence.footage.find(camera.name);
   const bool none = found == sequence.footage.end();
-  const bool video = !none && found->second.is_video, pictures = !none && !video;
+  const bool video = !none && found->second.is_video, images = !none && !video;
   ordered_json entry = {{"name", camera.name},
                         {"alias", alias},
                         {"width", camera.width_px},
@@ -96,11 +96,11 @@ std::pair<ordered_json, std::string> DescribeCamera(const geometry::Camera& came
                         {"footage", none    ? "none"
                                     : video ? "video"
                                             : "pictures"}};
-  if (pictures) entry["pictures"] = RangeMetrics(found->second.pictures);
+  if (images) entry["pictures"] = RangeMetrics(found->second.images);
   if (none && !sequence.footage.empty()) return {entry, ""};  // 479 lines of cameras without images help nobody
   std::string line = "  " + camera.name + (alias.empty() ? "" : " (" + alias + ")") + " " + std::to_string(camera.width_px) +
                      "x" + std::to_string(camera.height_px) + " " + entry["model"].get<std::string>();
-  if (pictures) line += ", " + std::to_string(found->second.pictures.size()) + " images";
+  if (images) line += ", " + std::to_string(found->second.images.size()) + " images";
   return {entry, line + (video ? ", video\n" : "\n")};
 }
 

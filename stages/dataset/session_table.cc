@@ -89,7 +89,7 @@ CommandResult DescribeFootageFindings(const dataset::SessionReport& report) {
 ordered_json TimelineJson(const dataset::Timeline& timeline) {
   ordered_json json{{"take", timeline.take}, {"reference", timeline.reference}, {"clock", dataset::ToString(timeline.clock)}};
   json["fps_hz"] = FiniteOrNull(timeline.fps_hz);
-  json["instants"] = timeline.num_instants;
+  json["instants"] = timeline.num_time_steps;
   json["cameras"] = ordered_json::array();
   for (const CameraTimeline& c : timeline.cameras) {
     json["cameras"].push_back({{"name", c.name},
@@ -113,7 +113,7 @@ ordered_json TimelineJson(const dataset::Timeline& timeline) {
 
 std::string TimelineText(const dataset::Timeline& timeline) {
   std::string text = Format("take %s: %lld time steps at %.4f Hz, counted by camera %s, clocks related by: %s\n",
-                            timeline.take.c_str(), static_cast<long long>(timeline.num_instants), timeline.fps_hz,
+                            timeline.take.c_str(), static_cast<long long>(timeline.num_time_steps), timeline.fps_hz,
                             timeline.reference.c_str(), dataset::ToString(timeline.clock).c_str());
   text += Format("%-14s %-9s %7s %9s %8s %8s %8s %10s %9s %10s\n", "camera", "status", "frames", "steps", "dropped", "doubled",
                  "fps", "offset", "ppm", "off by ms");

@@ -17,11 +17,11 @@ ordered_json ExportMetrics(const exports::ExportReport& report) {
                           {"num_cameras", report.cameras.size()},
                           {"num_frames", report.frames.size()},
                           {"people", report.people},
-                          {"pictures", report.pictures},
+                          {"pictures", report.images},
                           {"masks", report.masks},
                           {"points", report.points},
                           {"linked", report.linked},
-                          {"missing_pictures", report.missing_pictures},
+                          {"missing_pictures", report.missing_images},
                           {"missing_masks", report.missing_masks}};
   metrics["missing"] = ordered_json::parse(dataset::MissingToJsonText(report.missing));
   for (const auto& [name, value] : report.figures) metrics[name] = FiniteOrNull(value);
@@ -54,11 +54,11 @@ CommandResult Describe(const DatasetExportReport& report) {
   result.metrics = ExportMetrics(written);
   Append(written.notes, &result.warnings);
   result.text = options.out + Format(": %zu cameras, %zu frames, %d people, %d images, %d masks, %d points (%s)\n",
-                                     written.cameras.size(), written.frames.size(), written.people, written.pictures,
+                                     written.cameras.size(), written.frames.size(), written.people, written.images,
                                      written.masks, written.points, options.to.c_str());
   if (written.masks > 0) result.Add(DescribeMaskMeaning(report.masks, options.dataset + "/masks", result.text));
-  if (written.missing_pictures > 0) result.exit = kExitPartial;
-  if (written.people == 0 && written.pictures == 0) {
+  if (written.missing_images > 0) result.exit = kExitPartial;
+  if (written.people == 0 && written.images == 0) {
     result.exit = kExitQualityGate;
     result.errors.push_back({"EXP-NOBODY", "the chosen frames hold nobody's joints and no image: cameras alone were written",
                              "choose other option 'frames'"});

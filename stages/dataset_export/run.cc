@@ -35,7 +35,7 @@ dataset::PanopticDataset OpenWithoutImages(const std::string& root) {
 
 dataset::PanopticDataset OpenToExport(const DatasetExportOptions& options) {
   const bool wants_images =
-      exports::FormatByName(options.to).has_pictures && options.layout.pictures != exports::ExportPictures::kNone;
+      exports::FormatByName(options.to).has_images && options.layout.images != exports::ExportImages::kNone;
   const bool has_images = std::filesystem::exists(options.dataset + "/hdImgs");
   return wants_images || has_images ? dataset::OpenPanopticDataset(options.dataset) : OpenWithoutImages(options.dataset);
 }

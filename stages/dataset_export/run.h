@@ -15,7 +15,7 @@ struct DatasetExportReport {
 };
 
 /// Writes options.out, completely or not at all. Throws UsageError, and what exports::ExportDataset throws; frames without
-/// images and joints are no error (ExportReport::pictures, people).
+/// images and joints are no error (ExportReport::images, people).
 DatasetExportReport RunDatasetExport(DatasetExportOptions options, const RunContext& run = {});
 
 }  // namespace mvstudio::stages

@@ -36,7 +36,7 @@ CommandResult Describe(const DatasetImportReport& report) {
                     {"joints", imported.joints},
                     {"faces", imported.faces},
                     {"hands", imported.hands},
-                    {"pictures", imported.pictures},
+                    {"pictures", imported.images},
                     {"worst_clock_ms", FiniteOrNull(imported.worst_clock_ms)},
                     {"wall_s", report.wall_s}};
   result.Add(DescribeDatasetFindings(imported.findings));

@@ -9,15 +9,15 @@ namespace {
 
 using nlohmann::ordered_json;
 
-ordered_json SplitPartJson(const dataset::SplitPart& part, int pictures) {
-  return {{"cameras", part.cameras.size()}, {"frames", part.frames.size()}, {"pictures", pictures}};
+ordered_json SplitPartJson(const dataset::SplitPart& part, int images) {
+  return {{"cameras", part.cameras.size()}, {"frames", part.frames.size()}, {"pictures", images}};
 }
 
 ordered_json SplitJson(const dataset::Split& split, const dataset::SplitReport& report) {
   ordered_json json{{"rule", split.rule},
-                    {"train", SplitPartJson(split.train, report.train_pictures)},
-                    {"validation", SplitPartJson(split.validation, report.validation_pictures)},
-                    {"test", SplitPartJson(split.test, report.test_pictures)},
+                    {"train", SplitPartJson(split.train, report.train_images)},
+                    {"validation", SplitPartJson(split.validation, report.validation_images)},
+                    {"test", SplitPartJson(split.test, report.test_images)},
                     {"guard_frames", split.guard_frames},
                     {"unused_frames", split.unused_frames.size()},
                     {"motion_blocks", ordered_json::array()},

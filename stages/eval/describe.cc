@@ -38,8 +38,8 @@ ordered_json CheckMetrics(const calib::RigCheck& check) {
   m["median_px"] = FiniteOrNull(check.median_px);
   m["num_boards"] = check.num_boards;
   if (!check.found.unknown.empty()) m["left_out"] = check.found.unknown;
-  for (const calib::TurnedCamera& camera : check.found.turned)
-    m["turned"].push_back({{"name", camera.camera}, {"num_turned", camera.num_turned}, {"num_views", camera.num_views}});
+  for (const calib::RotatedCamera& camera : check.found.rotated)
+    m["turned"].push_back({{"name", camera.camera}, {"num_turned", camera.num_rotated}, {"num_views", camera.num_views}});
   if (!check.found.frame_shift.empty()) m["frame_shift"] = check.found.frame_shift;
   for (const calib::LateCamera& camera : check.late) m["late"].push_back({{"name", camera.camera}, {"frames", camera.frames}});
   if (check.offsets_stated) {

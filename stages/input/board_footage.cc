@@ -88,7 +88,7 @@ calib::Footage OpenOne(const NamedPath& camera, bool alone, InputNotes* notes) {
     auto frame = source->Advance();
     while (frame && left_out.count(frame->frame_idx) > 0) frame = source->Advance();
     if (!frame) return std::nullopt;
-    return calib::FootageFrame{frame->number, frame->label, source->Picture()};
+    return calib::FootageFrame{frame->number, frame->label, source->FullImage()};
   };
   return footage;
 }

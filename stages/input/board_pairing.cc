@@ -24,7 +24,7 @@ std::string ClockText(dataset::TimelineClock clock) {
 void PairByTime(const dataset::Timeline& timeline, std::vector<calib::Footage>* footage, InputNotes* notes) {
   for (calib::Footage& f : *footage) {
     const dataset::CameraTimeline* camera = timeline.Find(f.camera);
-    if (camera) f.step_of_frame = dataset::InstantOfEachFrame(*camera);
+    if (camera) f.step_of_frame = dataset::TimeStepOfEachFrame(*camera);
     if (!f.step_of_frame.empty()) continue;
     const std::string why = camera ? std::string(ToString(camera->status)) : "not listed";
     notes->warnings.push_back(

@@ -53,8 +53,8 @@ calib::ImportedRig ReadPanoptic(const std::string& path, const calib::ReadOption
     calib::ReplaceSkew(skews_px[i], options, path, "cameras[" + std::to_string(i) + "].K", &imported.rig.cameras[i],
                        &imported.notes);
   }
-  for (const dataset::PanopticNameDoubt& doubt : dataset::PanopticNameDoubts(file.cameras)) {
-    imported.notes.push_back({"CAL-NAME", "cameras[" + std::to_string(doubt.camera) + "]: " + doubt.text,
+  for (const dataset::PanopticNameConflict& conflict : dataset::PanopticNameConflicts(file.cameras)) {
+    imported.notes.push_back({"CAL-NAME", "cameras[" + std::to_string(conflict.camera) + "]: " + conflict.text,
                               "leave panel and node out of the file where they number something else"});
   }
   const std::string keys = dataset::UnusedKeysOf(file, path);
@@ -70,7 +70,7 @@ void MendPoses(const CalibReadOptions& options, calib::CalibrationFormat format,
         imported->rig, panoptic ? dataset::OursFromPanoptic() : Eigen::Matrix3d(Eigen::Matrix3d::Identity()));
     const geometry::AxesMeeting meeting = geometry::MeetingOfAxes(imported->rig);
     if (format == calib::CalibrationFormat::kNerfstudio && meeting.sharp() && meeting.in_front == 0) {
-      imported->rig = geometry::WithAxesTurned(imported->rig);
+      imported->rig = geometry::WithAxesRotated(imported->rig);
       imported->notes.push_back({"CAL-INVERT",
                                  "inverted with OpenGL's axes (y up, looking along -z): otherwise the cameras "
                                  "look away from the place where their axes meet",
@@ -129,7 +129,7 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
   }
   NoteStatedSizes(options.size, named.front(), &imported);
   if (geometry::HasLensesOnly(imported.rig)) imported.rig.gauge = geometry::kLensesOnly;
-  Append(geometry::DoubtsAbout(imported.rig), &imported.notes);
+  Append(geometry::ConflictsIn(imported.rig), &imported.notes);
   return imported;
 }
 
@@ -140,7 +140,7 @@ void RequirePoses(const geometry::Rig& rig, const std::string& path) {
                     "or by people or a wand (`mvstudio calib refine`, option 'from-keypoints')");
 }
 
-void AddImplausible(const geometry::Rig& rig, InputNotes* notes) { AddNotes(geometry::DoubtsAbout(rig), notes); }
+void AddImplausible(const geometry::Rig& rig, InputNotes* notes) { AddNotes(geometry::ConflictsIn(rig), notes); }
 
 void AddNotes(const std::vector<Notice>& more, InputNotes* notes) {
   for (const Notice& note : more) {

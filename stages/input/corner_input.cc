@@ -47,7 +47,7 @@ void FlipCorners(const std::vector<std::string>& mirrored, calib::CalibrateInput
 }
 
 /// What the mirrored cameras' calibration is for.
-void SayMirrored(const std::vector<std::string>& mirrored, InputNotes* notes) {
+void WarnMirrored(const std::vector<std::string>& mirrored, InputNotes* notes) {
   if (mirrored.empty()) return;
   notes->warnings.push_back({"CAL-MIRRORED", "calibrated as images that are not flipped: " + Join(mirrored, ", "),
                              "flip their footage left-right before other commands read it"});
@@ -89,7 +89,7 @@ std::string UnusedImages(const calib::FootageDetections& camera, const Counts& c
 }
 
 /// Images that should show a board and do not, where they are more than a tenth. One of several cameras need not see it.
-void SayUnused(const calib::FootageDetections& camera, bool alone, InputNotes* notes) {
+void WarnUnused(const calib::FootageDetections& camera, bool alone, InputNotes* notes) {
   if (!camera.failure.empty()) return;
   const std::string doubtful = UnusedImages(camera, [&](const std::string& reason) { return alone || !ShowsNothing(reason); });
   if (!doubtful.empty())
@@ -102,12 +102,12 @@ std::string SoftText(const calib::FootageDetections& camera, const calib::SoftBo
 
 /// The timeline of a table of times, in place of what a session says.
 dataset::Timeline TimelineOfTable(const CornerArguments& arguments, InputNotes* notes) {
-  constexpr double kPictureRateHz = 30;  // the table's times replace it
+  constexpr double kImageRateHz = 30;  // the table's times replace it
   std::vector<dataset::SessionCamera> cameras;
   std::vector<dataset::CameraTimes> times;
   for (const NamedPath& camera : arguments.cameras) {
     cameras.push_back({camera.name, "", "", 0, 0});
-    times.push_back(dataset::ReadFootageTimes(camera.name, camera.path, kPictureRateHz));
+    times.push_back(dataset::ReadFootageTimes(camera.name, camera.path, kImageRateHz));
   }
   for (const std::string& note : dataset::ReadTimestamps(arguments.timestamps, cameras, &times))
     notes->warnings.push_back({"SES-TIMELINE", note, "see docs/formats.md for the columns of time stamps"});
@@ -133,7 +133,7 @@ CornerInput Detect(const CornerArguments& arguments, const RunContext& run, Inpu
   CornerInput corners;
   corners.found = calib::DetectFootage(boards, footage, arguments.footage, run);
   for (const calib::FootageDetections& camera : corners.found) {
-    SayUnused(camera, corners.found.size() == 1, notes);
+    WarnUnused(camera, corners.found.size() == 1, notes);
     for (const calib::SoftBoards& soft : camera.soft) {
       if (soft.many)
         notes->warnings.push_back({"CAL-SOFT", SoftText(camera, soft), "focus, light and a still board make corners sharp"});
@@ -213,7 +213,7 @@ CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& 
     FillTimeline(&timed, notes);
     return ReadCornerInput(timed, run, notes);
   }
-  SayMirrored(arguments.mirrored, notes);
+  WarnMirrored(arguments.mirrored, notes);
   if (arguments.corners.empty()) {
     RefuseFileOptions(arguments.corner_files);
     CornerInput detected = Detect(arguments, run, notes);

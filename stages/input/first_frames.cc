@@ -44,7 +44,7 @@ std::set<std::string> NumberAsFootage(const std::vector<NamedPath>& footage, std
     if (num_frames.value_or(0) > 0) known.insert(track.camera);
     const FirstNumber first = num_frames ? dataset::FirstNumberOf(numbers, *num_frames) : FirstNumber::kAsFrames;
     if (first == FirstNumber::kOne) CountFrom(1, &track);
-    TellFirstNumber(first, "joints of " + track.camera, notes);
+    ReportFirstNumber(first, "joints of " + track.camera, notes);
   }
   return known;
 }
@@ -131,7 +131,7 @@ void NumberFromZero(const PoseChanges& changes, const std::vector<NamedPath>& fo
   NumberAsOthers(changes, known, with, tracks, notes);
 }
 
-void TellFirstNumber(FirstNumber first, const std::string& whose, InputNotes* notes) {
+void ReportFirstNumber(FirstNumber first, const std::string& whose, InputNotes* notes) {
   if (first == FirstNumber::kOne)
     notes->warnings.push_back(
         {"POSE-FIRST", whose + " are of frames 1 to N, and the footage has N, from 0: frame 1 was taken for the first one",

@@ -25,6 +25,6 @@ void NumberFromZero(const PoseChanges& changes, const std::vector<NamedPath>& fo
                     std::vector<dataset::Pose2dTrack>* tracks, InputNotes* notes, const NumberingRig& with = {});
 
 /// Says of `whose` joints that they were moved, or may have to be.
-void TellFirstNumber(dataset::FirstNumber first, const std::string& whose, InputNotes* notes);
+void ReportFirstNumber(dataset::FirstNumber first, const std::string& whose, InputNotes* notes);
 
 }  // namespace mvstudio::stages

@@ -129,17 +129,17 @@ struct PixelChange {
     if (flip_x) x = width - 1 - x;
     double upright_width = width, upright_height = height;
     if (turn == 90 || turn == 270) std::swap(upright_width, upright_height);
-    const double x_turned = x;
-    if (turn == 90) x = y, y = upright_height - 1 - x_turned;
+    const double x_rotated = x;
+    if (turn == 90) x = y, y = upright_height - 1 - x_rotated;
     if (turn == 180) x = width - 1 - x, y = height - 1 - y;
-    if (turn == 270) x = upright_width - 1 - y, y = x_turned;
+    if (turn == 270) x = upright_width - 1 - y, y = x_rotated;
     key->x_px = upright_width == calibrated_width ? x : (x + 0.5) * calibrated_width / upright_width - 0.5;
     key->y_px = upright_height == calibrated_height ? y : (y + 0.5) * calibrated_height / upright_height - 0.5;
   }
   bool IsNeeded() const {
-    const bool turned = turn == 90 || turn == 270;
-    return normalized || flip_x || flip_y || turn != 0 || (turned ? height : width) != calibrated_width ||
-           (turned ? width : height) != calibrated_height;
+    const bool rotated = turn == 90 || turn == 270;
+    return normalized || flip_x || flip_y || turn != 0 || (rotated ? height : width) != calibrated_width ||
+           (rotated ? width : height) != calibrated_height;
   }
 };
 

@@ -134,7 +134,7 @@ bool RenumberByTimeline(const dataset::Timeline& timeline, PoseInput* input) {
   bool changed = false;
   for (dataset::Pose2dTrack& track : input->tracks) {
     const dataset::CameraTimeline* camera = timeline.Find(track.camera);
-    if (camera) changed |= Renumber(dataset::InstantsOfFrames(*camera), &track);
+    if (camera) changed |= Renumber(dataset::TimeStepsOfFrames(*camera), &track);
   }
   return changed;
 }

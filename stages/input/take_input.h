@@ -67,7 +67,7 @@ bool NameUncalibrated(const std::string& calibration, const std::vector<std::str
                       InputNotes* notes);
 
 /// Reads sync/TAKE.timeline.json. Without it, makes a timeline if the take has time stamps or a sync file and `make` is
-/// set; else null. Doubts become warnings.
+/// set; else null. Conflicts become warnings.
 std::shared_ptr<const dataset::Timeline> TimelineOf(const dataset::Session& session, const dataset::SessionTake& take,
                                                     bool allow_outside, bool make, InputNotes* notes);
 

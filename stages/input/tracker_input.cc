@@ -19,7 +19,7 @@ TrackerKind KindOf(const std::string& path) {
   return std::filesystem::is_regular_file(path, error) ? dataset::DetectTracker(path) : TrackerKind::kNone;
 }
 
-void SayWhatDiffers(const TrackedPoints& camera, const std::vector<std::string>& joints, InputNotes* notes) {
+void WarnOfDifferences(const TrackedPoints& camera, const std::vector<std::string>& joints, InputNotes* notes) {
   std::vector<std::string> lacking;
   for (const std::string& joint : joints) {
     if (std::find(camera.joints.begin(), camera.joints.end(), joint) == camera.joints.end()) lacking.push_back(joint);
@@ -96,7 +96,7 @@ dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, InputNotes* 
     cameras.push_back(dataset::ReadTrackerFile(path, camera));
   }
   const std::vector<std::string> joints = dataset::UnitedJoints(cameras);
-  for (const TrackedPoints& camera : cameras) SayWhatDiffers(camera, joints, notes);
+  for (const TrackedPoints& camera : cameras) WarnOfDifferences(camera, joints, notes);
   NoteTimesFound(cameras, notes);
   dataset::Pose2dSet set;
   set.skeleton = arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones)

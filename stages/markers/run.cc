@@ -30,7 +30,7 @@ MarkersReport RunMarkers(MarkersOptions options) {
   MarkersReport report;
   report.input = ReadMarkerPoints(&options, &report.notes);
   const dataset::Pose3d& pose = report.input.pose;
-  Append(MarkerWorldDoubts(pose.world, options.how), &report.notes.warnings);
+  Append(MarkerWorldConflicts(pose.world, options.how), &report.notes.warnings);
   report.written =
       WriteMarkers(PrepareMarkers(pose, options.how, options.points.path), pose, options.how, folder.work_path(), options.out);
   folder.Commit();

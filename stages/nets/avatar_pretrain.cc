@@ -168,7 +168,7 @@ class Run {
     const int64_t step = trainer_->model().step;
     if (const int64_t set = sets_.SetOf(step); set != set_ && step < trainer_->total_steps()) {
       pack_ = sets_.Draw(set_ = set);
-      trainer_->ReplacePictures(pack_);
+      trainer_->ReplaceImages(pack_);
     }
     return trainer_->Run(
         nullptr, [&](int64_t done, const avatar::HistoryRow* row) { return After(done, row, stage); }, sets_.EndOf(set_));

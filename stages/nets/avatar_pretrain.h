@@ -19,7 +19,7 @@ namespace mvstudio::stages {
 bool IsOfPretraining(std::string_view option);
 
 struct PretrainOptions {
-  PretrainOptions() { train.steps = 0, train.init_steps = 10000, train.validate_pictures = 0; }
+  PretrainOptions() { train.steps = 0, train.init_steps = 10000, train.validate_images = 0; }
   int samples = 512;
   int scored = 256;
   avatar::PretrainSampleOptions sample;

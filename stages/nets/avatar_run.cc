@@ -142,7 +142,7 @@ std::string AvatarRun::StepPath(const std::string& folder, int64_t step) const {
   return Path(folder + Format("/step_%06lld.png", static_cast<long long>(step)));
 }
 
-void AvatarRun::SavePicture(avatar::Trainer& trainer, const avatar::AvatarPack& pack) const {
+void AvatarRun::SaveImage(avatar::Trainer& trainer, const avatar::AvatarPack& pack) const {
   const avatar::AvatarPack one = avatar::Select(pack, {pack.size() / 2});
   const at::Tensor truth = one.images[0].to(at::kFloat) / 255 * (one.masks[0] > 0);
   trainer.UseHanded([&](avatar::AvatarModel& model) {

@@ -91,10 +91,10 @@ avatar::SplitSide ValidationSide(const avatar::DatasetSplit& split) {
 
 /// Counts what is missing; throws where a side of the split has too little left.
 void RequireSides(const dataset::PanopticDataset& data, const avatar::DatasetSplit& split, RunPacks* packs) {
-  packs->missing = avatar::RequirePictures(data, avatar::TrainingSide(split), avatar::kMostMissing);
+  packs->missing = avatar::RequireImages(data, avatar::TrainingSide(split), avatar::kMostMissing);
   for (const avatar::SplitSide& side : {ValidationSide(split), avatar::HoldoutSide(split)}) {
     if (side.cameras.empty()) continue;
-    dataset::MissingPictures missing = avatar::RequirePictures(data, side);
+    dataset::MissingImages missing = avatar::RequireImages(data, side);
     if (missing.missing() > 0) packs->missing_scored.push_back({side.kind, std::move(missing)});
   }
 }
@@ -109,7 +109,7 @@ std::optional<avatar::PackResult> WatchedPack(const dataset::PanopticDataset& da
   const avatar::SplitSide side = validation ? ValidationSide(split) : avatar::HoldoutSide(split);
   options.cameras = side.cameras;
   options.frame_step = std::max(1, avatar::UsualStep(side.frames));
-  const std::vector<int> frames = avatar::FramesWithPictures(data, side);
+  const std::vector<int> frames = avatar::FramesWithImages(data, side);
   const auto wanted = std::min(frames.size(), static_cast<size_t>(count) / options.cameras.size() + 1);
   options.frames = SpreadFrames(frames, wanted, memory);
   try {
@@ -169,7 +169,7 @@ std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, co
   return notices;
 }
 
-void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& a, InputNotes* notes) {
+void ReportSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& a, InputNotes* notes) {
   NoteFrames(ChoiceOf(data, "option 'frames'", a.frames).beyond, notes);
   NoteFrames(ChoiceOf(data, "option 'holdout-frames'", a.holdout_frames).beyond, notes);
 }
@@ -177,7 +177,7 @@ void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments&
 RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOptions& model,
                     const avatar::TrainOptions& options, const RunContext& run, avatar::RunConfig* config,
                     std::shared_ptr<const avatar::References> references) {
-  if (options.patience > 0 && (config->split.validation_cameras.empty() || options.validate_pictures == 0))
+  if (options.patience > 0 && (config->split.validation_cameras.empty() || options.validate_images == 0))
     throw UsageError(
         "option 'patience' needs option 'validate-camera' or a option 'split' with validation images, and option "
         "'validate-pictures' above 0: images "
@@ -195,7 +195,7 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOpt
   config->pack.person = built.person;
   config->pack.fit_shape = false;
   packs.train = std::move(built.pack), packs.train_views = std::move(built.views);
-  auto watched = WatchedPack(data, *config, options.validate_pictures, NumPreviousChannels(model) > 0, run);
+  auto watched = WatchedPack(data, *config, options.validate_images, NumPreviousChannels(model) > 0, run);
   if (watched) packs.watched = std::move(watched->pack), packs.watched_views = std::move(watched->views);
   if (TakesReferences(model)) AddReferences(model, *config, run, std::move(references), &packs);
   packs.skipped = std::move(built.skipped);

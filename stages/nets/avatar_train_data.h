@@ -46,14 +46,14 @@ std::vector<Notice> CheckTrainingImages(const dataset::PanopticDataset& data, co
                                         const RunContext& run);
 
 /// Says which frames the arguments name that the dataset does not have.
-void TellSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& arguments, InputNotes* notes);
+void ReportSplitFrames(const dataset::PanopticDataset& data, const SplitArguments& arguments, InputNotes* notes);
 
 /// What the dataset does not hold of the images of a split.
 struct PackNotes {
   std::vector<std::string> skipped;
-  dataset::MissingPictures missing;  ///< of the training images: those that the dataset does not hold
+  dataset::MissingImages missing;  ///< of the training images: those that the dataset does not hold
   /// Side of the split, and what is missing of it: validation and held-out images, where some are.
-  std::vector<std::pair<std::string, dataset::MissingPictures>> missing_scored;
+  std::vector<std::pair<std::string, dataset::MissingImages>> missing_scored;
   int frames_without_person = 0;  ///< of the dataset; they are in no side
 };
 

@@ -9,13 +9,13 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
-#include "stages/nets/avatar_fit_picture.h"
+#include "stages/nets/avatar_fit_image.h"
 #include "stages/nets/body_motion.h"
 
 namespace mvstudio::stages {
 namespace {
 
-constexpr char kGlbFile[] = "body.glb", kTextureFile[] = "texture.png", kPictureFile[] = "surface.png";
+constexpr char kGlbFile[] = "body.glb", kTextureFile[] = "texture.png", kImageFile[] = "surface.png";
 
 }  // namespace
 
@@ -26,11 +26,11 @@ BodyFolder::BodyFolder(const std::string& path, bool overwrite) : path_(path) {
 }
 
 std::vector<std::string> BodyFolder::Names() {
-  return {body::kPersonFileName, kGlbFile, kTextureFile, kPictureFile, kBodyMotionFile};
+  return {body::kPersonFileName, kGlbFile, kTextureFile, kImageFile, kBodyMotionFile};
 }
 
 std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& person, double frame_rate_hz) const {
-  const std::string texture_path = path_ + "/" + kTextureFile, picture_path = path_ + "/" + kPictureFile;
+  const std::string texture_path = path_ + "/" + kTextureFile, image_path = path_ + "/" + kImageFile;
   std::optional<SurfaceLimits> surface;
   FilesTogether together;
   WritePerson(person, path_ + "/" + body::kPersonFileName);
@@ -41,11 +41,11 @@ std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& perso
   if (!motion.empty()) WriteFileAtomic(motion_path, motion);
   if (person.offset_sigma_m.size() > 0) {
     const SurfaceMaps maps = MapSurface(person);
-    WriteFileAtomic(picture_path, dataset::EncodeImage(maps.picture, picture_path));
+    WriteFileAtomic(image_path, dataset::EncodeImage(maps.image, image_path));
     surface = SurfaceLimits{maps.offset_limit_mm, maps.sigma_limit_mm};
   }
   together.Commit();
-  if (!surface) RemoveOurs({picture_path});  // of an older body
+  if (!surface) RemoveOurs({image_path});  // of an older body
   if (motion.empty()) RemoveOurs({motion_path});
   return surface;
 }
@@ -58,7 +58,7 @@ CommandResult DescribeBodyFolder(const std::string& path, const std::optional<Su
   if (std::filesystem::exists(path + "/" + kBodyMotionFile))
     result.outputs.push_back({path + "/" + kBodyMotionFile, "body-motion"});
   if (!surface) return result;
-  result.outputs.push_back({path + "/" + kPictureFile, "surface-maps"});
+  result.outputs.push_back({path + "/" + kImageFile, "surface-maps"});
   result.metrics["surface_maps"] = {{"offset_limit_mm", surface->offset_mm}, {"sigma_limit_mm", surface->sigma_mm}};
   return result;
 }

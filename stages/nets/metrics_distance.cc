@@ -129,7 +129,7 @@ Features ReadFeatures(const std::string& path) {
                  path);
 }
 
-at::Tensor ReadPicture(const std::string& path, const Backdrop& backdrop) {
+at::Tensor ReadScoredImage(const std::string& path, const Backdrop& backdrop) {
   const Image image = ReadOver(path, backdrop);
   const at::Tensor bytes =
       at::from_blob(const_cast<uint8_t*>(image.pixels.data()), {image.height, image.width, image.channels}, at::kByte);
@@ -138,15 +138,15 @@ at::Tensor ReadPicture(const std::string& path, const Backdrop& backdrop) {
 
 using NetPointer = std::shared_ptr<const avatar::FeatureNet>;
 
-Features FeaturesOfPictures(const DistanceSide& side, const NetPointer& net, const Backdrop& backdrop, const RunContext& run) {
-  if (side.pictures.size() < 4)
-    throw FormatError(side.path, "", "a distance needs at least 4 images, here are " + std::to_string(side.pictures.size()));
-  ProgressStage stage(run, "features (" + net->name() + ")", static_cast<int64_t>(side.pictures.size()));
+Features FeaturesOfImages(const DistanceSide& side, const NetPointer& net, const Backdrop& backdrop, const RunContext& run) {
+  if (side.images.size() < 4)
+    throw FormatError(side.path, "", "a distance needs at least 4 images, here are " + std::to_string(side.images.size()));
+  ProgressStage stage(run, "features (" + net->name() + ")", static_cast<int64_t>(side.images.size()));
   std::vector<at::Tensor> rows;
-  for (const std::string& path : side.pictures) {
-    const at::Tensor picture = ReadPicture(path, backdrop);
-    if (std::min(picture.size(2), picture.size(3)) < 32) throw FormatError(path, "", "is smaller than 32 px");
-    rows.push_back(avatar::FeatureRows(*net, picture));
+  for (const std::string& path : side.images) {
+    const at::Tensor image = ReadScoredImage(path, backdrop);
+    if (std::min(image.size(2), image.size(3)) < 32) throw FormatError(path, "", "is smaller than 32 px");
+    rows.push_back(avatar::FeatureRows(*net, image));
     stage.Advance();
   }
   Features features;
@@ -160,7 +160,7 @@ NetPointer NetByName(const std::string& name) {
 }
 
 Features FeaturesOf(const DistanceSide& side, const NetPointer& net, const Backdrop& backdrop, const RunContext& run) {
-  return net && !side.pictures.empty() ? FeaturesOfPictures(side, net, backdrop, run) : ReadFeatures(side.path);
+  return net && !side.images.empty() ? FeaturesOfImages(side, net, backdrop, run) : ReadFeatures(side.path);
 }
 
 /// Names that contradict each other; statistics of other programs have none.
@@ -168,7 +168,7 @@ void RequireComparable(const Features& a, const DistanceSide& reference, const F
   if (a.d != b.d) {
     throw FormatError(other.path, "features",
                       "has " + std::to_string(b.d) + " dimensions, " + reference.path + " has " + std::to_string(a.d) +
-                          (reference.pictures.empty() == other.pictures.empty()
+                          (reference.images.empty() == other.images.empty()
                                ? ""
                                : ": the statistics are of another net; name theirs with option 'features'"));
   }
@@ -201,8 +201,8 @@ bool IsFeatureFile(const std::string& path) {
 DistanceResult CompareSides(const DistanceSide& reference, const DistanceSide& other, const std::string& net_name,
                             const Backdrop& backdrop, const RunContext& run) {
   at::set_num_threads(ResolveThreads(run.num_threads));
-  const bool pictures = !reference.pictures.empty() || !other.pictures.empty();
-  const NetPointer net = pictures ? NetByName(net_name) : nullptr;
+  const bool images = !reference.images.empty() || !other.images.empty();
+  const NetPointer net = images ? NetByName(net_name) : nullptr;
   const Features a = FeaturesOf(reference, net, backdrop, run), b = FeaturesOf(other, net, backdrop, run);
   RequireComparable(a, reference, b, other);
   return Compare(a, b, run.seed);
@@ -215,7 +215,7 @@ DistanceResult CompareFeatureFiles(const std::string& reference, const std::stri
 WrittenStatistics WriteStatistics(const DistanceSide& side, const std::string& net_name, const Backdrop& backdrop,
                                   const std::string& out, const RunContext& run) {
   at::set_num_threads(ResolveThreads(run.num_threads));
-  const Features features = FeaturesOf(side, side.pictures.empty() ? nullptr : NetByName(net_name), backdrop, run);
+  const Features features = FeaturesOf(side, side.images.empty() ? nullptr : NetByName(net_name), backdrop, run);
   const avatar::GaussianFit fit = features.gaussian ? *features.gaussian : avatar::FitGaussian(features.rows);
   const at::Tensor covariance = fit.root.t().matmul(fit.root).contiguous();
   const auto doubles = [](const at::Tensor& t) {

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/progress.h"
-#include "stages/input/picture_pairs.h"
+#include "stages/input/image_file_pairs.h"
 #include "stages/scores/run.h"
 
 /// Distances between sets of images or features for `mvstudio metrics`. Needs libtorch.
@@ -12,8 +12,8 @@ namespace mvstudio::stages {
 
 /// One of two sets: images, or else a file of features (.npy, .safetensors, .npz) or statistics (.npz).
 struct DistanceSide {
-  std::string path;                   ///< of the file, or the images' folder
-  std::vector<std::string> pictures;  ///< empty for a file
+  std::string path;                 ///< of the file, or the images' folder
+  std::vector<std::string> images;  ///< empty for a file
 };
 
 /// True for .npy, .npz and .safetensors.

@@ -129,7 +129,7 @@ CommandResult PretrainRenderer(const RendererPretraining& arguments, const std::
   avatar::TrainOptions options = arguments.train;
   const auto people = static_cast<int>(subjects.size());
   options.steps = (options.steps + people - 1) / people, options.init_steps = 0;
-  options.validate_pictures = 0, options.least_gain = 0, options.perceptual = "none";
+  options.validate_images = 0, options.least_gain = 0, options.perceptual = "none";
   std::vector<avatar::Trainer> trainers;
   for (size_t i = 0; i < subjects.size(); ++i) trainers.push_back(TrainerOf(arguments.runs[i], &subjects[i], options, run));
   const int64_t steps = int64_t{options.steps} * people;

@@ -11,7 +11,7 @@ namespace {
 DistanceSide SideOf(const std::string& path) {
   DistanceSide side{path, {}};
   if (IsFeatureFile(path)) return side;
-  for (const auto& [name, picture] : PicturesIn(path)) side.pictures.push_back(picture);
+  for (const auto& [name, image] : ImagesIn(path)) side.images.push_back(image);
   return side;
 }
 
@@ -20,9 +20,9 @@ Backdrop BackdropFor(const ScoresOptions& options) {
 }
 
 /// Why the sets of images have no distance; empty when they have.
-std::string WhyNoDistance(const PicturePairs& pairs) {
+std::string WhyNoDistance(const ImageFilePairs& pairs) {
   if (pairs.pairs.size() < 4) return "fewer than 4 pairs";
-  for (const PicturePair& pair : pairs.pairs) {
+  for (const ImageFilePair& pair : pairs.pairs) {
     if (std::min(pair.width, pair.height) < 32) return pair.name + " is smaller than 32 px";
   }
   return "";
@@ -32,7 +32,7 @@ std::string WhyNoDistance(const PicturePairs& pairs) {
 bool AreUnpaired(const ScoresOptions& options) {
   namespace fs = std::filesystem;
   if (!fs::is_directory(options.reference) || !fs::is_directory(options.other) || !options.masks.empty()) return false;
-  const auto a = PicturesIn(options.reference), b = PicturesIn(options.other);
+  const auto a = ImagesIn(options.reference), b = ImagesIn(options.other);
   return std::min(a.size(), b.size()) >= 4 && std::none_of(a.begin(), a.end(), [&](const auto& x) { return b.count(x.first); });
 }
 
@@ -49,12 +49,11 @@ WrittenStatistics WriteStatisticsOf(const ScoresOptions& options, const RunConte
 }
 
 void AddPairDistance(const RunContext& run, ScoresReport* report) {
-  const PicturePairs& pairs = report->pairs;
+  const ImageFilePairs& pairs = report->pairs;
   report->why_no_distance = WhyNoDistance(pairs);
   if (!report->why_no_distance.empty()) return;
   DistanceSide reference{report->options.reference, {}}, other{report->options.other, {}};
-  for (const PicturePair& pair : pairs.pairs)
-    reference.pictures.push_back(pair.reference), other.pictures.push_back(pair.other);
+  for (const ImageFilePair& pair : pairs.pairs) reference.images.push_back(pair.reference), other.images.push_back(pair.other);
   report->distance = CompareSides(reference, other, report->options.features, pairs.backdrop, run);
 }
 
@@ -80,8 +79,8 @@ ScoresReport RunScores(const ScoresOptions& options, const RunContext& run) {
     report.distance = DistanceAlone(options, run);
   } else if (AreUnpaired(options)) {
     report.distance = DistanceAlone(options, run);
-    report.lone_reference = PicturesIn(options.reference).begin()->first;
-    report.lone_other = PicturesIn(options.other).begin()->first;
+    report.lone_reference = ImagesIn(options.reference).begin()->first;
+    report.lone_other = ImagesIn(options.other).begin()->first;
   } else {
     report = RunPairScores(options, run);
     AddPairDistance(run, &report);

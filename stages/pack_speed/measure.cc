@@ -109,10 +109,10 @@ struct CropTask {
 
 Image ReadFromFolder(const Source& source, const dataset::Pack& pack, size_t i, const std::string& path) {
   const dataset::PackSample& sample = pack.samples()[i];
-  Image picture = dataset::ReadImage(path);
-  if (pack.info().view == dataset::PackView::kFull) return picture;
+  Image image = dataset::ReadImage(path);
+  if (pack.info().view == dataset::PackView::kFull) return image;
   const int at = source.data.rig.Find(pack.rig().cameras[sample.camera_idx].camera.name);
-  return dataset::Resample(picture, source.data.rig.cameras.at(at), sample.view);
+  return dataset::Resample(image, source.data.rig.cameras.at(at), sample.view);
 }
 
 std::string CameraOf(const dataset::Pack& pack, size_t i) {
@@ -129,9 +129,9 @@ class Measurement {
     for (const auto& camera : source_.data.rig.cameras) {
       for (const int frame : source_.frames) {
         const std::string& name = camera.camera.name;
-        const Image picture = dataset::ReadImage(LosslessPath(name, frame));
-        dataset::WriteImage(picture, source_.JpegPath(name, frame), options_.folder_quality);
-        report.width_px = picture.width, report.height_px = picture.height, ++report.pictures;
+        const Image image = dataset::ReadImage(LosslessPath(name, frame));
+        dataset::WriteImage(image, source_.JpegPath(name, frame), options_.folder_quality);
+        report.width_px = image.width, report.height_px = image.height, ++report.images;
       }
     }
   }
@@ -173,7 +173,7 @@ class Measurement {
     PackBuildSpeed speed;
     speed.codec = codec, speed.crop_px = crop_px, speed.threads = built.threads;
     speed.build_per_s = static_cast<double>(built.samples) / t.wall_s;
-    speed.decode_per_s = DecodeRate(root, built.threads) * static_cast<double>(built.samples) / report.pictures;
+    speed.decode_per_s = DecodeRate(root, built.threads) * static_cast<double>(built.samples) / report.images;
     speed.decode_share = t.decode_s / (t.decode_s + t.hash_s + t.resample_s + t.encode_s + t.write_s + t.verify_s);
     report.builds.push_back(speed);
     return path;
@@ -191,7 +191,7 @@ class Measurement {
       dataset::ReadImage(data.ImagePath(name, frame));
       if (std::filesystem::exists(data.MaskPath(name, frame))) data.ReadMask(name, frame);
     });
-    return decode_rate_ = static_cast<double>(report.pictures) / (Now() - start);
+    return decode_rate_ = static_cast<double>(report.images) / (Now() - start);
   }
 
   void AddTrials(PackSpeedTrial trial, const Difference& difference, size_t count, const std::function<void(size_t)>& read) {
@@ -272,7 +272,7 @@ PackSpeedReport MeasurePackSpeed(const std::string& root, const PackSpeedOptions
 }
 
 std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>& on_front) {
-  std::string text = Format("%d images of %dx%d\n", report.pictures, report.width_px, report.height_px) +
+  std::string text = Format("%d images of %dx%d\n", report.images, report.width_px, report.height_px) +
                      "way     codec      crop  threads   crops/s   bytes/crop  PSNR dB\n";
   for (size_t i = 0; i < report.trials.size(); ++i) {
     const PackSpeedTrial& t = report.trials[i];
@@ -294,7 +294,7 @@ std::string PackSpeedText(const PackSpeedReport& report, const std::vector<bool>
 }
 
 std::string PackSpeedJson(const PackSpeedReport& report, const std::vector<bool>& on_front) {
-  ordered_json json{{"pictures", report.pictures}, {"width_px", report.width_px}, {"height_px", report.height_px}};
+  ordered_json json{{"pictures", report.images}, {"width_px", report.width_px}, {"height_px", report.height_px}};
   json["trials"] = RowsJson(report.trials);
   for (size_t i = 0; i < report.trials.size(); ++i) json["trials"][i]["on_front"] = static_cast<bool>(on_front[i]);
   json["speed_ups"] = RowsJson(report.speed_ups), json["builds"] = RowsJson(report.builds);

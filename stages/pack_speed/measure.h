@@ -86,7 +86,7 @@ struct PackSpeedReport {
   std::vector<PackSpeedTrial> trials;
   std::vector<PackBuildSpeed> builds;
   std::vector<PackSpeedUp> speed_ups;
-  int pictures = 0, width_px = 0, height_px = 0;
+  int images = 0, width_px = 0, height_px = 0;
 };
 
 /// Files are in the system's cache when read, so the comparison is of computation, not of disks. Throws UsageError, and

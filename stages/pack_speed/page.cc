@@ -105,7 +105,7 @@ std::string BuildTable(const PackSpeedReport& report) {
 }
 
 std::string Intro(const PackSpeedReport& report) {
-  return report::ParagraphHtml("Crops of people read at random from " + std::to_string(report.pictures) + " images of " +
+  return report::ParagraphHtml("Crops of people read at random from " + std::to_string(report.images) + " images of " +
                                std::to_string(report.width_px) + "x" + std::to_string(report.height_px) +
                                " px: out of a pack, or from a folder of JPEG images that are decoded and cropped when read. "
                                "PSNR is against the crop of the lossless image. Files are in the system's cache.");

@@ -231,7 +231,7 @@ Planes FitPlanes(const std::vector<Place>& places, std::vector<Place>* used) {
 /// Rotation that turns `up` to z by the shortest way.
 Eigen::Quaterniond ToUp(const Vector3d& up) { return Eigen::Quaterniond::FromTwoVectors(up, Vector3d::UnitZ()); }
 
-std::vector<Place> Turned(const Eigen::Quaterniond& rotation, const Vector3d& middle, std::vector<Place> places) {
+std::vector<Place> Rotated(const Eigen::Quaterniond& rotation, const Vector3d& middle, std::vector<Place> places) {
   for (Place& place : places) place.x = rotation * (place.x - middle);
   return places;
 }
@@ -335,11 +335,11 @@ FeetFloor FloorUnderFeet(const dataset::Pose3d& pose) {
   const Vector3d middle = MiddleOf(places);
   std::vector<Place> used;
   Planes planes;
-  std::vector<Place> turned;
+  std::vector<Place> rotated;
   for (int turn = 0; turn < kTurns; ++turn) {
     const Eigen::Quaterniond to_up = ToUp(up);
-    turned = Turned(to_up, middle, places);
-    planes = FitPlanes(turned, &used);
+    rotated = Rotated(to_up, middle, places);
+    planes = FitPlanes(rotated, &used);
     if (!planes.ok) return Undetermined(floor, Status::kDegenerate, "the places of the feet do not determine a plane" + walk);
     up = (to_up.conjugate() * Vector3d(-planes.slope.x(), -planes.slope.y(), 1)).normalized();
   }
@@ -349,8 +349,8 @@ FeetFloor FloorUnderFeet(const dataset::Pose3d& pose) {
   std::vector<double> heights;
   for (const Place& place : used) heights.push_back(Above(planes, place));
   floor.num_used = static_cast<int>(used.size()), floor.rms_m = Rms(heights);
-  floor.tilt_sigma_rad = SlopeSigma(planes, turned, used, blocks);
-  floor.turned_rad = std::atan2(up.head<2>().norm(), up.z());
+  floor.tilt_sigma_rad = SlopeSigma(planes, rotated, used, blocks);
+  floor.rotated_rad = std::atan2(up.head<2>().norm(), up.z());
   constexpr double kLeastShare = 0.3;
   if (floor.num_used < kLeastShare * floor.num_places) {
     return Undetermined(

@@ -19,7 +19,7 @@ struct FeetFloor {
   int num_places = 0, num_used = 0;              ///< where a joint of a foot stood still; those that lie on the floor
   double rms_m = 0;                              ///< heights of those over the plane of their joint
   double tilt_sigma_rad = 0;                     ///< of the floor's normal, in its least determined direction
-  double turned_rad = 0;                         ///< between the old z axis and the floor's normal
+  double rotated_rad = 0;                        ///< between the old z axis and the floor's normal
   std::map<std::string, double> joint_height_m;  ///< of standing "Ankle", "Heel", … above the floor
   std::string level;                             ///< what z = 0 was taken from
 };

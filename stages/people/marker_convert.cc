@@ -63,7 +63,7 @@ geometry::Skeleton BonesFor(const dataset::Pose3d& pose, const MarkerTake& take)
 }
 
 /// Positions such that a writer for `native` axes puts `up` up.
-MarkerTake Turned(MarkerTake take, const std::string& up, const std::string& native) {
+MarkerTake Rotated(MarkerTake take, const std::string& up, const std::string& native) {
   if (up == native) return take;
   for (Eigen::Vector3d& x : take.x_in_world) x = dataset::WorldFromAxes(dataset::AxesFromWorld(x, up), native);
   return take;
@@ -81,10 +81,10 @@ std::string Contents(const dataset::Pose3d& pose, const MarkerTake& take, const 
   const std::string word = format.word;
   if (word == "trc") {
     const auto unit = space.unit == "m" ? markers::TrcUnit::kMetre : markers::TrcUnit::kMillimetre;
-    return TrcText(Turned(take, space.up, "y"), name, unit);
+    return TrcText(Rotated(take, space.up, "y"), name, unit);
   }
   if (word == "c3d") return C3dBytes(take, space.up);
-  if (word == "csv") return CsvText(Turned(take, space.up, "z"));
+  if (word == "csv") return CsvText(Rotated(take, space.up, "z"));
   if (word == "wide") return WideCsvText(take, space);
   if (word == "npz") return NpzBytes(take, space);
   if (word == "sto") return StoText(take, space);

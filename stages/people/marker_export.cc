@@ -131,7 +131,7 @@ MarkerWork FilledAndFiltered(markers::MarkerTake take, const MarkerOptions& opti
   return work;
 }
 
-std::vector<Notice> MarkerWorldDoubts(const std::string& world, const MarkerOptions& options) {
+std::vector<Notice> MarkerWorldConflicts(const std::string& world, const MarkerOptions& options) {
   const bool y_up = options.opensim || Wants(options, "trc") || Wants(options, "sto");
   if (!y_up || world.find("axes of camera ") == std::string::npos) return {};
   return {{"MRK-WORLD", "a .trc has y up, but nothing is up in the world of these joints: " + world,

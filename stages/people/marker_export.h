@@ -149,7 +149,7 @@ MarkerReport WriteMarkers(const std::vector<MarkerWork>& work, const dataset::Po
 CommandResult DescribeMarkers(const MarkerReport& report);
 
 /// A warning "MRK-WORLD" where the joints' world (Pose3d::world) is that of a camera, and a file that says y up is written.
-std::vector<Notice> MarkerWorldDoubts(const std::string& world, const MarkerOptions& options);
+std::vector<Notice> MarkerWorldConflicts(const std::string& world, const MarkerOptions& options);
 
 /// Curves of every joint before and after, as a page; of long takes the middle.
 std::string MarkerPage(const std::vector<MarkerWork>& work, const MarkerOptions& options);

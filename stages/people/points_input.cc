@@ -65,8 +65,8 @@ PointsInput ReadPointsInput(const PointsArguments& arguments, InputNotes* notes)
     input.unit = file.unit, input.up = file.up.empty() ? (file.y_up ? "y" : "z") : file.up;
     for (const std::string& note : NotesOf(file, arguments.path))
       notes->warnings.push_back({"MRK-FILE", note, "check the file, or say what is meant: option 'unit', option 'up'"});
-    const std::string doubt = UnitDoubt(file, arguments.path);
-    if (!doubt.empty()) notes->warnings.push_back({"MRK-UNIT", doubt, "name the unit: option 'unit' m, cm, mm or in"});
+    const std::string conflict = UnitConflict(file, arguments.path);
+    if (!conflict.empty()) notes->warnings.push_back({"MRK-UNIT", conflict, "name the unit: option 'unit' m, cm, mm or in"});
     CountAsMeasured(&input.pose);
   } else if (!arguments.unit.empty() || !arguments.up.empty()) {
     throw UsageError("option 'unit' and option 'up' are for files of other programs: points of mvstudio are in metres, " +

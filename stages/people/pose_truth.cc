@@ -23,14 +23,15 @@ TruthComparison CompareWithTruth(const dataset::Pose3d& pose, const std::string&
                                        dataset::ToTable(reference.rows), options.align)};
   if (file.unit.empty()) return result;
   result.unit = file.unit, result.up = file.y_up ? "y" : "z";
-  result.unit_doubt = dataset::UnitDoubt(file, truth), result.notes = dataset::NotesOf(file, truth);
+  result.unit_conflict = dataset::UnitConflict(file, truth), result.notes = dataset::NotesOf(file, truth);
   return result;
 }
 
 Notice NothingInCommon(const std::string& option, const std::string& path, const std::string& why) {
-  return {"TRI-NO-COMMON", "option '" + option + "' " + path + ": nothing could be compared: " + why,
-          "joints are compared by frame and name: give the reference of this take (a marker file's frame 1 is our frame 0), and "
-          "joints called as in it"};
+  return {
+      "TRI-NO-COMMON", "option '" + option + "' " + path + ": nothing could be compared: " + why,
+      "joints are compared by frame and name: give the reference of this take (a marker file's frame 1 is our frame 0), and "
+      "joints called as in it"};
 }
 
 nlohmann::ordered_json ComparisonToJson(const TruthComparison& truth) {

@@ -18,7 +18,7 @@ struct TruthOptions {
 struct TruthComparison {
   dataset::Pose3dComparison comparison;
   std::string unit = {}, up = {};       ///< of a file of markers: its unit of length, and "y" or "z"; else empty
-  std::string unit_doubt = {};          ///< dataset::UnitDoubt
+  std::string unit_conflict = {};       ///< dataset::UnitDoubt
   std::vector<std::string> notes = {};  ///< MarkerFile::notes, with the path
 };
 

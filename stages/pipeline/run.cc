@@ -31,7 +31,7 @@ class PipelineRun {
     report_.stages = PipelineOf(session, o_);
     if (o_.dry_run) PredictNeeds(session, o_, &report_.stages);
     for (const PipelineStage& stage : report_.stages) Visit(stage);
-    if (o_.dry_run && !o_.budget.empty()) SayBudgets();
+    if (o_.dry_run && !o_.budget.empty()) ReportBudgets();
     if (o_.dry_run) report_.partial = false;
     return std::move(report_);
   }
@@ -63,7 +63,7 @@ class PipelineRun {
     return stage;
   }
 
-  void SayBudgets() {
+  void ReportBudgets() {
     const double left_s = ParseSeconds(o_.budget, "budget");
     for (StageRow& row : report_.rows) {
       const auto at = std::find_if(planned_.begin(), planned_.end(), [&](const auto& time) { return time.name == row.stage; });

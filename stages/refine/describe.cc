@@ -36,20 +36,20 @@ ordered_json AdjustedCameraJson(const calib::KeypointCamera& camera, const geome
           {"num_detections", camera.num_detections}};
 }
 
-ordered_json CulpritJson(const calib::KeypointCulprit& culprit) {
-  if (culprit.fault == calib::CameraFault::kNone) return nullptr;
-  ordered_json json = {{"camera", culprit.corrected.camera.name},
-                       {"fault", calib::ToString(culprit.fault)},
-                       {"message", culprit.message},
-                       {"explained", FiniteOrNull(culprit.explained)}};
-  if (culprit.fault == calib::CameraFault::kPose) {
-    json["rotation_deg"] = FiniteOrNull(RadToDeg(culprit.rotation_rad));
-    json["rotation_sigma_deg"] = FiniteOrNull(RadToDeg(culprit.rotation_sigma_rad));
-    json["translation_mm"] = FiniteOrNull(1e3 * culprit.translation_m);
-    json["translation_sigma_mm"] = FiniteOrNull(1e3 * culprit.translation_sigma_m);
+ordered_json SuspectJson(const calib::KeypointSuspect& suspect) {
+  if (suspect.fault == calib::CameraFault::kNone) return nullptr;
+  ordered_json json = {{"camera", suspect.corrected.camera.name},
+                       {"fault", calib::ToString(suspect.fault)},
+                       {"message", suspect.message},
+                       {"explained", FiniteOrNull(suspect.explained)}};
+  if (suspect.fault == calib::CameraFault::kPose) {
+    json["rotation_deg"] = FiniteOrNull(RadToDeg(suspect.rotation_rad));
+    json["rotation_sigma_deg"] = FiniteOrNull(RadToDeg(suspect.rotation_sigma_rad));
+    json["translation_mm"] = FiniteOrNull(1e3 * suspect.translation_m);
+    json["translation_sigma_mm"] = FiniteOrNull(1e3 * suspect.translation_sigma_m);
   } else {
-    json["scale"] = FiniteOrNull(culprit.scale);
-    json["scale_sigma"] = FiniteOrNull(culprit.scale_sigma);
+    json["scale"] = FiniteOrNull(suspect.scale);
+    json["scale_sigma"] = FiniteOrNull(suspect.scale_sigma);
   }
   return json;
 }
@@ -87,7 +87,7 @@ ordered_json RefineMetrics(const calib::KeypointRefineReport& report) {
   for (const calib::KeypointHeldOut& part : report.held_out) m["held_out"].push_back(HeldOutJson(part));
   m["num_gap_frames"] = report.num_gap_frames;
   m["left_out_persons"] = {{"num_persons", report.left_out.num_persons}, {"num_frames", report.left_out.frames.size()}};
-  m["culprit"] = CulpritJson(report.culprit);
+  m["culprit"] = SuspectJson(report.suspect);
   m["cameras"] = ordered_json::array();
   for (size_t c = 0; c < report.cameras.size(); ++c)
     m["cameras"].push_back(
@@ -131,7 +131,7 @@ std::string RefineSummary(const calib::KeypointRefineReport& report) {
                    d.chosen            ? "  <-"
                    : d.refusal.empty() ? ""
                                        : ("  " + d.refusal).c_str());
-  if (report.culprit.fault != calib::CameraFault::kNone) text += report.culprit.message + "\n";
+  if (report.suspect.fault != calib::CameraFault::kNone) text += report.suspect.message + "\n";
   if (report.kept_input) text += report.message + "\n";
   return text;
 }
@@ -147,8 +147,8 @@ std::vector<Notice> NoticesOf(const calib::KeypointRefineReport& report, size_t 
   std::vector<Notice> notices;
   if (report.kept_input)
     notices.push_back({"CAL-INPUT-KEPT", report.message, "film more, in more of the space, or recalibrate"});
-  if (report.culprit.fault != calib::CameraFault::kNone)
-    notices.push_back({"CAL-CAMERA-WRONG", report.culprit.message,
+  if (report.suspect.fault != calib::CameraFault::kNone)
+    notices.push_back({"CAL-CAMERA-WRONG", report.suspect.message,
                        "the new calibration corrects it; check the camera and its images all the same"});
   if (num_left_out > 0)
     notices.push_back(

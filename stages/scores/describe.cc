@@ -29,9 +29,9 @@ CommandResult DescribePartnerless(const std::vector<std::string>& names, const s
 }
 
 /// Mean of one region; nothing when the pairs have none.
-std::optional<RegionScore> RegionMean(const PicturePairs& pairs, std::optional<RegionScore> PicturePair::*region) {
+std::optional<RegionScore> RegionMean(const ImageFilePairs& pairs, std::optional<RegionScore> ImageFilePair::*region) {
   std::vector<RegionScore> scores;
-  for (const PicturePair& pair : pairs.pairs) {
+  for (const ImageFilePair& pair : pairs.pairs) {
     if (pair.*region) scores.push_back(*(pair.*region));
   }
   int64_t ignored = 0;
@@ -39,9 +39,9 @@ std::optional<RegionScore> RegionMean(const PicturePairs& pairs, std::optional<R
   return metrics::Mean(scores, &ignored);
 }
 
-ordered_json PairsJson(const PicturePairs& pairs) {
+ordered_json PairsJson(const ImageFilePairs& pairs) {
   ordered_json rows = ordered_json::array();
-  for (const PicturePair& pair : pairs.pairs) {
+  for (const ImageFilePair& pair : pairs.pairs) {
     ordered_json row = {{"name", pair.name}};
     row.update(RegionJson(pair.full));
     if (pair.bbox) row["bbox"] = RegionJson(*pair.bbox);
@@ -62,10 +62,10 @@ std::string RegionText(const std::optional<RegionScore>& score) {
 /// Whether masks were used, and on how much; what is behind images with opacity.
 CommandResult DescribeGround(const ScoresReport& report, const std::optional<RegionScore>& box,
                              const std::optional<RegionScore>& masked) {
-  const PicturePairs& pairs = report.pairs;
+  const ImageFilePairs& pairs = report.pairs;
   CommandResult result;
   int64_t mask_px = 0, all_px = 0, clear = 0;
-  for (const PicturePair& pair : pairs.pairs) {
+  for (const ImageFilePair& pair : pairs.pairs) {
     mask_px += pair.mask_px, all_px += int64_t{pair.width} * pair.height, clear += pair.clear;
   }
   const auto all = static_cast<long long>(all_px);
@@ -87,18 +87,18 @@ CommandResult DescribeGround(const ScoresReport& report, const std::optional<Reg
 
 CommandResult DescribePairs(const ScoresReport& report) {
   std::vector<RegionScore> full;
-  for (const PicturePair& pair : report.pairs.pairs) full.push_back(pair.full);
+  for (const ImageFilePair& pair : report.pairs.pairs) full.push_back(pair.full);
   int64_t infinite = 0;
   const RegionScore mean = metrics::Mean(full, &infinite);
   CommandResult result;
   result.metrics = RegionJson(mean);
   result.metrics["n"] = full.size();
   result.metrics["psnr_infinite"] = infinite;
-  const std::optional<RegionScore> box = RegionMean(report.pairs, &PicturePair::bbox),
-                                   masked = RegionMean(report.pairs, &PicturePair::masked);
+  const std::optional<RegionScore> box = RegionMean(report.pairs, &ImageFilePair::bbox),
+                                   masked = RegionMean(report.pairs, &ImageFilePair::masked);
   if (box) result.metrics["bbox"] = RegionJson(*box);
   if (masked) result.metrics["masked"] = RegionJson(*masked);
-  if (report.options.per_picture) result.metrics["pictures"] = PairsJson(report.pairs);
+  if (report.options.per_image) result.metrics["pictures"] = PairsJson(report.pairs);
   result.text = Format(
       "%zu pairs: SSIM %.4f (luma %.4f, scikit-image's default %.4f), PSNR %.2f dB (%lld equal pairs "
       "left out)",

@@ -14,7 +14,7 @@ struct ScoresOptions {
   std::string background = "auto";  ///< behind images with opacity
   bool distance_only = false;
   std::string write_statistics;  ///< file; empty: none
-  bool per_picture = false;
+  bool per_image = false;
 };
 
 /// Without the two sets.
@@ -31,7 +31,7 @@ void VisitFields(Visitor&& visit, ScoresOptions& o) {
               "the Frechet and the kernel distance alone: the sets need no pairs and no equal counts");
   VisitStyled(visit, OptionStyle::kFile, "write-statistics", o.write_statistics,
               "new .npz of the mean `mu` and the covariance `sigma` of the one set's features, as pytorch-fid keeps them");
-  VisitStyled(visit, OptionStyle::kSwitch, "per-picture", o.per_picture, "list every pair in the metrics");
+  VisitStyled(visit, OptionStyle::kSwitch, "per-picture", o.per_image, "list every pair in the metrics");
 }
 
 }  // namespace mvstudio::stages

@@ -13,8 +13,8 @@ ScoresReport RunPairScores(const ScoresOptions& options, const RunContext& run) 
   RequireTwoSets(options);
   ScoresReport report;
   report.options = options;
-  PicturePairs& pairs = report.pairs;
-  pairs = PairPictures(options.reference, options.other, options.masks);
+  ImageFilePairs& pairs = report.pairs;
+  pairs = PairImages(options.reference, options.other, options.masks);
   pairs.backdrop = options.background == "auto" ? BackdropOf(pairs.pairs) : BackdropOf(options.background);
   ScorePairs(&pairs, run);
   return report;

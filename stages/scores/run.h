@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/progress.h"
-#include "stages/input/picture_pairs.h"
+#include "stages/input/image_file_pairs.h"
 #include "stages/scores/options.h"
 
 namespace mvstudio::stages {
@@ -24,7 +24,7 @@ struct WrittenStatistics {
 
 struct ScoresReport {
   ScoresOptions options;
-  PicturePairs pairs;                      ///< none: of sets without pairs, and of one set
+  ImageFilePairs pairs;                    ///< none: of sets without pairs, and of one set
   std::optional<DistanceResult> distance;  ///< between the sets
   std::string why_no_distance;             ///< of pairs; empty in builds without libtorch, too
   std::string lone_reference, lone_other;  ///< an image of each of two sets that have no name in common

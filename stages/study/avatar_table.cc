@@ -127,7 +127,7 @@ ComparisonRow RowOf(const std::vector<const ScoredRun*>& runs, const ScoredRun& 
   }
   for (const auto& [kind, keys] : values) {
     for (const auto& [key, list] : keys) row.splits[kind].values[key] = SpreadOf(list);
-    row.splits[kind].same_pictures = !mixed.count(kind);
+    row.splits[kind].same_images = !mixed.count(kind);
   }
   for (const auto& [name, list] : costs) row.costs[name] = SpreadOf(list);
   return row;
@@ -220,7 +220,7 @@ Comparison CompareRuns(const std::vector<ScoredRun>& runs, bool baselines) {
                    ? recipe.label
                    : (known == kMethodNames.end() ? recipe.method : known->second) + Distinction(recipe, recipes);
     for (const auto& [kind, scores] : row.splits) {
-      if (!scores.same_pictures) mixed.insert(kind);
+      if (!scores.same_images) mixed.insert(kind);
     }
     comparison.rows.push_back(row);
   }

@@ -21,7 +21,7 @@ Spread SpreadOf(const std::vector<double>& values);
 
 struct SplitScores {
   std::map<std::string, Spread> values;  ///< "ssim", "psnr_db", "mask_iou", "fd", "kid", "lpips" where given, …
-  bool same_pictures = true;             ///< the same images as in the first run
+  bool same_images = true;               ///< the same images as in the first run
 };
 
 /// Result of a user study for a row.

@@ -17,7 +17,7 @@ std::string Number(const Spread& spread, int decimals) {
 std::string Cell(const ComparisonRow& row, const std::string& kind, const std::string& key, int decimals) {
   const auto split = row.splits.find(kind);
   if (split == row.splits.end() || !split->second.values.count(key)) return report::kNoNumber;
-  return Number(split->second.values.at(key), decimals) + (split->second.same_pictures ? "" : " \u2020");
+  return Number(split->second.values.at(key), decimals) + (split->second.same_images ? "" : " \u2020");
 }
 
 std::string StudyText(const std::vector<StudyCell>& cells) {

@@ -64,14 +64,14 @@ std::string ShareLine(const std::string& name, const report::StudyShare& share) 
 
 CommandResult RunStudy(const StudyArguments& arguments, const std::string& out, uint64_t seed) {
   if (out.empty()) throw UsageError("option 'study' needs option 'out' FILE.html");
-  if (arguments.pictures < 1) throw UsageError("option 'study-pictures' must be at least 1");
+  if (arguments.images < 1) throw UsageError("option 'study-pictures' must be at least 1");
   if (arguments.sides.size() != 2) throw UsageError("option 'study' needs two sides");
   const Side a = MakeSide(arguments.sides.at(0)), b = MakeSide(arguments.sides.at(1));
   const std::string truth = TruthOf(arguments, a, b);
   std::vector<std::string> unmatched;
   report::StudySpec spec;
-  const auto pictures = report::ReadStudyPictures(truth, a.Renders(), b.Renders(), &unmatched, arguments.follow_links);
-  spec.pictures = report::ThinStudy(pictures, arguments.pictures);
+  const auto images = report::ReadStudyImages(truth, a.Renders(), b.Renders(), &unmatched, arguments.follow_links);
+  spec.images = report::ThinStudy(images, arguments.images);
   spec.methods = {a.name, b.name};
   spec.title = arguments.title;
   spec.seed = seed;
@@ -88,11 +88,11 @@ CommandResult RunStudy(const StudyArguments& arguments, const std::string& out, 
   CommandResult result;
   result.metrics = {{"study", study.sha256},
                     {"methods", {a.name, b.name}},
-                    {"questions", spec.pictures.size()},
+                    {"questions", spec.images.size()},
                     {"html_bytes", study.html.size()}};
   result.outputs = {{out, "study"}, {key, "study-key"}};
   result.inputs = {a.Renders(), b.Renders(), truth};
-  result.text = std::to_string(spec.pictures.size()) + " questions, " + a.name + " against " + b.name +
+  result.text = std::to_string(spec.images.size()) + " questions, " + a.name + " against " + b.name +
                 ". Give raters the page alone; the key tells the sides.";
   if (!unmatched.empty()) {
     result.exit = kExitPartial;

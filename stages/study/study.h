@@ -13,7 +13,7 @@ struct StudyArguments {
   std::vector<std::string> sides;  ///< two folders of images or two scored runs, each "NAME=FOLDER" or "FOLDER"
   std::string truth;               ///< folder of the true images; determined automatically for runs
   std::string title;
-  int pictures = 40;
+  int images = 40;
   bool follow_links = false;       ///< read images through links that lead out of their folder
   std::vector<std::string> tally;  ///< files of answers
 };

@@ -88,8 +88,9 @@ CommandResult DescribeComparison(const ReferenceComparison& comparison) {
   }
   for (const std::string& note : found.notes)
     result.warnings.push_back({"TRI-MARKER-FILE", note, "check the file, or export it again"});
-  if (!found.unit_doubt.empty())
-    result.warnings.push_back({"TRI-UNIT", found.unit_doubt, "name the unit: option 'marker-unit' m, cm, mm, in or e.g. 25mm"});
+  if (!found.unit_conflict.empty())
+    result.warnings.push_back(
+        {"TRI-UNIT", found.unit_conflict, "name the unit: option 'marker-unit' m, cm, mm, in or e.g. 25mm"});
   return result;
 }
 
@@ -178,7 +179,7 @@ CommandResult DescribeMarkerFolder(const TriangulateReport& report) {
   CommandResult result;
   const std::string folder = report.MarkerFolder();
   if (report.markers) {
-    result.warnings = MarkerWorldDoubts(report.markers->world, report.options.markers);
+    result.warnings = MarkerWorldConflicts(report.markers->world, report.options.markers);
     result.Add(DescribeMarkers(*report.markers));
   }
   for (const ReferenceComparison& comparison : report.comparisons) {

@@ -122,7 +122,7 @@ CommandResult DescribeLoss(const Loss& loss, const PointFigures& points, const t
   Notice error{none ? "TRI-NO-POINTS" : "TRI-LOST", "no joint could be triangulated",
                "check that calibration and poses belong to the same cameras and that all cameras count frames alike"};
   if (!none)
-    error.text = "only " + std::to_string(points.num_points) + " of " + std::to_string(points.num_carriable) +
+    error.text = "only " + std::to_string(points.num_points) + " of " + std::to_string(points.num_triangulable) +
                  " joints that several cameras see could be triangulated";
   if (loss.reason == Loss::Reason::kScores) {
     error.text += ": " + ScoresText(loss, options.min_score);

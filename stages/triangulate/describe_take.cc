@@ -133,7 +133,7 @@ ordered_json PointMetrics(const PointFigures& points) {
   m["num_points"] = points.num_points;
   m["num_joints_tried"] = points.num_tried;
   m["num_sigma_lower_bounds"] = points.num_lower_bounds;
-  m["num_joints_carriable"] = points.num_carriable;
+  m["num_joints_carriable"] = points.num_triangulable;
   m["num_persons"] = points.num_persons;
   m["status_counts"] = ordered_json::object();
   for (const auto& [status, count] : points.status_counts) m["status_counts"][std::string(ToString(status))] = count;

@@ -8,7 +8,7 @@
 
 #include "core/format.h"
 #include "core/statistics.h"
-#include "stages/input/frame_pictures.h"
+#include "stages/input/frame_images.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -44,11 +44,11 @@ std::map<int, Step> StepsOf(const triangulate::TakeResult& take) {
 /// The rich steps' one of median error; -1 without any.
 int TypicalStep(const std::map<int, Step>& steps, const std::function<int(const Step&)>& count) {
   int most = 0;
-  for (const auto& [instant, step] : steps) most = std::max(most, count(step));
+  for (const auto& [time_step, step] : steps) most = std::max(most, count(step));
   if (most == 0) return -1;
   std::vector<std::pair<double, int>> rich;
-  for (const auto& [instant, step] : steps) {
-    if (count(step) >= 0.9 * most) rich.emplace_back(LinearQuantile(step.rms_px, 0.5), instant);
+  for (const auto& [time_step, step] : steps) {
+    if (count(step) >= 0.9 * most) rich.emplace_back(LinearQuantile(step.rms_px, 0.5), time_step);
   }
   const auto middle = rich.begin() + static_cast<std::ptrdiff_t>(rich.size() / 2);
   std::nth_element(rich.begin(), middle, rich.end());
@@ -62,12 +62,12 @@ const NamedPath* FootageOf(const TakeImages& images, const std::string& camera) 
 }
 
 /// The camera's frame of a time step, -1 where it has none.
-int64_t FrameOf(const TakeImages& images, const std::string& camera, int instant) {
+int64_t FrameOf(const TakeImages& images, const std::string& camera, int time_step) {
   if (!FootageOf(images, camera)) return -1;
-  if (!images.timeline) return instant;
+  if (!images.timeline) return time_step;
   const dataset::CameraTimeline* times = images.timeline->Find(camera);
-  const bool known = times && instant >= 0 && static_cast<size_t>(instant) < times->frame_at.size();
-  return known ? times->frame_at[static_cast<size_t>(instant)] : -1;
+  const bool known = times && time_step >= 0 && static_cast<size_t>(time_step) < times->frame_at.size();
+  return known ? times->frame_at[static_cast<size_t>(time_step)] : -1;
 }
 
 /// Steps whose images are quickly read in every camera; all of them where no camera's are.
@@ -75,21 +75,21 @@ std::map<int, Step> Readable(const std::map<int, Step>& steps, const TakeImages&
   std::map<std::string, int64_t> last;
   for (const NamedPath& camera : images.cameras) last[camera.name] = LastCheapFrame(camera.path);
   std::map<int, Step> readable;
-  for (const auto& [instant, step] : steps) {
-    const auto reached = [&, at = instant](const NamedPath& c) { return FrameOf(images, c.name, at) <= last[c.name]; };
-    if (std::all_of(images.cameras.begin(), images.cameras.end(), reached)) readable.emplace(instant, step);
+  for (const auto& [time_step, step] : steps) {
+    const auto reached = [&, at = time_step](const NamedPath& c) { return FrameOf(images, c.name, at) <= last[c.name]; };
+    if (std::all_of(images.cameras.begin(), images.cameras.end(), reached)) readable.emplace(time_step, step);
   }
   return readable.empty() ? steps : readable;
 }
 
-JointView ViewOf(const geometry::RigCamera& camera, int camera_idx, int instant, const triangulate::TakeResult& take,
+JointView ViewOf(const geometry::RigCamera& camera, int camera_idx, int time_step, const triangulate::TakeResult& take,
                  int num_joints) {
   JointView view;
-  view.camera_idx = camera_idx, view.instant = instant;
+  view.camera_idx = camera_idx, view.time_step = time_step;
   const geometry::Projector projector(camera.camera);
   for (size_t i = 0; i < take.points.size(); ++i) {
     const triangulate::TakePoint& entry = take.points[i];
-    if (entry.frame != instant || entry.person < 0 || entry.joint_idx < 0 || entry.joint_idx >= num_joints) continue;
+    if (entry.frame != time_step || entry.person < 0 || entry.joint_idx < 0 || entry.joint_idx >= num_joints) continue;
     const size_t at =
         static_cast<size_t>(entry.person) * static_cast<size_t>(num_joints) + static_cast<size_t>(entry.joint_idx);
     if (view.projected_px.size() <= at) {
@@ -113,20 +113,20 @@ std::vector<double> DistancesPx(const JointView& view) {
   return FiniteValues(distances);
 }
 
-FramePicture BoxOf(const JointView& view, const geometry::Camera& camera) {
+FrameImage BoxOf(const JointView& view, const geometry::Camera& camera) {
   std::vector<Eigen::Vector2d> points = view.projected_px;
   points.insert(points.end(), view.keypoint_px.begin(), view.keypoint_px.end());
   return BoxAround(points, camera);
 }
 
-std::string PictureOf(const JointView& view, const FramePicture& box, const geometry::RigCamera& camera,
-                      const TakeImages& images, size_t most_bytes) {
+std::string ImageOf(const JointView& view, const FrameImage& box, const geometry::RigCamera& camera, const TakeImages& images,
+                    size_t most_bytes) {
   if (view.frame < 0) return {};
   const auto read = ReadFrames(FootageOf(images, camera.camera.name)->path, {view.frame});
   if (read.empty()) return {};
   const Image& image = read.begin()->second;
   const bool fits = image.width == camera.camera.width_px && image.height == camera.camera.height_px;
-  return fits ? SmallPicture(image, box, kShownSidePx, most_bytes).jpeg : "";
+  return fits ? SmallImage(image, box, kShownSidePx, most_bytes).jpeg : "";
 }
 
 ordered_json JointPointsJson(const JointView& view) {
@@ -143,13 +143,13 @@ ordered_json ShownViewJson(const ShownView& shown) {
   const JointView& view = shown.view;
   const std::vector<double> distances = DistancesPx(view);
   return {{"camera", shown.camera},
-          {"instant", view.instant},
+          {"instant", view.time_step},
           {"frame", view.frame < 0 ? ordered_json() : ordered_json(view.frame)},
           {"median_px", FiniteOrNull(LinearQuantile(distances, 0.5))},
           {"max_px", FiniteOrNull(LinearQuantile(distances, 1))},
           {"num_points", distances.size()},
           {"box_px", {shown.x, shown.y, shown.width, shown.height}},
-          {"picture", shown.picture.empty() ? ordered_json() : ordered_json(shown.picture)},
+          {"picture", shown.image.empty() ? ordered_json() : ordered_json(shown.image)},
           {"joints", JointPointsJson(view)}};
 }
 
@@ -166,11 +166,11 @@ std::vector<JointView> ChooseJointViews(const geometry::Rig& rig, const triangul
       return found == step.keypoints.end() ? 0 : found->second;
     };
     const bool sees = common >= 0 && seen(steps.at(common)) > 0;
-    const int instant = sees ? common : TypicalStep(steps, seen);
-    if (instant < 0) continue;
+    const int time_step = sees ? common : TypicalStep(steps, seen);
+    if (time_step < 0) continue;
     const geometry::RigCamera& camera = rig.cameras[static_cast<size_t>(c)];
-    views.push_back(ViewOf(camera, c, instant, take, num_joints));
-    views.back().frame = FrameOf(images, camera.camera.name, instant);
+    views.push_back(ViewOf(camera, c, time_step, take, num_joints));
+    views.back().frame = FrameOf(images, camera.camera.name, time_step);
   }
   return views;
 }
@@ -180,16 +180,16 @@ JointViewReport WriteJointViews(const geometry::Rig& rig, const triangulate::Tak
   JointViewReport report{{}, skeleton.bones, skeleton.joints.size()};
   const std::vector<JointView> views = ChooseJointViews(rig, take, static_cast<int>(report.num_joints), images);
   const size_t most = std::min(kMostBytes, kMostBytesTogether / std::max<size_t>(1, views.size()));
-  std::vector<std::string> pictures, names;
+  std::vector<std::string> drawn, names;
   for (const JointView& view : views) {
     const geometry::RigCamera& camera = rig.cameras[static_cast<size_t>(view.camera_idx)];
-    const FramePicture box = BoxOf(view, camera.camera);
-    pictures.push_back(PictureOf(view, box, camera, images, most));
+    const FrameImage box = BoxOf(view, camera.camera);
+    drawn.push_back(ImageOf(view, box, camera, images, most));
     names.push_back(Format("%02d_%08lld.jpg", view.camera_idx, static_cast<long long>(view.frame)));
     report.views.push_back({view, camera.camera.name, box.x, box.y, box.width, box.height});
   }
-  const std::vector<std::string> paths = WritePictures(pictures, names, out + "/" + kJointViewsFolder);
-  for (size_t i = 0; i < views.size(); ++i) report.views[i].picture = paths[i];
+  const std::vector<std::string> paths = WriteImages(drawn, names, out + "/" + kJointViewsFolder);
+  for (size_t i = 0; i < views.size(); ++i) report.views[i].image = paths[i];
   return report;
 }
 
@@ -198,7 +198,7 @@ CommandResult DescribeJointViews(const JointViewReport& report) {
   ordered_json rows = ordered_json::array();
   for (const ShownView& shown : report.views) {
     rows.push_back(ShownViewJson(shown));
-    if (!shown.picture.empty()) result.outputs.push_back({shown.picture, "joint-view"});
+    if (!shown.image.empty()) result.outputs.push_back({shown.image, "joint-view"});
   }
   result.metrics["overlays"] = {{"bones", report.bones}, {"num_joints", report.num_joints}, {"views", rows}};
   return result;

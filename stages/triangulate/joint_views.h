@@ -25,7 +25,7 @@ struct TakeImages {
 /// One camera at one time step.
 struct JointView {
   int camera_idx = 0;
-  int instant = 0;
+  int time_step = 0;
   int64_t frame = -1;  ///< as in the footage; -1: no image is to be had
   /// Of all persons one after the other, joint by joint: px, NaN where there is none.
   std::vector<Eigen::Vector2d> projected_px, keypoint_px;
@@ -41,7 +41,7 @@ struct ShownView {
   JointView view;
   std::string camera;
   int x = 0, y = 0, width = 0, height = 0;  ///< the part, px
-  std::string picture = {};                 ///< path; empty: there is no image
+  std::string image = {};                   ///< path; empty: there is no image
 };
 
 struct JointViewReport {

@@ -52,7 +52,7 @@ void PointStatistics::AddFrames(const std::vector<triangulate::DetectedFrame>& f
                                 const triangulate::TakeOptions& options) {
   num_frames_ += static_cast<int>(frames.size());
   for (const triangulate::DetectedFrame& frame : frames) {
-    num_carriable_ += NumCarriable(frame, options.min_score, options.max_persons, options.min_views);
+    num_triangulable_ += NumTriangulable(frame, options.min_score, options.max_persons, options.min_views);
     frames_with_people_.resize(std::max(frames_with_people_.size(), frame.people.size()));
     for (size_t c = 0; c < frame.people.size(); ++c) {
       frames_with_people_[c] += !frame.people[c].empty();
@@ -79,7 +79,7 @@ PointFigures PointStatistics::Figures(const geometry::Rig& rig, const std::vecto
                                       const geometry::Skeleton& skeleton) const {
   PointFigures figures;
   figures.num_points = num_ok(), figures.num_tried = num_tried_, figures.num_lower_bounds = num_lower_bounds_;
-  figures.num_carriable = num_carriable_, figures.num_persons = num_persons_;
+  figures.num_triangulable = num_triangulable_, figures.num_persons = num_persons_;
   figures.status_counts = counts_;
   figures.mean_rms_px = Mean(rms_px_), figures.median_rms_px = LinearQuantile(rms_px_, 0.5);
   figures.points_per_s = num_tried_ / solve_s_;
@@ -124,12 +124,12 @@ int PointStatistics::Count(Status status) const {
 
 Loss PointStatistics::LossOf(const triangulate::TakeOptions& options) const {
   Loss loss;
-  if (num_ok() > 0 && num_ok() >= kLostShare * static_cast<double>(num_carriable_)) return loss;
+  if (num_ok() > 0 && num_ok() >= kLostShare * static_cast<double>(num_triangulable_)) return loss;
   loss.kind = num_ok() == 0 ? Loss::Kind::kAll : Loss::Kind::kMost;
   CountScores(options.min_score, &loss);
   loss.num_endless = Count(Status::kNotConverged);
   const bool by_score = loss.num_scored > 0 ? loss.num_below > 0 : loss.num_unscored > 0;
-  if (num_carriable_ == 0) {
+  if (num_triangulable_ == 0) {
     loss.reason = by_score ? Loss::Reason::kScores : Loss::Reason::kNothingInCommon;
   } else if (2 * loss.num_endless > num_tried_) {
     loss.reason = Loss::Reason::kEndlessSearch;

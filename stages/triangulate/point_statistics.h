@@ -15,10 +15,10 @@
 namespace mvstudio::stages {
 
 struct PointFigures {
-  int num_points = 0;         ///< with status kOk
-  int num_tried = 0;          ///< joints
-  int num_lower_bounds = 0;   ///< points whose sigma holds the calibration's part of some of their cameras only
-  int64_t num_carriable = 0;  ///< joints that enough cameras see for a point
+  int num_points = 0;            ///< with status kOk
+  int num_tried = 0;             ///< joints
+  int num_lower_bounds = 0;      ///< points whose sigma holds the calibration's part of some of their cameras only
+  int64_t num_triangulable = 0;  ///< joints that enough cameras see for a point
   int num_persons = 0;
   std::map<Status, int> status_counts;
   double mean_rms_px = 0, median_rms_px = 0, median_sigma_mm = 0, limb_std_mm = 0;  ///< NaN without points
@@ -78,7 +78,7 @@ class PointStatistics {
   int num_frames_ = 0, num_crowded_ = 0, most_persons_ = 0;  // frames with more people than are kept
   int num_lower_bounds_ = 0;
   int num_tried_ = 0, num_persons_ = 0;
-  int64_t num_carriable_ = 0;
+  int64_t num_triangulable_ = 0;
   int64_t num_unscored_ = 0;
   std::array<int64_t, 1001> scores_ = {};  // detections by score, in thousandths
   double solve_s_ = 0;

@@ -32,7 +32,7 @@ Image FrameStore::ReadVideo(const std::string& footage, int64_t number, Opened* 
   }
   while (const auto frame = opened->source->Advance()) {
     opened->at = frame->number;
-    if (frame->number >= number) return frame->number == number ? opened->source->Picture() : Image();
+    if (frame->number >= number) return frame->number == number ? opened->source->FullImage() : Image();
   }
   opened->source.reset();
   return {};

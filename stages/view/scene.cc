@@ -173,7 +173,7 @@ void FindSteps(Scene* scene) {
   std::set<int> steps(scene->steps.begin(), scene->steps.end());
   for (const auto& [step, people] : scene->joints) steps.insert(step);
   if (scene->timeline) {
-    for (int64_t i = 0; i < scene->timeline->num_instants; ++i) steps.insert(static_cast<int>(i));
+    for (int64_t i = 0; i < scene->timeline->num_time_steps; ++i) steps.insert(static_cast<int>(i));
   } else if (scene->steps.empty()) {
     for (const SceneCamera& camera : scene->cameras) {
       if (camera.footage.empty()) continue;

@@ -151,7 +151,7 @@ TEST(InputMaps, ANetworkOfTwentyOneInputsLearnsFromHandsAndItsPackSurvivesTheDis
   ModelOptions model;
   model.width = 4, model.downs = 2, model.encoder_blocks = model.decoder_blocks = 1, model.texture_px = 8, model.inputs = 21;
   TrainOptions options;
-  options.steps = 15, options.init_steps = 5, options.report_every = 1, options.validate_pictures = 0;
+  options.steps = 15, options.init_steps = 5, options.report_every = 1, options.validate_images = 0;
   Trainer trainer(loaded, model, options, {});
   double first = 0, last = 0;
   const TrainReport report = trainer.Run(nullptr, [&](int64_t step, const HistoryRow* row) {

@@ -76,20 +76,20 @@ TEST(Crop, NothingBehindTheCamera) {
   EXPECT_FALSE(MeasurePerson(pose, RingCamera(0, 4, 400)).has_value());
 }
 
-// A picture whose colours are its own pixel coordinates.
-Image CoordinatePicture(int size) {
-  Image picture(size, size, 3);
+// An image whose colours are its own pixel coordinates.
+Image CoordinateImage(int size) {
+  Image image(size, size, 3);
   for (int y = 0; y < size; ++y) {
     for (int x = 0; x < size; ++x)
-      picture.Pixel(x, y)[0] = static_cast<uint8_t>(x), picture.Pixel(x, y)[1] = static_cast<uint8_t>(y);
+      image.Pixel(x, y)[0] = static_cast<uint8_t>(x), image.Pixel(x, y)[1] = static_cast<uint8_t>(y);
   }
-  return picture;
+  return image;
 }
 
 TEST(Resample, ReadsThroughTheExactLens) {
   const geometry::RigCamera camera = RingCamera(1, 5, 240);
   const geometry::RigCamera crop = CropCamera(camera, {0.2, 0.1, 3.0}, 0.9, 1.0, 96);
-  const Image out = Resample(CoordinatePicture(240), camera, crop);
+  const Image out = Resample(CoordinateImage(240), camera, crop);
   const geometry::Projector crop_lens(crop.camera);
   const geometry::Rigid3 cam_from_crop = camera.cam_from_world * geometry::Inverse(crop.cam_from_world);
   double worst = 0;

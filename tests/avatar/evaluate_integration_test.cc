@@ -10,7 +10,7 @@
 #include "avatar/run/evaluate/evaluate.h"
 #include "avatar/run/evaluate/evaluate_groups.h"
 #include "avatar/run/evaluate/strips.h"
-#include "avatar/scores/picture_scores.h"
+#include "avatar/scores/image_scores.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
@@ -51,7 +51,7 @@ class EvaluateRun : public ::testing::Test {
 
 TEST_F(EvaluateRun, SaysWhatTheNetworkAddsToItsTemplate) {
   EvaluateOptions options;
-  options.pictures = 0, options.renders = 0, options.other_pictures = 0, options.features = "gabor";
+  options.images = 0, options.renders = 0, options.other_images = 0, options.features = "gabor";
   config_.pack.template_input_px = 64;
   WriteRunConfig(config_, run() + "/config.json");
   ModelOptions model;
@@ -76,14 +76,14 @@ TEST_F(EvaluateRun, SaysWhatTheNetworkAddsToItsTemplate) {
 
 TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
   EvaluateOptions options;
-  options.pictures = 2, options.other_pictures = 4, options.features = "gabor";
+  options.images = 2, options.other_images = 4, options.features = "gabor";
   double now = 0;
   const Evaluation e = Evaluate(run(), options, {}, [&] { return now += 3; });
   EXPECT_EQ(e.holdout_kind, "held-out cameras in held-out frames");
   EXPECT_EQ(e.holdout.mean.n, 6);
   EXPECT_EQ(e.mean_image.mean.n, 6);
   EXPECT_FALSE(e.template_alone.has_value()) << "a network of bones has none";
-  EXPECT_DOUBLE_EQ(e.seconds_per_picture, 0.5);
+  EXPECT_DOUBLE_EQ(e.seconds_per_image, 0.5);
   ASSERT_EQ(e.per_camera.size(), 2u);
   EXPECT_EQ(e.per_camera[0].name, "00_01");
   EXPECT_NEAR(e.holdout.mean.bbox.ssim, (e.per_camera[0].mean.bbox.ssim + e.per_camera[1].mean.bbox.ssim) / 2, 1e-12);
@@ -104,7 +104,7 @@ TEST_F(EvaluateRun, ScoresHeldOutCamerasInHeldOutFramesBesideTheBaselines) {
   EXPECT_DOUBLE_EQ(e.per_motion[0].flicker, e.flicker);
   EXPECT_EQ(e.other_splits.size(), 3u);
   ASSERT_EQ(e.strips.size(), 4u);
-  for (const PictureStrip& strip : e.strips) {
+  for (const ImageStrip& strip : e.strips) {
     const Image image = dataset::ReadImage(strip.path);
     EXPECT_EQ(image.height, 128);
     EXPECT_EQ(image.width, 4 * 128 + 3 * 4);
@@ -124,7 +124,7 @@ TEST_F(EvaluateRun, AMethodWithMemoryHasItsPastInThinnedSplitsToo) {
   for (at::Tensor& parameter : avatar.generator->parameters()) parameter.data().mul_(3);  // flat before training
   WriteTensorFile(ModelToTensors(avatar), run() + "/checkpoint.safetensors");
   EvaluateOptions options;
-  options.pictures = 0, options.other_pictures = 2, options.features = "gabor";
+  options.images = 0, options.other_images = 2, options.features = "gabor";
   const Evaluation e = Evaluate(run(), options, {});
   PackOptions pack = config_.pack;
   pack.template_maps = false;
@@ -137,8 +137,8 @@ TEST_F(EvaluateRun, AMethodWithMemoryHasItsPastInThinnedSplitsToo) {
     for (int64_t i = 0; i < some.size(); ++i) {
       if (some.frame[i].item<int64_t>() != 3) continue;
       const auto one = [i](const at::Tensor& t) { return t.slice(0, i, i + 1); };
-      sum += ScorePictures(EightBit(one(OnBlack(some))), one(some.masks), EightBit(one(rendered.images)),
-                           one(rendered.masks).to(at::kDouble))[0]
+      sum += ScoreImages(EightBit(one(OnBlack(some))), one(some.masks), EightBit(one(rendered.images)),
+                         one(rendered.masks).to(at::kDouble))[0]
                  .bbox.ssim;
     }
     return sum / 2;
@@ -151,9 +151,9 @@ TEST_F(EvaluateRun, AMethodWithMemoryHasItsPastInThinnedSplitsToo) {
 
 TEST_F(EvaluateRun, NetsOfTheUserAndMotionsHaveTheirScores) {
   SaveDetector(folder_.path() + "/detector.pt");
-  SavePictureDistance(folder_.path() + "/lpips.pt");
+  SaveImageDistance(folder_.path() + "/lpips.pt");
   EvaluateOptions options;
-  options.pictures = 1, options.other_pictures = 4, options.renders = 4;
+  options.images = 1, options.other_images = 4, options.renders = 4;
   options.features = folder_.path() + "/detector.pt", options.lpips = folder_.path() + "/lpips.pt";
   options.motions = "early=6-7,late=8-8";
   const Evaluation e = Evaluate(run(), options, {});
@@ -176,26 +176,26 @@ TEST_F(EvaluateRun, NetsOfTheUserAndMotionsHaveTheirScores) {
   EXPECT_THAT(MessageOf<UsageError>([&] { Evaluate(run(), options, {}); }), HasSubstr("never=20-30"));
 }
 
-TEST_F(EvaluateRun, ScoresThePicturesThatExistAndCountsTheOthers) {
+TEST_F(EvaluateRun, ScoresTheImagesThatExistAndCountsTheOthers) {
   EvaluateOptions options;
-  options.pictures = 1, options.other_pictures = 4, options.renders = 0, options.features = "gabor";
+  options.images = 1, options.other_images = 4, options.renders = 0, options.features = "gabor";
   const Evaluation whole = Evaluate(run(), options, {});
   EXPECT_EQ(whole.missing.asked(), 6);
   EXPECT_EQ(whole.missing.missing(), 0);
-  const auto remove_picture = [&](const char* camera, int frame) {
+  const auto remove_image = [&](const char* camera, int frame) {
     ASSERT_TRUE(std::filesystem::remove(data_.ImagePath(camera, frame))) << camera << " " << frame;
   };
-  remove_picture("00_01", 7);
+  remove_image("00_01", 7);
   std::filesystem::remove(data_.MaskPath("00_03", 8));
   for (const char* camera : {"00_01", "00_03"}) {  // of the training frames only the second is left
-    for (const int frame : {0, 1, 3, 4, 5}) remove_picture(camera, frame);
+    for (const int frame : {0, 1, 3, 4, 5}) remove_image(camera, frame);
   }
-  for (int frame = 0; frame < 6; ++frame) remove_picture(whole.nearest_camera.at("00_01").c_str(), frame);
+  for (int frame = 0; frame < 6; ++frame) remove_image(whole.nearest_camera.at("00_01").c_str(), frame);
   const Evaluation e = Evaluate(run(), options, {});
   EXPECT_EQ(e.holdout.mean.n, 4);
   EXPECT_TRUE(e.skipped.empty());
   EXPECT_EQ(e.missing.asked(), 6);
-  EXPECT_EQ(e.missing.by_camera.at("00_01").no_picture, std::set<int>{7});
+  EXPECT_EQ(e.missing.by_camera.at("00_01").no_image, std::set<int>{7});
   EXPECT_EQ(e.missing.by_camera.at("00_03").no_mask, std::set<int>{8});
   EXPECT_EQ(e.per_camera.at(0).mean.n, 2);
   EXPECT_EQ(e.other_splits.at("held-out cameras in training frames").mean.n, 2) << "frame 2 of both, chosen among what exists";
@@ -205,9 +205,9 @@ TEST_F(EvaluateRun, ScoresThePicturesThatExistAndCountsTheOthers) {
               AllOf(HasSubstr("\"missing\":{\"asked\":6,\"missing\":2"), HasSubstr("camera 00_01, frame 7: no image")));
   options.motions = "gone=7-7,rest=8-8";
   EXPECT_EQ(Evaluate(run(), options, {}).per_motion.at(0).mean.n, 1) << "of 00_03";
-  remove_picture("00_03", 7);
+  remove_image("00_03", 7);
   EXPECT_THAT(MessageOf<UsageError>([&] { Evaluate(run(), options, {}); }), HasSubstr("gone=7-7"));
-  remove_picture("00_03", 6);
+  remove_image("00_03", 6);
   EXPECT_THAT(MessageOf<FormatError>([&] { Evaluate(run(), options, {}); }), HasSubstr("of camera 00_03: leave it out"));
   options.motions = "", options.cameras = "00_01";
   EXPECT_EQ(Evaluate(run(), options, {}).holdout.mean.n, 2);
@@ -215,7 +215,7 @@ TEST_F(EvaluateRun, ScoresThePicturesThatExistAndCountsTheOthers) {
 
 TEST_F(EvaluateRun, ScoresOfOneSizeMeetTheSameTruth) {
   EvaluateOptions options;
-  options.pictures = 1, options.other_pictures = 0, options.renders = 1, options.features = "gabor";
+  options.images = 1, options.other_images = 0, options.renders = 1, options.features = "gabor";
   const Evaluation own = Evaluate(run(), options, {});
   options.score_size = 96;
   const Evaluation larger = Evaluate(run(), options, {});
@@ -229,7 +229,7 @@ TEST_F(EvaluateRun, ScoresOfOneSizeMeetTheSameTruth) {
 
 TEST_F(EvaluateRun, TheProtocolIsOfTheScoringNotOfTheTraining) {
   EvaluateOptions options;
-  options.pictures = 0, options.other_pictures = 4, options.renders = 0, options.features = "gabor";
+  options.images = 0, options.other_images = 4, options.renders = 0, options.features = "gabor";
   const EvaluationProtocol first = Evaluate(run(), options, {}).protocol;
   EXPECT_EQ(ReadFile(run() + "/protocol.json"), first.json_text);
   // The dataset elsewhere, other training cameras and another network: the same protocol, another split of training cameras.
@@ -275,7 +275,7 @@ TEST_F(EvaluateRun, BaselinesTakeTheNearestCameraAndPose) {
   crop.template_maps = false;
   crop.cameras = {"00_00"}, crop.frames = config_.split.train_frames;
   const AvatarPack train = BuildPack(data_, crop, {}).pack;
-  // A training picture's own camera and pose are in the set: it must find itself.
+  // A training image's own camera and pose are in the set: it must find itself.
   const Baselines baselines = MakeBaselines(data_, config_.split, config_.pack, train, {});
   EXPECT_TRUE(at::allclose(baselines.nearest_pose.images, OnBlack(train)));
   EXPECT_TRUE(at::allclose(baselines.mean_image.images[0], OnBlack(train).mean(0)));
@@ -289,7 +289,7 @@ TEST_F(EvaluateRun, MissingThingsAreNamed) {
   EXPECT_THAT(MessageOf<IoError>([&] { Evaluate(run(), {}, {}); }),
               AllOf(HasSubstr("/nowhere/dataset"), HasSubstr("option 'dataset'")));
   EvaluateOptions options;
-  options.dataset = dataset(), options.other_pictures = 0, options.pictures = 0;
+  options.dataset = dataset(), options.other_images = 0, options.images = 0;
   EXPECT_NO_THROW(Evaluate(run(), options, {}));
   std::filesystem::remove(run() + "/checkpoint.safetensors");
   EXPECT_THAT(MessageOf<IoError>([&] { Evaluate(run(), options, {}); }),

@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "avatar/nets/feature_net.h"
-#include "avatar/scores/picture_scores.h"
+#include "avatar/scores/image_scores.h"
 #include "avatar/scores/set_distance.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
@@ -29,11 +29,11 @@ TEST(FeatureNet, DetectorsGetEightBitsAndGiveFeatures) {
   ASSERT_EQ(rows.sizes(), at::IntArrayRef({2, 15})) << "return_features was passed";
   EXPECT_EQ(rows.min().item<float>(), 128) << "127.5 has become a level of 8 bits";
   EXPECT_EQ(rows.max().item<float>(), 128);
-  at::Tensor picture = at::full({1, 3, 16, 16}, 0.5f).requires_grad_();
-  const at::Tensor smooth = net->Levels(picture)[0];
+  at::Tensor image = at::full({1, 3, 16, 16}, 0.5f).requires_grad_();
+  const at::Tensor smooth = net->Levels(image)[0];
   EXPECT_EQ(smooth.max().item<float>(), 127.5f);
   smooth.sum().backward();
-  EXPECT_GT(picture.grad().abs().min().item<float>(), 0) << "a loss can use it";
+  EXPECT_GT(image.grad().abs().min().item<float>(), 0) << "a loss can use it";
 }
 
 TEST(FeatureNet, PlainScriptsTakeFloatsBetweenZeroAndOne) {
@@ -41,7 +41,7 @@ TEST(FeatureNet, PlainScriptsTakeFloatsBetweenZeroAndOne) {
   SaveScript(folder / "plain.pt",
              "def forward(self, x):\n    return torch.conv2d(x, torch.ones([2, 3, 1, 1])) * self.weight\n");
   const auto net = LoadTorchScriptNet(folder / "plain.pt");
-  const at::Tensor rows = net->Pooled(at::full({2, 3, 8, 8}, 0.5, at::kDouble));  // double pictures, float weights
+  const at::Tensor rows = net->Pooled(at::full({2, 3, 8, 8}, 0.5, at::kDouble));  // double images, float weights
   ASSERT_EQ(rows.sizes(), at::IntArrayRef({2, 2}));
   EXPECT_EQ(rows[0][0].item<float>(), 3);
 }
@@ -54,10 +54,10 @@ TEST(FeatureNet, WeightsOfAScriptAreFixed) {
 
 TEST(FeatureNet, WhatIsNoFeatureIsRefused) {
   const TempDir folder;
-  const at::Tensor pictures = at::rand({2, 3, 8, 8});
+  const at::Tensor images = at::rand({2, 3, 8, 8});
   const auto message = [&](const std::string& body) {
     SaveScript(folder / "bad.pt", "def forward(self, x):\n    return " + body + "\n");
-    return MessageOf<FormatError>([&] { LoadTorchScriptNet(folder / "bad.pt")->Pooled(pictures); });
+    return MessageOf<FormatError>([&] { LoadTorchScriptNet(folder / "bad.pt")->Pooled(images); });
   };
   EXPECT_THAT(message("x.mean()"), HasSubstr("bad.pt"));
   EXPECT_THAT(message("x.mean([2, 3])[0:1]"), HasSubstr("one row of features an image"));
@@ -72,10 +72,10 @@ TEST(DistanceName, IsFidForThePublishedWeightsAlone) {
   EXPECT_EQ(DistanceName("gabor-stats-v1", ""), "FD (gabor-stats-v1)");
 }
 
-TEST(PictureDistance, TakesMinusOneToOneAndGivesOneNumberAPicture) {
+TEST(ImageDistance, TakesMinusOneToOneAndGivesOneNumberAnImage) {
   const TempDir folder;
-  SavePictureDistance(folder / "lpips.pt");
-  const auto distance = LoadPictureDistance(folder / "lpips.pt");
+  SaveImageDistance(folder / "lpips.pt");
+  const auto distance = LoadImageDistance(folder / "lpips.pt");
   at::Tensor a = at::zeros({3, 3, 8, 8}, at::kDouble);
   a[1] += 0.5, a[2] += 1;
   const at::Tensor values = (*distance)(a, at::zeros_like(a));
@@ -83,12 +83,10 @@ TEST(PictureDistance, TakesMinusOneToOneAndGivesOneNumberAPicture) {
   const double expected[] = {0, 1, 4};  // (2 x)^2
   for (int i = 0; i < 3; ++i) EXPECT_DOUBLE_EQ(values[i].item<double>(), expected[i]);
   SaveScript(folder / "sum.pt", "def forward(self, a, b):\n    return (a - b).sum()\n");
-  EXPECT_THAT(MessageOf<FormatError>([&] { (*LoadPictureDistance(folder / "sum.pt"))(a, a); }),
-              HasSubstr("one number an image"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { (*LoadImageDistance(folder / "sum.pt"))(a, a); }), HasSubstr("one number an image"));
   SaveScript(folder / "one.pt", "def forward(self, a):\n    return a\n");
-  EXPECT_THAT(MessageOf<FormatError>([&] { (*LoadPictureDistance(folder / "one.pt"))(a, a); }),
-              HasSubstr("two sets of images"));
-  EXPECT_THROW(LoadPictureDistance(folder / "none.pt"), IoError);
+  EXPECT_THAT(MessageOf<FormatError>([&] { (*LoadImageDistance(folder / "one.pt"))(a, a); }), HasSubstr("two sets of images"));
+  EXPECT_THROW(LoadImageDistance(folder / "none.pt"), IoError);
 }
 
 TEST(CompareSets, GrowsWithDarknessByADetector) {

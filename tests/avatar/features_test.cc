@@ -23,7 +23,7 @@ at::Tensor Blur(const at::Tensor& x, double sigma) {
 }
 
 // Striped discs on black at random places: a crude person in front of nothing.
-at::Tensor Pictures(int64_t n, uint64_t seed) {
+at::Tensor RandomImages(int64_t n, uint64_t seed) {
   Rng rng(seed);
   at::Tensor x = at::zeros({n, 3, 64, 64}, at::kDouble);
   auto p = x.accessor<double, 4>();
@@ -42,14 +42,14 @@ at::Tensor Pictures(int64_t n, uint64_t seed) {
 }
 
 TEST(GaborFeatures, HaveTheirSizeAndDoNotDependOnTheBatch) {
-  const at::Tensor x = Pictures(19, 1), f = GaborFeatures(x);
+  const at::Tensor x = RandomImages(19, 1), f = GaborFeatures(x);
   ASSERT_EQ(f.sizes(), (at::IntArrayRef{19, kGaborFeatureSize}));
   EXPECT_TRUE(at::isfinite(f).all().item<bool>());
   EXPECT_LE((f.slice(0, 17, 18) - GaborFeatures(x.slice(0, 17, 18))).abs().max().item<double>(), 1e-12);
   EXPECT_TRUE(at::equal(f, GaborFeatures(x)));
 }
 
-TEST(GaborFeatures, FlatPicturesGiveTheClosedForm) {
+TEST(GaborFeatures, FlatImagesGiveTheClosedForm) {
   const at::Tensor f = GaborFeatures(at::full({1, 3, 48, 40}, 0.25, at::kDouble))[0];
   // float32 filters leave about 1e-8 of 0.25, against a floor of 1e-3
   EXPECT_LE((f.slice(0, 0, 144) - std::log(1e-3)).abs().max().item<double>(), 1e-4) << "no energy anywhere";
@@ -67,7 +67,7 @@ TEST(GaborFeatures, AStripeAnswersInItsOrientationAndOctave) {
 }
 
 TEST(GaborFeatures, DistanceIsMonotoneUnderBlurAndNoise) {
-  const at::Tensor x = Pictures(24, 2), real = GaborFeatures(x);
+  const at::Tensor x = RandomImages(24, 2), real = GaborFeatures(x);
   double last = 0, last_kid = -1;
   for (const double sigma : {0.5, 1.0, 2.0, 4.0}) {
     const at::Tensor blurred = GaborFeatures(Blur(x, sigma));
@@ -87,14 +87,14 @@ TEST(GaborFeatures, DistanceIsMonotoneUnderBlurAndNoise) {
   }
 }
 
-TEST(GaborFeatures, UnrelatedPicturesOfTheSameKindAreNearerThanDegradedOnes) {
-  const at::Tensor a = Pictures(24, 4), b = Pictures(24, 5), real = GaborFeatures(a);
+TEST(GaborFeatures, UnrelatedImagesOfTheSameKindAreNearerThanDegradedOnes) {
+  const at::Tensor a = RandomImages(24, 4), b = RandomImages(24, 5), real = GaborFeatures(a);
   const double same = FrechetDistance(real, GaborFeatures(b));
   EXPECT_GT(FrechetDistance(real, GaborFeatures(Blur(b, 1.0))), 1.5 * same);
   EXPECT_LT(FrechetSplitHalfFloor(GaborFeatures(at::cat({a, b}))), FrechetDistance(real, GaborFeatures(Blur(b, 1.0))));
 }
 
-TEST(GaborFeatures, RefuseSmallPicturesAndNan) {
+TEST(GaborFeatures, RefuseSmallImagesAndNan) {
   EXPECT_THROW(GaborFeatures(at::zeros({1, 3, 31, 64})), ContractViolation);
   EXPECT_THROW(GaborFeatures(at::zeros({1, 1, 64, 64})), ContractViolation);
   at::Tensor bad = at::zeros({1, 3, 32, 32});

@@ -51,7 +51,7 @@ ModelOptions Tiny(int references = 2) {
 
 TrainOptions Steps(int steps) {
   TrainOptions o;
-  o.steps = steps, o.batch = 2, o.report_every = 1, o.validate_pictures = 0;
+  o.steps = steps, o.batch = 2, o.report_every = 1, o.validate_images = 0;
   return o;
 }
 
@@ -197,7 +197,7 @@ TEST(Hf, ANetworkThatAddsTooLittleIsLeftOut) {
   pack.template_colours = pack.images.clone();  // nothing is left to learn
   pack.template_maps.select(1, 0).copy_(pack.masks.to(at::kFloat) / 255);
   TrainOptions options = Steps(4);
-  options.validate_pictures = 2, options.save_every = 4, options.least_gain = 0.01;
+  options.validate_images = 2, options.save_every = 4, options.least_gain = 0.01;
   Trainer trainer(pack, Tiny(), options, OneThread());
   const TrainReport report = trainer.Run(&pack, {});
   EXPECT_TRUE(std::isfinite(report.gain));

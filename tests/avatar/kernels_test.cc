@@ -95,7 +95,7 @@ TEST(Gradients, Textures) {
             kBound);
 }
 
-TEST(Gradients, ComposedPictures) {
+TEST(Gradients, ComposedImages) {
   const at::Tensor background = Random({3}, 6, 0, 1), previous = Random({2, 6, 5, 4}, 7, 0, 1);
   for (const char* method : {"tna", "direct", "v2v"}) {
     const bool tna = std::string(method) == "tna";
@@ -138,7 +138,7 @@ TEST(Gradients, PartsAndCoordinates) {
   EXPECT_LT(GradientError([&](const Tensors& x) { return UvLoss(x[0], target, part); }, {Random({2, 48, 5, 4}, 18)}), kBound);
 }
 
-TEST(Gradients, PictureTerms) {
+TEST(Gradients, ImageTerms) {
   const at::Tensor b = Random({2, 3, 16, 12}, 19, 0, 1), a = Random({2, 3, 16, 12}, 20, 0, 1),
                    mask = Random({2, 16, 12}, 21, 0, 1);
   EXPECT_LT(GradientError([&](const Tensors& x) { return WeightedL1(x[0], b, mask, 10); }, {a}), kBound);
@@ -149,7 +149,7 @@ TEST(Gradients, PictureTerms) {
   EXPECT_LT(GradientError([](const Tensors& x) { return SaturationLoss(x[0], 4); }, {8 * a - 4.5}), kBound);
 }
 
-/// The picture, and its squares at half the size.
+/// The image, and its squares at half the size.
 class SquareNet : public FeatureNet {
  public:
   std::string name() const override { return "square"; }
@@ -217,12 +217,12 @@ TEST(Gradients, NetworksInDouble) {
   }
   Discriminator critic(5, 4, 2, 2, 1);
   critic->to(at::kDouble);
-  const at::Tensor picture = Random({1, 5, 32, 32}, 26), truth = Random({1, 5, 32, 32}, 27);
+  const at::Tensor image = Random({1, 5, 32, 32}, 26), truth = Random({1, 5, 32, 32}, 27);
   const auto loss = [&](const at::Tensor& x) {
     const PatchFeatures fake = critic->forward(x);
     return PatchLoss(fake, true) + PatchLoss(fake, false) + FeatureMatching(fake, critic->forward(truth));
   };
-  EXPECT_LT(GradientError([&](const Tensors& x) { return loss(x[0]); }, {picture}, 1e-7), 1e-5);
+  EXPECT_LT(GradientError([&](const Tensors& x) { return loss(x[0]); }, {image}, 1e-7), 1e-5);
 }
 
 /// Its graph works in float32: differences of a hundredth, along its own gradient and at random.

@@ -196,7 +196,7 @@ TEST(Losses, MaskLossIsTheEntropyOfAFairGuess) {
   EXPECT_NEAR(MaskLoss(at::zeros({2, 25, 3, 3}), at::ones({2, 3, 3})).item<double>(), std::log(25.0 / 24), 1e-5);
 }
 
-TEST(Losses, VanishForEqualPicturesAndCountThePersonMore) {
+TEST(Losses, VanishForEqualImagesAndCountThePersonMore) {
   const at::Tensor a = at::rand({2, 3, 16, 16}), mask = at::zeros({2, 16, 16});
   mask.slice(1, 0, 8).fill_(1);
   EXPECT_NEAR(WeightedL1(a, a, mask, 3).item<double>(), 0, 1e-7);

@@ -92,12 +92,12 @@ TEST(LiftInput, NeitherRollNorDirectionOfTheCameraAreLeft) {
   ASSERT_EQ(a.status, Status::kOk);
   ASSERT_EQ(static_cast<int64_t>(a.values.size()), kLiftInputs);
   for (const double roll : {35.0, 90.0, -170.0}) {
-    geometry::RigCamera turned = CameraInFront(roll);  // and looks past the person
-    turned.cam_from_world = geometry::Rigid3{geometry::RotationExp({0.1, -0.2, 0}), Vector3d::Zero()} * turned.cam_from_world;
-    const LiftInput b = MakeLiftInput(Window(turned), Up(turned));
+    geometry::RigCamera rotated = CameraInFront(roll);  // and looks past the person
+    rotated.cam_from_world = geometry::Rigid3{geometry::RotationExp({0.1, -0.2, 0}), Vector3d::Zero()} * rotated.cam_from_world;
+    const LiftInput b = MakeLiftInput(Window(rotated), Up(rotated));
     ASSERT_EQ(b.status, Status::kOk);
     for (size_t i = 0; i < a.values.size(); ++i) EXPECT_NEAR(a.values[i], b.values[i], 1e-5) << i;
-    const LiftJoints x = (turned.cam_from_world.rotation * straight.cam_from_world.rotation.conjugate()).toRotationMatrix() *
+    const LiftJoints x = (rotated.cam_from_world.rotation * straight.cam_from_world.rotation.conjugate()).toRotationMatrix() *
                          a.cam_from_view * LiftJoints::Identity();
     EXPECT_LT((x - b.cam_from_view * LiftJoints::Identity()).norm(), 1e-9);
   }
@@ -183,7 +183,7 @@ TEST(PlaceInView, IsTheMinimumOfItsSum) {
   }
 }
 
-TEST(LiftSamples, TurnedLimbsKeepTheirLengthsAndTargetsFitTheirViews) {
+TEST(LiftSamples, RotatedLimbsKeepTheirLengthsAndTargetsFitTheirViews) {
   const std::vector<LiftSequence> sequences = {Sequence(20)};
   LiftSampleOptions options;
   options.noise = options.bias = options.drop = 0;

@@ -1,4 +1,4 @@
-// One picture learnt by heart: beyond 40 dB, which no blur, seam or shift of a pixel allows.
+// One image learnt by heart: beyond 40 dB, which no blur, seam or shift of a pixel allows.
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
 
@@ -32,7 +32,7 @@ Quality Overfit(const char* method, int steps) {
   options.init_steps = 150, options.steps = steps, options.batch = 1, options.learning_rate = 3e-3;
   options.keep_init = 0, options.weight_logit = 0, options.weight_ssim = 0.2;
   options.jitter_scale = options.jitter_shift = options.jitter_roll_deg = 0;
-  options.report_every = 100, options.validate_pictures = 0;
+  options.report_every = 100, options.validate_images = 0;
   RunContext run;
   run.num_threads = 1, run.seed = 3;
   AvatarModel trained;
@@ -42,7 +42,7 @@ Quality Overfit(const char* method, int steps) {
   return Compare(r.image, pack);
 }
 
-TEST(Overfit, OnePictureBeyond40Db) {
+TEST(Overfit, OneImageBeyond40Db) {
   for (const auto& [method, steps] : {std::pair<const char*, int>{"direct", 2200}, {"tna", 600}}) {
     const Quality quality = Overfit(method, steps);
     EXPECT_GT(quality.whole_db, 40) << method;

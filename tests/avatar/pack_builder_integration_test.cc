@@ -71,7 +71,7 @@ TEST_F(PackBuilder, TemplateMapsAreTheTemplateWithSmoothBorders) {
   const at::Tensor du = (pack.template_maps.select(1, 2) - pack.uv.select(1, 0)).abs().masked_select(same);
   EXPECT_LT(du.median().item<double>(), 0.01);
   EXPECT_GT(part.min().item<float>(), 0) << "labels go on outside the person";
-  // In another size than the pictures', and nothing of it without the option.
+  // In another size than the images', and nothing of it without the option.
   options.template_input_px = 32, options.template_maps = false;
   const AvatarPack small = BuildPack(data_, options, {}).pack;
   EXPECT_EQ(small.template_maps.sizes(), at::IntArrayRef({pack.size(), 4, 32, 32}));
@@ -117,7 +117,7 @@ TEST_F(PackBuilder, JointsProjectOntoThePersonAndKeepTheirLengths) {
         x.slice(1, 0, 2) / x.slice(1, 2, 3) * pack.intrinsics[i].slice(0, 0, 2) + pack.intrinsics[i].slice(0, 2, 4);
     for (const int j : {0, 2, 6, 12, 7, 13}) {  // neck, body centre, hips, knees: inside the body
       const int64_t u = std::lround(px[j][0].item<double>()), v = std::lround(px[j][1].item<double>());
-      EXPECT_EQ(pack.masks[i][v][u].item<int>(), 255) << PictureName(pack, i) << ", joint " << j;
+      EXPECT_EQ(pack.masks[i][v][u].item<int>(), 255) << ImageName(pack, i) << ", joint " << j;
     }
     const dataset::Coco19Pose& pose = data_.poses.at(static_cast<int>(pack.frame[i].item<int64_t>())).at(0);
     EXPECT_NEAR((x[7] - x[6]).norm().item<double>(), (pose.x_in_world.col(7) - pose.x_in_world.col(6)).norm(), 1e-5);
@@ -158,7 +158,7 @@ TEST_F(PackBuilder, SplitsAndRefusesWhatIsNotThere) {
   EXPECT_THAT(MessageOf<UsageError>([&] { ChoosePerson(data_, 7); }), HasSubstr("person 7"));
 }
 
-TEST_F(PackBuilder, MissingPicturesAndMasksAreLeftOutAndCounted) {
+TEST_F(PackBuilder, MissingImagesAndMasksAreLeftOutAndCounted) {
   PackOptions options;
   options.size_px = 64;
   options.fit_shape = false;
@@ -170,7 +170,7 @@ TEST_F(PackBuilder, MissingPicturesAndMasksAreLeftOutAndCounted) {
   EXPECT_TRUE(sparse.skipped.empty());
   EXPECT_EQ(sparse.missing.asked(), 24);
   EXPECT_THAT(sparse.missing.by_camera.at("00_01").no_mask, ElementsAre(3));
-  EXPECT_THAT(sparse.missing.by_camera.at("00_02").no_picture, ElementsAre(1, 2, 4, 5));
+  EXPECT_THAT(sparse.missing.by_camera.at("00_02").no_image, ElementsAre(1, 2, 4, 5));
   std::vector<int64_t> kept;
   for (int64_t i = 0; i < whole.pack.size(); ++i) {
     const std::string& camera = whole.pack.cameras[whole.pack.camera_idx[i].item<int64_t>()];
@@ -185,7 +185,7 @@ TEST_F(PackBuilder, MissingPicturesAndMasksAreLeftOutAndCounted) {
     EXPECT_TRUE(at::equal(sparse.pack.*tensor, rest.*tensor));
 }
 
-TEST_F(PackBuilder, WithoutAnyPictureItSaysWhatIsMissing) {
+TEST_F(PackBuilder, WithoutAnyImageItSaysWhatIsMissing) {
   for (int frame = 0; frame < 6; ++frame) std::filesystem::remove(data_.ImagePath("00_02", frame));
   PackOptions options;
   options.size_px = 64, options.template_maps = false;
@@ -193,30 +193,30 @@ TEST_F(PackBuilder, WithoutAnyPictureItSaysWhatIsMissing) {
   EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }), HasSubstr("00_02: 6 of 6"));
 }
 
-TEST_F(PackBuilder, RefusesSidesWithTooFewPictures) {
+TEST_F(PackBuilder, RefusesSidesWithTooFewImages) {
   const DatasetSplit split = SplitDataset(data_, 0, {"00_03"}, {4, 5});
   EXPECT_EQ(TrainingSide(split).frames, split.train_frames);
   EXPECT_EQ(HoldoutSide(split).kind, "held-out cameras in held-out frames");
-  EXPECT_EQ(RequirePictures(data_, TrainingSide(split), kMostMissing).missing(), 0);
+  EXPECT_EQ(RequireImages(data_, TrainingSide(split), kMostMissing).missing(), 0);
   const auto refused = [&](const SplitSide& side) {
-    return MessageOf<FormatError>([&] { RequirePictures(data_, side, side.kind[0] == 't' ? kMostMissing : 1); });
+    return MessageOf<FormatError>([&] { RequireImages(data_, side, side.kind[0] == 't' ? kMostMissing : 1); });
   };
   std::filesystem::remove(data_.ImagePath("00_03", 4));
-  EXPECT_EQ(RequirePictures(data_, HoldoutSide(split)).missing(), 1);
-  EXPECT_EQ(FramesWithPictures(data_, HoldoutSide(split)), std::vector<int>({5}));
+  EXPECT_EQ(RequireImages(data_, HoldoutSide(split)).missing(), 1);
+  EXPECT_EQ(FramesWithImages(data_, HoldoutSide(split)), std::vector<int>({5}));
   std::filesystem::remove(data_.MaskPath("00_03", 5));
   EXPECT_THAT(refused(HoldoutSide(split)), AllOf(HasSubstr("held-out cameras"), HasSubstr("no image with a mask is left")));
   for (const int frame : {0, 1}) {
     for (const char* camera : {"00_00", "00_01", "00_02"}) std::filesystem::remove(data_.ImagePath(camera, frame));
   }
-  EXPECT_EQ(RequirePictures(data_, TrainingSide(split), kMostMissing).missing(), 6) << "half of 12";
+  EXPECT_EQ(RequireImages(data_, TrainingSide(split), kMostMissing).missing(), 6) << "half of 12";
   std::filesystem::remove(data_.ImagePath("00_01", 2));
   EXPECT_THAT(refused(TrainingSide(split)), AllOf(HasSubstr("more than half"), HasSubstr("00_01: 3 of 4")));
   std::filesystem::remove(data_.ImagePath("00_01", 3));
   EXPECT_THAT(refused(TrainingSide(split)), HasSubstr("camera 00_01: leave it out"));
 }
 
-TEST_F(PackBuilder, InstantsWithoutThePersonAreOnNeitherSide) {
+TEST_F(PackBuilder, TimeStepsWithoutThePersonAreOnNeitherSide) {
   data_.poses.at(2).clear();                           // an empty scene
   data_.poses.at(5) = {{7, data_.poses.at(5).at(0)}};  // somebody else
   const DatasetSplit split = SplitDataset(data_, 0, {"00_02"}, {4, 5});
@@ -239,7 +239,7 @@ TEST_F(PackBuilder, AHardCutAndMissingFramesAreNotBridged) {
   PackOptions options;
   options.size_px = 64, options.template_maps = false;
   options.cameras = {"00_00"};
-  for (int frame = 3; frame < 6; ++frame)  // the person of the pictures did not move: any mask will do
+  for (int frame = 3; frame < 6; ++frame)  // the person of the images did not move: any mask will do
     dataset::WriteImage(Image(160, 160, 1, 255), data_.MaskPath("00_00", frame));
   const AvatarPack pack = BuildPack(data_, options, {}).pack;
   ASSERT_EQ(pack.size(), 6);
@@ -255,7 +255,7 @@ TEST_F(PackBuilder, AHardCutAndMissingFramesAreNotBridged) {
   EXPECT_EQ(LoadPack(path).frame_step, 1);
 }
 
-TEST_F(PackBuilder, APictureOfAnotherSizeIsNamed) {
+TEST_F(PackBuilder, AnImageOfAnotherSizeIsNamed) {
   dataset::WriteImage(Image(80, 160, 3), data_.ImagePath("00_02", 1));
   PackOptions options;
   options.size_px = 64;
@@ -278,7 +278,7 @@ TEST_F(PackBuilder, AnEmptyMaskIsSkippedAndReported) {
 TEST_F(PackBuilder, DoesNotDependOnTheNumberOfThreads) {
   PackOptions options;
   options.size_px = 64;
-  options.fit_pictures = 4;
+  options.fit_images = 4;
   RunContext one, three;
   one.num_threads = 1, three.num_threads = 3;
   const PackResult a = BuildPack(data_, options, one), b = BuildPack(data_, options, three);
@@ -287,19 +287,19 @@ TEST_F(PackBuilder, DoesNotDependOnTheNumberOfThreads) {
   EXPECT_EQ(a.shape.girth, b.shape.girth);
 }
 
-/// The fixture's pictures hold part and coordinates as colours: turned into DensePose's files, they must give the template's
+/// The fixture's images hold part and coordinates as colours: turned into DensePose's files, they must give the template's
 /// maps.
 TEST_F(PackBuilder, DensePoseMapsReplaceTheTemplate) {
   const std::string folder = folder_.path() + "/iuv";
   for (const auto& camera : data_.rig.cameras) {
     for (int frame = 0; frame < 6; ++frame) {
       const std::string& name = camera.camera.name;
-      const Image picture = dataset::ReadImage(data_.ImagePath(name, frame)),
+      const Image image = dataset::ReadImage(data_.ImagePath(name, frame)),
                   mask = dataset::ReadImage(data_.MaskPath(name, frame));
-      Image iuv(picture.width, picture.height, 3);
+      Image iuv(image.width, image.height, 3);
       for (size_t i = 0; i < iuv.pixels.size(); i += 3) {
         if (mask.pixels[i] == 0) continue;
-        const uint8_t part = picture.pixels[i] / 10, u = picture.pixels[i + 1], v = picture.pixels[i + 2];
+        const uint8_t part = image.pixels[i] / 10, u = image.pixels[i + 1], v = image.pixels[i + 2];
         const bool blue_first = name != "00_01";  // both orders of channels
         iuv.pixels[i] = blue_first ? v : part, iuv.pixels[i + 1] = u, iuv.pixels[i + 2] = blue_first ? part : v;
       }

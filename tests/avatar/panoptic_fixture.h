@@ -73,16 +73,16 @@ inline void WriteMannequinDataset(const std::string& root, int cameras, int fram
     const std::string number = Format("%08d", f);
     for (const geometry::RigCamera& camera : rig.cameras) {
       const body::PartUvMap map = body::RasterizeBody(body, vertices, camera);
-      Image picture(size_px, size_px, 3, 90), mask(size_px, size_px, 1);
+      Image image(size_px, size_px, 3, 90), mask(size_px, size_px, 1);
       for (size_t i = 0; i < map.part.size(); ++i) {
         if (map.part[i] == 0) continue;
         mask.pixels[i] = 255;
-        picture.pixels[3 * i] = static_cast<uint8_t>(10 * map.part[i]);
-        picture.pixels[3 * i + 1] = static_cast<uint8_t>(255 * map.u[i]);
-        picture.pixels[3 * i + 2] = static_cast<uint8_t>(255 * map.v[i]);
+        image.pixels[3 * i] = static_cast<uint8_t>(10 * map.part[i]);
+        image.pixels[3 * i + 1] = static_cast<uint8_t>(255 * map.u[i]);
+        image.pixels[3 * i + 2] = static_cast<uint8_t>(255 * map.v[i]);
       }
       const std::string stem = camera.camera.name + "/" + camera.camera.name + "_" + number;
-      dataset::WriteImage(picture, root + "/hdImgs/" + stem + ".png");
+      dataset::WriteImage(image, root + "/hdImgs/" + stem + ".png");
       dataset::WriteImage(mask, root + "/masks/" + stem + ".png");
     }
     dataset::Coco19Pose joints;

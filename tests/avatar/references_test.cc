@@ -208,9 +208,9 @@ TEST(ReferenceViews, AreTheSameBytesAfterWritingAndReading) {
   const testing::TempDir folder;
   const std::string path = folder / "references.safetensors";
   const body::BodyTemplate body = Squares(true);
-  geometry::RigCamera turned = CameraAt(0.3);
-  turned.cam_from_world.rotation = geometry::RotationExp({0.1, 0.7, -0.2});
-  const std::vector<ReferenceView> views = {ViewOf(body, CameraAt(0), 4), ViewOf(body, turned, 9)};
+  geometry::RigCamera rotated = CameraAt(0.3);
+  rotated.cam_from_world.rotation = geometry::RotationExp({0.1, 0.7, -0.2});
+  const std::vector<ReferenceView> views = {ViewOf(body, CameraAt(0), 4), ViewOf(body, rotated, 9)};
   DatasetSplit split;
   split.train_cameras = {"cam"}, split.train_frames = {4, 9};
   WriteReferenceViews(views, path);
@@ -219,7 +219,7 @@ TEST(ReferenceViews, AreTheSameBytesAfterWritingAndReading) {
   EXPECT_EQ(read[1].frame, 9);
   EXPECT_EQ(read[1].image.pixels, views[1].image.pixels);
   EXPECT_EQ(*read[1].vertices, *views[1].vertices);
-  EXPECT_EQ(read[1].crop.cam_from_world.translation, turned.cam_from_world.translation);
+  EXPECT_EQ(read[1].crop.cam_from_world.translation, rotated.cam_from_world.translation);
   WriteReferenceViews(read, folder / "again");
   EXPECT_EQ(ReadFile(folder / "again"), ReadFile(path));
 }

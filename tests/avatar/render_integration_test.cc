@@ -8,7 +8,7 @@
 #include "avatar/nets/sequence.h"
 #include "avatar/run/render/backdrop.h"
 #include "avatar/run/render/render.h"
-#include "avatar/scores/picture_scores.h"
+#include "avatar/scores/image_scores.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/format.h"
@@ -52,11 +52,10 @@ class RenderRun : public ::testing::Test {
   }
 
   std::map<std::string, Image> RenderAll(AvatarModel& model, const RenderOptions& options) const {
-    std::map<std::string, Image> pictures;
-    RenderPictures(
-        model, config_, MakeRenderPlan(config_, data_, options), options, {},
-        [&](const RenderJob& job, const Image& image) { pictures[job.view + " " + std::to_string(job.frame)] = image; });
-    return pictures;
+    std::map<std::string, Image> images;
+    RenderImages(model, config_, MakeRenderPlan(config_, data_, options), options, {},
+                 [&](const RenderJob& job, const Image& image) { images[job.view + " " + std::to_string(job.frame)] = image; });
+    return images;
   }
 
   /// The dataset's person with colours of its own.
@@ -99,7 +98,7 @@ int Contrast(const Image& image) {
 using MethodAndPrior = std::pair<const char*, const char*>;
 class RenderMethods : public RenderRun, public ::testing::WithParamInterface<MethodAndPrior> {};
 
-TEST_P(RenderMethods, ADatasetsCameraGivesThePictureThatEvaluationScores) {
+TEST_P(RenderMethods, ADatasetsCameraGivesTheImageThatEvaluationScores) {
   AvatarModel model = Model(GetParam().first, GetParam().second);
   config_.pack.template_input_px = model.options.prior == Prior::kTemplate ? 64 : 0;
   config_.pack.fit_shape = false;
@@ -112,17 +111,17 @@ TEST_P(RenderMethods, ADatasetsCameraGivesThePictureThatEvaluationScores) {
   const at::Tensor levels = (EightBit(scored.images) * 255).round().to(at::kByte);
   RenderOptions options;
   options.cameras = "00_00,00_03", options.frames = {2, 3, 4};
-  const auto pictures = RenderAll(model, options);
-  ASSERT_EQ(pictures.size(), 6u);
+  const auto images = RenderAll(model, options);
+  ASSERT_EQ(images.size(), 6u);
   for (int64_t i = 0; i < pack.size(); ++i) {
     const std::string name =
         pack.cameras[pack.camera_idx[i].item<int64_t>()] + " " + std::to_string(pack.frame[i].item<int64_t>());
-    const Image picture = Backdrop("black").Under(pictures.at(name));
-    EXPECT_GT(Contrast(picture), 40) << "something is to be seen";
+    const Image image = Backdrop("black").Under(images.at(name));
+    EXPECT_GT(Contrast(image), 40) << "something is to be seen";
     const at::Tensor truth = levels[i].permute({1, 2, 0}).contiguous();
     int largest = 0;
-    for (size_t k = 0; k < picture.pixels.size(); ++k)
-      largest = std::max(largest, std::abs(picture.pixels[k] - truth.data_ptr<uint8_t>()[k]));
+    for (size_t k = 0; k < image.pixels.size(); ++k)
+      largest = std::max(largest, std::abs(image.pixels[k] - truth.data_ptr<uint8_t>()[k]));
     EXPECT_LE(largest, 1) << name;
   }
 }
@@ -176,7 +175,7 @@ TEST_F(RenderRun, BackdropsAreTheRenderersOwnBackground) {
   for (size_t k = 0; k < got.pixels.size(); ++k) ASSERT_NEAR(got.pixels[k], expected.data_ptr<uint8_t>()[k], 1) << k;
 }
 
-TEST_F(RenderRun, PeopleOfAnySizeGiveThePictureOfTheTrainedOne) {
+TEST_F(RenderRun, PeopleOfAnySizeGiveTheImageOfTheTrainedOne) {
   AvatarModel model = Model("tna");
   RenderOptions options;
   options.cameras = "00_01,00_02", options.frames = {1, 5};
@@ -184,26 +183,26 @@ TEST_F(RenderRun, PeopleOfAnySizeGiveThePictureOfTheTrainedOne) {
   const auto unscaled = RenderAll(model, options);
   options.poses.clear();
   const auto own = RenderAll(model, options);
-  for (const auto& [name, picture] : own)
-    EXPECT_LE(LargestDifference(picture, unscaled.at(name)), 2) << "the median of bones that keep their lengths";
+  for (const auto& [name, image] : own)
+    EXPECT_LE(LargestDifference(image, unscaled.at(name)), 2) << "the median of bones that keep their lengths";
   for (const double factor : {0.7, 1.4}) {
     options.poses = ScaledPoses(factor, {0, 0, 0});
     options.scale_normalise = ScaleNormalise::kOn, options.place = RenderPlace::kKeep;
-    for (const auto& [name, picture] : RenderAll(model, options))
-      EXPECT_LE(LargestDifference(picture, unscaled.at(name)), 1) << factor << name;
+    for (const auto& [name, image] : RenderAll(model, options))
+      EXPECT_LE(LargestDifference(image, unscaled.at(name)), 1) << factor << name;
     options.scale_normalise = ScaleNormalise::kOff;
-    for (const auto& [name, picture] : RenderAll(model, options))
-      EXPECT_GT(LargestDifference(picture, unscaled.at(name)), 20) << "without it the picture is another one: " << name;
+    for (const auto& [name, image] : RenderAll(model, options))
+      EXPECT_GT(LargestDifference(image, unscaled.at(name)), 20) << "without it the picture is another one: " << name;
     options.scale_normalise = ScaleNormalise::kOn, options.place = RenderPlace::kTraining;
     options.poses = ScaledPoses(1, {0, 0, 0});
     const auto placed = RenderAll(model, options);
     options.poses = ScaledPoses(factor, {0.8, -0.5, 0.3});
-    for (const auto& [name, picture] : RenderAll(model, options))
-      EXPECT_LE(LargestDifference(picture, placed.at(name)), 1) << "wherever the small person stood: " << factor << name;
+    for (const auto& [name, image] : RenderAll(model, options))
+      EXPECT_LE(LargestDifference(image, placed.at(name)), 1) << "wherever the small person stood: " << factor << name;
   }
 }
 
-TEST_F(RenderRun, SizesAndWholePictures) {
+TEST_F(RenderRun, SizesAndWholeImages) {
   AvatarModel model = Model("tna");
   RenderOptions options;
   options.cameras = "00_03", options.frames = {4};

@@ -264,7 +264,7 @@ TEST(Backdrop, IsTheFormulaForEveryOpacity) {
   }
 }
 
-TEST(Backdrop, APictureCoversTheFrame) {
+TEST(Backdrop, AnImageCoversTheFrame) {
   const TemporaryFolder folder("backdrop");
   Image wide(40, 20, 3);
   for (int y = 0; y < 20; ++y) {

@@ -14,7 +14,7 @@ inline void SaveScript(const std::string& path, const std::string& source) {
   module.save(path);
 }
 
-/// The interface of inception-2015-12-05.pt: levels of 0 to 255, features when asked for them. Three numbers a picture, and
+/// The interface of inception-2015-12-05.pt: levels of 0 to 255, features when asked for them. Three numbers an image, and
 /// twelve of its quadrants.
 inline void SaveDetector(const std::string& path) {
   SaveScript(path, R"(
@@ -30,7 +30,7 @@ def forward(self, img, return_features: bool = False, use_fp16: bool = False, no
 }
 
 /// Mean squared difference of what it is given, (B, 1, 1, 1) as LPIPS returns it, times a half of its weight.
-inline void SavePictureDistance(const std::string& path) {
+inline void SaveImageDistance(const std::string& path) {
   SaveScript(path, R"(
 def forward(self, a, b):
     return (self.weight / 2) * ((a - b) ** 2).mean([1, 2, 3], True)

@@ -1,4 +1,4 @@
-// The distance grows with blur and noise, by the hand-made features and by PoseNet's, on photograph-like pictures of a person.
+// The distance grows with blur and noise, by the hand-made features and by PoseNet's, on photograph-like images of a person.
 #include <ATen/ATen.h>
 #include <gtest/gtest.h>
 
@@ -16,22 +16,22 @@
 namespace mvstudio::avatar {
 namespace {
 
-constexpr int64_t kPictures = 24, kSizePx = 192;
+constexpr int64_t kImages = 24, kSizePx = 192;
 
-/// The middle of pictures of six cameras, times spread over the take: (24, 3, 192, 192).
-at::Tensor Pictures() {
-  std::vector<at::Tensor> pictures;
-  for (int64_t i = 0; i < kPictures; ++i) {
+/// The middle of images of six cameras, times spread over the take: (24, 3, 192, 192).
+at::Tensor TestImages() {
+  std::vector<at::Tensor> images;
+  for (int64_t i = 0; i < kImages; ++i) {
     const std::string name = Format("/person_a/hdImgs/00_%02d/00_%02d_%08d.jpg", static_cast<int>(i % 6),
                                     static_cast<int>(i % 6), static_cast<int>(5 * i));
     const Image image = dataset::ReadImage(mvstudio::testing::DataRoot() + name);
     const at::Tensor bytes =
         at::from_blob(const_cast<uint8_t*>(image.pixels.data()), {image.height, image.width, 3}, at::kByte).clone();
     const int64_t top = (image.height - kSizePx) / 2, left = (image.width - kSizePx) / 2;
-    pictures.push_back(bytes.slice(0, top, top + kSizePx).slice(1, left, left + kSizePx).permute({2, 0, 1}).to(at::kDouble) /
-                       255);
+    images.push_back(bytes.slice(0, top, top + kSizePx).slice(1, left, left + kSizePx).permute({2, 0, 1}).to(at::kDouble) /
+                     255);
   }
-  return at::stack(pictures);
+  return at::stack(images);
 }
 
 at::Tensor Blur(const at::Tensor& x, double sigma) {
@@ -51,7 +51,7 @@ at::Tensor Noise(at::IntArrayRef sizes) {
 }
 
 void ExpectToGrow(const FeatureNet& net) {
-  const at::Tensor x = Pictures(), real = FeatureRows(net, x.to(at::kFloat)), noise = Noise(x.sizes());
+  const at::Tensor x = TestImages(), real = FeatureRows(net, x.to(at::kFloat)), noise = Noise(x.sizes());
   const auto distance = [&](const at::Tensor& worse) { return FrechetDistance(real, FeatureRows(net, worse.to(at::kFloat))); };
   double last = 0;
   for (const double sigma_px : {1.0, 2.0, 4.0}) {
@@ -69,12 +69,12 @@ void ExpectToGrow(const FeatureNet& net) {
   }
 }
 
-TEST(DegradedPictures, AreFartherTheWorseByGabor) {
+TEST(DegradedImages, AreFartherTheWorseByGabor) {
   MVS_NEEDS_DATA("person_a");
   ExpectToGrow(*GaborNet());
 }
 
-TEST(DegradedPictures, AreFartherTheWorseByPoseNet) {
+TEST(DegradedImages, AreFartherTheWorseByPoseNet) {
   MVS_NEEDS_DATA("person_a");
   std::shared_ptr<const FeatureNet> net;
   try {

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int64_t kDimensions = 2048;
 
-/// Features as after a ReLU and a mean over the picture, correlated.
+/// Features as after a ReLU and a mean over the image, correlated.
 at::Tensor Features(int64_t n, uint64_t seed) {
   at::manual_seed(seed);
   const at::Tensor mixing = at::randn({64, kDimensions}, at::kDouble) / 8;

@@ -61,7 +61,7 @@ ModelOptions Tiny(const std::string& method) {
 
 TrainOptions Steps(int steps) {
   TrainOptions o;
-  o.steps = steps, o.batch = 2, o.report_every = 1, o.validate_pictures = 0, o.critic_width = 2, o.critic_layers = 1,
+  o.steps = steps, o.batch = 2, o.report_every = 1, o.validate_images = 0, o.critic_width = 2, o.critic_layers = 1,
   o.critic_scales = 1;
   return o;
 }
@@ -203,7 +203,7 @@ TEST(TemplatePrior, ANetworkThatAddsTooLittleIsLeftOut) {
   const AvatarPack pack = Pack(), validation = Pack(4);
   for (const char* method : {"tna", "direct"}) {
     TrainOptions options = Steps(6);
-    options.validate_pictures = 4, options.least_gain = 0;
+    options.validate_images = 4, options.least_gain = 0;
     Trainer kept(pack, Tiny(method), options, OneThread());
     EXPECT_TRUE(std::isnan(kept.Run(&validation, {}).gain)) << method;
     options.least_gain = 1;
@@ -320,7 +320,7 @@ TEST(TemplatePrior, TrainingImprovesOnTheTemplate) {
   EXPECT_LT(report.history.back()["mask"], 0.5 * report.history.front()["mask"]);
 }
 
-TEST(TemplatePrior, TheMapsMoveWithThePictures) {
+TEST(TemplatePrior, TheMapsMoveWithTheImages) {
   AvatarPack pack = Pack();
   pack.template_maps = MapsOf(pack);
   pack.template_colours = pack.images.clone();
@@ -371,7 +371,7 @@ TEST(TemplatePrior, PacksKeepTheMapsAndRefuseBadOnes) {
   EXPECT_TRUE(at::equal(LoadPack(folder.path() + "/pack.safetensors").template_maps, pack.template_maps));
   EXPECT_TRUE(at::equal(Select(pack, {2, 0}).template_maps[0], pack.template_maps[2]));
   AvatarPack other = pack;
-  other.template_maps = at::zeros({3, 4, 16, 16});  // a network of another size than the pictures that are compared
+  other.template_maps = at::zeros({3, 4, 16, 16});  // a network of another size than the images that are compared
   EXPECT_NO_THROW(Validate(other));
   for (const auto& [channel, value, what] : {std::tuple<int, double, const char*>{0, 1.5, "cover"},
                                              {1, 25, "part"},

@@ -32,7 +32,7 @@ ModelOptions TinyModel(const std::string& method) {
 
 TrainOptions TinyTraining(int batch) {
   TrainOptions o;
-  o.init_steps = 4, o.steps = 6, o.batch = batch, o.report_every = 5, o.validate_pictures = 2, o.save_every = 3;
+  o.init_steps = 4, o.steps = 6, o.batch = batch, o.report_every = 5, o.validate_images = 2, o.save_every = 3;
   o.critic_width = 4, o.critic_layers = 1, o.device = "cpu";
   return o;
 }
@@ -199,7 +199,7 @@ TEST(Ranks, ThoseThatDifferAndPlacesThatCannotBeAreRefused) {
   });
 }
 
-TEST(Ranks, GoOnWithAsManyPicturesAStepAsBefore) {
+TEST(Ranks, GoOnWithAsManyImagesAStepAsBefore) {
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   TensorFile file;
   WithRanks(2, "before", [&](const std::shared_ptr<const Ranks>& ranks) {

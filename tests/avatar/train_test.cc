@@ -22,7 +22,7 @@ ModelOptions TinyModel() {
 
 TrainOptions TinyTraining(int init_steps, int steps) {
   TrainOptions o;
-  o.init_steps = init_steps, o.steps = steps, o.batch = 4, o.learning_rate = 3e-3, o.report_every = 10, o.validate_pictures = 0;
+  o.init_steps = init_steps, o.steps = steps, o.batch = 4, o.learning_rate = 3e-3, o.report_every = 10, o.validate_images = 0;
   return o;
 }
 
@@ -41,7 +41,7 @@ TEST(Generator, PublishedNetworksHaveThePublishedNumberOfParameters) {
   EXPECT_EQ(NumParameters(paper), 15645440);
 }
 
-TEST(Generator, ShapesFollowTheInputAndSmallPicturesAreRefused) {
+TEST(Generator, ShapesFollowTheInputAndSmallImagesAreRefused) {
   for (const NormLayer norm : {NormLayer::kBatch, NormLayer::kInstance}) {
     for (const Upsampling upsample : {Upsampling::kTransposed, Upsampling::kNearest}) {
       ModelOptions o = TinyModel();
@@ -63,7 +63,7 @@ TEST(Generator, SameSeedGivesTheSameWeights) {
   EXPECT_NEAR(a->parameters()[0].std().item<double>(), 0.02, 0.002);
 }
 
-TEST(Batch, JitterMovesPicturesAndKeyPointsAlike) {
+TEST(Batch, JitterMovesImagesAndKeyPointsAlike) {
   const AvatarPack pack = MakeSyntheticPack(3, 64, 2, 0.07);
   TrainOptions o = TinyTraining(0, 1);
   o.jitter_scale = 0.2, o.jitter_shift = 0.1, o.jitter_roll_deg = 30;
@@ -78,13 +78,13 @@ TEST(Batch, JitterMovesPicturesAndKeyPointsAlike) {
   }
 }
 
-TEST(Batch, EveryPictureComesOnceAnEpoch) {
+TEST(Batch, EveryImageComesOnceAnEpoch) {
   std::vector<int> seen(7, 0);
   for (int64_t step = 0; step < 7; ++step) {
-    for (const int64_t i : PicturesOfStep(7, 2, 3, step)) ++seen[i];
+    for (const int64_t i : ImagesOfStep(7, 2, 3, step)) ++seen[i];
   }
   for (const int count : seen) EXPECT_EQ(count, 2);
-  EXPECT_EQ(PicturesOfStep(3, 8, 1, 0).size(), 8u);
+  EXPECT_EQ(ImagesOfStep(3, 8, 1, 0).size(), 8u);
 }
 
 TEST(Batch, LabelsAreFittedToTheMask) {
@@ -100,7 +100,7 @@ TEST(Batch, LabelsAreFittedToTheMask) {
   EXPECT_FLOAT_EQ(pack.uv[0][1][25][12].item<float>(), 0.0f);
 }
 
-TEST(Train, LearnsAFewPicturesByHeart) {
+TEST(Train, LearnsAFewImagesByHeart) {
   const AvatarPack pack = MakeSyntheticPack(8, 32, 3);
   for (const char* method : {"tna", "direct"}) {
     ModelOptions model = TinyModel();

@@ -22,7 +22,7 @@ ModelOptions TinyModel(const char* method = "tna") {
 TrainOptions TinyTraining(int init_steps, int steps) {
   TrainOptions o;
   o.init_steps = init_steps, o.steps = steps, o.batch = 2, o.learning_rate = 3e-3, o.report_every = 1, o.save_every = 2;
-  o.validate_pictures = 2;
+  o.validate_images = 2;
   o.critic_width = 4, o.critic_layers = 1, o.device = "cpu";
   return o;
 }
@@ -163,7 +163,7 @@ TEST(Textures, AreThereWhenTheInitialisationEnds) {
   EXPECT_GT(spread[3], 0.05) << "a check or a checkpoint of this step has colours";
 }
 
-TEST(Freeze, TexelsThatNoPictureShowsKeepTheirBytes) {
+TEST(Freeze, TexelsThatNoImageShowsKeepTheirBytes) {
   const AvatarPack pack = MakeSyntheticPack(4, 16, 4);
   TrainOptions options = TinyTraining(30, 20);
   for (const bool freeze : {true, false}) {

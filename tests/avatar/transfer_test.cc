@@ -100,7 +100,7 @@ TEST(StartFrom, DirectTrainsFromPartsWithoutAnInitialisation) {
 }
 
 /// As the sets of a pretraining: what is drawn next does not depend on where the run was interrupted.
-TEST(ReplacePictures, GoesOnAsAResumedRunDoes) {
+TEST(ReplaceImages, GoesOnAsAResumedRunDoes) {
   const AvatarPack first = MakeSyntheticPack(4, 32, 4), second = MakeSyntheticPack(4, 32, 5);
   TrainOptions options;
   options.steps = 0, options.init_steps = 4, options.batch = 2;
@@ -108,7 +108,7 @@ TEST(ReplacePictures, GoesOnAsAResumedRunDoes) {
   Trainer whole(first, Tiny(Method::kTna), options, run);
   whole.Run(nullptr, nullptr, 2);
   const TensorFile half = whole.Checkpoint();
-  whole.ReplacePictures(second);
+  whole.ReplaceImages(second);
   whole.Run(nullptr, nullptr);
   Trainer resumed(second, half, "half", options, run);
   resumed.Run(nullptr, nullptr);
@@ -117,8 +117,8 @@ TEST(ReplacePictures, GoesOnAsAResumedRunDoes) {
   Trainer without(first, Tiny(Method::kTna), options, run);
   without.Run(nullptr, nullptr);
   EXPECT_FALSE(at::equal(without.Checkpoint().tensors.at("generator.stem.0.weight"), a.tensors.at("generator.stem.0.weight")));
-  EXPECT_THROW(whole.ReplacePictures(MakeSyntheticPack(4, 16, 5)), ContractViolation);
-  EXPECT_THROW(whole.ReplacePictures(MakeSyntheticPack(3, 32, 5)), ContractViolation);
+  EXPECT_THROW(whole.ReplaceImages(MakeSyntheticPack(4, 16, 5)), ContractViolation);
+  EXPECT_THROW(whole.ReplaceImages(MakeSyntheticPack(3, 32, 5)), ContractViolation);
 }
 
 }  // namespace

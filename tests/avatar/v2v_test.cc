@@ -31,7 +31,7 @@ ModelOptions TinyVideo() {
 
 TrainOptions TinyTraining(int steps) {
   TrainOptions o;
-  o.steps = steps, o.init_steps = 0, o.batch = 2, o.save_every = 1000, o.report_every = 1, o.validate_pictures = 0;
+  o.steps = steps, o.init_steps = 0, o.batch = 2, o.save_every = 1000, o.report_every = 1, o.validate_images = 0;
   o.critic_width = 4, o.critic_layers = 1, o.critic_scales = 2;
   return o;
 }
@@ -79,27 +79,27 @@ TEST(Sequence, RendersFrameByFrameWhateverTheBatch) {
 }
 
 TEST(Warp, MovesByTheFlowAndHasTheGradientOfFiniteDifferences) {
-  const at::Tensor picture = at::rand({1, 3, 8, 9}, at::kDouble);
-  EXPECT_TRUE(at::allclose(Warp(picture, at::zeros({1, 2, 8, 9}, at::kDouble)), picture, 0, 1e-12));
+  const at::Tensor image = at::rand({1, 3, 8, 9}, at::kDouble);
+  EXPECT_TRUE(at::allclose(Warp(image, at::zeros({1, 2, 8, 9}, at::kDouble)), image, 0, 1e-12));
   at::Tensor flow = at::zeros({1, 2, 8, 9}, at::kDouble);
   flow.select(1, 0).fill_(2);
-  EXPECT_TRUE(at::allclose(Warp(picture, flow).slice(3, 0, 7), picture.slice(3, 2, 9), 0, 1e-12));
+  EXPECT_TRUE(at::allclose(Warp(image, flow).slice(3, 0, 7), image.slice(3, 2, 9), 0, 1e-12));
   flow = (0.3 + 0.4 * at::rand({1, 2, 8, 9}, at::kDouble)).requires_grad_();
   const at::Tensor weights = at::rand({1, 3, 8, 9}, at::kDouble);
-  (Warp(picture, flow) * weights).sum().backward();
+  (Warp(image, flow) * weights).sum().backward();
   const at::NoGradGuard no_gradients;
   for (const int64_t i : {0, 40, 71, 72, 100, 143}) {
     at::Tensor plus = flow.detach().clone(), minus = plus.clone();
     plus.flatten()[i] += 1e-6, minus.flatten()[i] -= 1e-6;
-    const double numeric = ((Warp(picture, plus) - Warp(picture, minus)) * weights).sum().item<double>() / 2e-6;
+    const double numeric = ((Warp(image, plus) - Warp(image, minus)) * weights).sum().item<double>() / 2e-6;
     EXPECT_NEAR(flow.grad().flatten()[i].item<double>(), numeric, 1e-6) << i;
   }
 }
 
 TEST(Discriminator, ScalesLayersAndLosses) {
   Discriminator critic(5, 4, 2, 2, 1);
-  const at::Tensor picture = at::rand({2, 5, 32, 32});
-  const PatchFeatures features = critic->forward(picture);
+  const at::Tensor image = at::rand({2, 5, 32, 32});
+  const PatchFeatures features = critic->forward(image);
   ASSERT_EQ(features.size(), 2u);
   ASSERT_EQ(features[0].size(), 4u);
   EXPECT_EQ(features[0].back().size(1), 1);
@@ -131,7 +131,7 @@ TEST(Video, ResumingIsBitExact) {
   std::filesystem::remove(path);
 }
 
-TEST(Video, LearnsAFewPicturesByHeartAndTrainsItsCritic) {
+TEST(Video, LearnsAFewImagesByHeartAndTrainsItsCritic) {
   const AvatarPack pack = MakeSyntheticPack(6, 32, 3);
   TrainOptions options = TinyTraining(220);
   options.learning_rate = 3e-3;
@@ -166,7 +166,7 @@ TEST(Train, NoLearningRateLeavesEveryByte) {
   }
 }
 
-/// Levels of known value: the picture, and its squares at half the size.
+/// Levels of known value: the image, and its squares at half the size.
 class SquareNet : public FeatureNet {
  public:
   explicit SquareNet(std::string sha256 = "") : sha256_(std::move(sha256)) {}

@@ -60,7 +60,7 @@ TEST(Atlas, ChartsComeBackFromTheirAtlas) {
   EXPECT_EQ((*ChartsOfAtlas(painted))[0].pixels, Charts(16)[0].pixels);
 }
 
-TEST(Atlas, OtherPicturesHaveNoCharts) {
+TEST(Atlas, OtherImagesHaveNoCharts) {
   const int size = AtlasSizePx(16);
   for (const Image& image : {Image(0, 0, 3), Image(1, 1, 3), Image(15, 15, 3), Image(size + 1, size + 1, 3),
                              Image(size, size + 1, 3), Image(size, size, 4), Image(size, size, 1)})

@@ -20,10 +20,10 @@ Vector3d FaceNormal(const BodyTemplate& body, Eigen::Index f) {
 }
 
 /// Faces of `body` that look the other way than those of `other`, in the same rest pose.
-int TurnedBetween(const BodyTemplate& other, const BodyTemplate& body) {
-  int turned = 0;
-  for (Eigen::Index f = 0; f < body.faces.cols(); ++f) turned += FaceNormal(body, f).dot(FaceNormal(other, f)) < 0;
-  return turned;
+int RotatedBetween(const BodyTemplate& other, const BodyTemplate& body) {
+  int rotated = 0;
+  for (Eigen::Index f = 0; f < body.faces.cols(); ++f) rotated += FaceNormal(body, f).dot(FaceNormal(other, f)) < 0;
+  return rotated;
 }
 
 /// The template with the person's lengths and joints: a fit that nothing is shown.
@@ -49,8 +49,8 @@ BodyFit FitTo(const Studio& studio, double thickest_m = 0.15) {
   EXPECT_TRUE(fit.person.body.vertices.allFinite());
   EXPECT_TRUE(fit.offsets.allFinite());
   const BodyTemplate unfitted = Unfitted(studio);
-  EXPECT_EQ(TurnedBetween(unfitted, fit.person.body), 0);
-  EXPECT_LE(TurnedBetween(studio.rest, unfitted), 0) << "of " << studio.rest.faces.cols();
+  EXPECT_EQ(RotatedBetween(unfitted, fit.person.body), 0);
+  EXPECT_LE(RotatedBetween(studio.rest, unfitted), 0) << "of " << studio.rest.faces.cols();
   EXPECT_LT(fit.offsets.cwiseAbs().maxCoeff(), thickest_m);
   return fit;
 }

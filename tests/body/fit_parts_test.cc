@@ -10,8 +10,8 @@
 #include "avatar/body/fit/pose_solver.h"
 #include "avatar/body/fit/posed_bones.h"
 #include "avatar/body/fit/rim.h"
-#include "avatar/body/fit/rotation_habits.h"
-#include "avatar/body/texture/surface_picture.h"
+#include "avatar/body/fit/rotation_prior.h"
+#include "avatar/body/texture/surface_image.h"
 #include "core/random.h"
 
 namespace mvstudio::body {
@@ -241,11 +241,11 @@ TEST(OffsetSigma, CoversErrorsThatATimeStepHasInCommon) {
   EXPECT_NEAR(std::sqrt(error / variance), 1, 0.3) << "the truth is 0; 60 trials scatter by a tenth";
 }
 
-TEST(SurfacePicture, ShowsTheFrontFromTheFront) {
+TEST(SurfaceImage, ShowsTheFrontFromTheFront) {
   const BodyTemplate& body = Small();
   Eigen::VectorXd values(body.vertices.cols());
   for (Eigen::Index v = 0; v < values.size(); ++v) values[v] = body.vertices(1, v) < 0 ? 1 : -1;  // the person faces -y
-  const Image page = SurfacePicture(body, values, {-1, 1}, 160);
+  const Image page = SurfaceImage(body, values, {-1, 1}, 160);
   ASSERT_EQ(page.width, 300);
   int64_t red_left = 0, blue_left = 0, red_right = 0, blue_right = 0;
   for (int y = 0; y < 150; ++y) {
@@ -261,7 +261,7 @@ TEST(SurfacePicture, ShowsTheFrontFromTheFront) {
   EXPECT_GT(blue_right, 8 * red_right);
   EXPECT_EQ(page.Pixel(0, 0)[0], 255) << "on white";
   EXPECT_GT(page.Pixel(0, 159)[2], page.Pixel(0, 159)[0]) << "the scale begins blue";
-  const Image positive = SurfacePicture(body, values.cwiseMax(0), {0, 1}, 160);
+  const Image positive = SurfaceImage(body, values.cwiseMax(0), {0, 1}, 160);
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(positive.Pixel(0, 159)[c], 237, 1) << "this one begins grey, for 0";
   for (int c = 0; c < 3; ++c) EXPECT_NEAR(positive.Pixel(299, 159)[c], page.Pixel(299, 159)[c], 1) << "and ends alike";
 }
@@ -300,7 +300,7 @@ TEST(SmoothBrightness, IsNotDarkenedByTheBackgroundAndHasARightGradient) {
   EXPECT_FALSE(smooth.At({std::nan(""), 30}, &value, &gradient));
 }
 
-TEST(RotationHabits, LearnsWhatFollowsTheJointsAndNothingElse) {
+TEST(LearnedRotationPrior, LearnsWhatFollowsTheJointsAndNothingElse) {
   Rng rng(8);
   std::vector<ArticulatedPose> by_joints, seen;
   const int hand = 8, forearm = 7, head = 4;
@@ -313,13 +313,13 @@ TEST(RotationHabits, LearnsWhatFollowsTheJointsAndNothingElse) {
         pose.local_rotations[head] * geometry::RotationExp(0.1 * Vector3d(rng.Normal(), rng.Normal(), rng.Normal()));
     seen.push_back(pose);
   }
-  const RotationHabits habits = RotationHabits::Learn(Small(), by_joints, seen);
-  ASSERT_EQ(habits.bones.size(), Small().bone_names.size());
-  EXPECT_LT(habits.bones[hand].sigma_rad, 0.05);
-  EXPECT_EQ(habits.bones[head].weights.size(), 0) << "noise is no habit";
-  const RotationPrior expected = habits.Expect(Small(), by_joints[3]);
+  const LearnedRotationPrior priors = LearnedRotationPrior::Learn(Small(), by_joints, seen);
+  ASSERT_EQ(priors.bones.size(), Small().bone_names.size());
+  EXPECT_LT(priors.bones[hand].sigma_rad, 0.05);
+  EXPECT_EQ(priors.bones[head].weights.size(), 0) << "noise is no habit";
+  const RotationPrior expected = priors.Expect(Small(), by_joints[3]);
   EXPECT_LT(geometry::RotationAngle(expected.mean[hand], seen[3].local_rotations[hand]), 0.05);
-  EXPECT_TRUE(RotationHabits::Learn(Small(), {by_joints.begin(), by_joints.begin() + 5}, {seen.begin(), seen.begin() + 5})
+  EXPECT_TRUE(LearnedRotationPrior::Learn(Small(), {by_joints.begin(), by_joints.begin() + 5}, {seen.begin(), seen.begin() + 5})
                   .bones.empty());
 }
 

@@ -14,7 +14,7 @@
 /// What the files say is read back here with the format's formulas alone. Khronos' validator 2.0 finds no error and no warning
 /// in fitted mannequins and MakeHuman bodies (`npm install gltf-validator`; one note, that the atlas is no power of two).
 /// three.js (GLTFLoader, AnimationMixer) and Blender 3.4 place every vertex of three of them, in three frames each, within
-/// 0.003 mm of SkinVertices; pictures of three.js with a calibrated camera are those of RenderBody, left and right included.
+/// 0.003 mm of SkinVertices; images of three.js with a calibrated camera are those of RenderBody, left and right included.
 namespace mvstudio::body {
 namespace {
 

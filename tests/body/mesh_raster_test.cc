@@ -85,7 +85,7 @@ TEST(RasterizeBody, SharedEdgesLeaveNoHoles) {
   }
 }
 
-TEST(RasterizeBody, FacesBehindTheCameraAndOutsideThePictureAreSkipped) {
+TEST(RasterizeBody, FacesBehindTheCameraAndOutsideTheImageAreSkipped) {
   const BodyTemplate body =
       Triangles({Corners({-1, -1, -2}, {1, -1, 2}, {0, 1, 2}), Corners({50, 0, 2}, {51, 0, 2}, {50, 1, 2}),
                  Corners({0, 0, 2}, {0, 0, 2}, {1, 1, 2}), Corners({NAN, 0, 2}, {0, 0, 2}, {1, 1, 2})});

@@ -81,7 +81,7 @@ std::array<double, 2> VolumeAndArea(const Rows& vertices, const Rows& normals, c
   return sum;
 }
 
-/// three.js reads it so, too (OBJLoader, MTLLoader: the picture of the posed body is that of its .glb).
+/// three.js reads it so, too (OBJLoader, MTLLoader: the image of the posed body is that of its .glb).
 TEST(Obj, FacesAndNormalsPointOutwards) {
   const BodyTemplate body = MakeMannequin(1.75, 0.5);
   auto lines = Lines(ObjOfBody(body, SkinVertices(body, ToBodyPose(body, Dance(body, 3)[2])), 64, "body.mtl"));

@@ -68,9 +68,9 @@ TEST(OffsetNet, OffsetsTurnWithThePersonAndAreThoseOfTheRestSurface) {
   const Eigen::Matrix3Xf offsets = body.moving_offsets->At(PosedAboutRoot(body, ToBodyPose(body, pose)));
   ASSERT_GT(offsets.cwiseAbs().maxCoeff(), 1e-3f);
   const Eigen::Quaterniond turn = geometry::RotationExp({0.3, -0.8, 1.9});
-  ArticulatedPose turned = pose;
-  turned.local_rotations[0] = turn * pose.local_rotations[0], turned.shift = {2, -3, 0.5};
-  const Eigen::Matrix3Xf same = body.moving_offsets->At(PosedAboutRoot(body, ToBodyPose(body, turned)));
+  ArticulatedPose rotated = pose;
+  rotated.local_rotations[0] = turn * pose.local_rotations[0], rotated.shift = {2, -3, 0.5};
+  const Eigen::Matrix3Xf same = body.moving_offsets->At(PosedAboutRoot(body, ToBodyPose(body, rotated)));
   EXPECT_LT((same - offsets).cwiseAbs().maxCoeff(), 1e-5f);
   BodyTemplate still = Small();
   still.vertices += offsets;

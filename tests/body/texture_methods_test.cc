@@ -200,7 +200,7 @@ TEST(ResizedTextures, PlainChartsStayPlainAndTheSameSizeStaysTheSame) {
   for (int x = 1; x < 31; ++x) EXPECT_NEAR(*half.Pixel(x, 9), 3 * (2 * x + 0.5), 1);
 }
 
-TEST(SharpenInMask, PlainPicturesStayAsTheyAreBesideAnyBackground) {
+TEST(SharpenInMask, PlainImagesStayAsTheyAreBesideAnyBackground) {
   Image image(64, 1024, 3, 255), mask(64, 1024, 1, 0);
   for (int y = 100; y < 900; ++y) {
     for (int x = 10; x < 50; ++x) std::fill_n(image.Pixel(x, y), 3, 100), *mask.Pixel(x, y) = 255;

@@ -35,10 +35,11 @@ TexturedPerson Person() {
     person.person.seen[frame] = pose;
   }
   for (size_t b = 0; b < bones; ++b) {
-    RotationHabits::Bone bone;
+    LearnedRotationPrior::Bone bone;
     bone.sigma_rad = 0.01 * static_cast<double>(b + 1);
-    if (b % 2) bone.weights = Eigen::Matrix3Xd::Random(3, RotationHabits::NumFeatures(person.person.body, static_cast<int>(b)));
-    person.person.habits.bones.push_back(bone);
+    if (b % 2)
+      bone.weights = Eigen::Matrix3Xd::Random(3, LearnedRotationPrior::NumFeatures(person.person.body, static_cast<int>(b)));
+    person.person.priors.bones.push_back(bone);
   }
   return person;
 }
@@ -57,8 +58,8 @@ TEST(TexturedPerson, ComesBackAsItWasWritten) {
     for (size_t b = 0; b < pose.local_rotations.size(); ++b)
       EXPECT_LT(geometry::RotationAngle(read.person.seen.at(frame).local_rotations[b], pose.local_rotations[b]), 1e-7);
   }
-  for (size_t b = 0; b < written.person.habits.bones.size(); ++b)
-    EXPECT_EQ(read.person.habits.bones[b].weights, written.person.habits.bones[b].weights);
+  for (size_t b = 0; b < written.person.priors.bones.size(); ++b)
+    EXPECT_EQ(read.person.priors.bones[b].weights, written.person.priors.bones[b].weights);
   EXPECT_EQ(read.cameras, written.cameras);
   EXPECT_EQ(read.offset_m, written.offset_m);
   EXPECT_EQ(read.offset_sigma_m, written.offset_sigma_m);
@@ -66,12 +67,12 @@ TEST(TexturedPerson, ComesBackAsItWasWritten) {
   for (int k = 0; k < kNumParts; ++k) EXPECT_EQ(read.textures[k].pixels, written.textures[k].pixels);
 }
 
-TEST(TexturedPerson, WithoutHabitsThereAreNone) {
+TEST(TexturedPerson, WithoutPriorsThereAreNone) {
   const TempDir folder;
   TexturedPerson person = Person();
-  person.person.habits.bones.clear();
+  person.person.priors.bones.clear();
   WritePerson(person, folder / "body.npz");
-  EXPECT_TRUE(ReadPerson(folder / "body.npz").person.habits.bones.empty());
+  EXPECT_TRUE(ReadPerson(folder / "body.npz").person.priors.bones.empty());
 }
 
 /// What reading says of a file whose extra array has been changed.

@@ -111,7 +111,7 @@ TEST(LayOutBoard, TheBackIsTheFrontInAMirror) {
   EXPECT_THROW(LayOutBoard(FrontOf(board), options), UsageError);
 }
 
-TEST(LayOutBoard, PaperIsTurnedOrRefused) {
+TEST(LayOutBoard, PaperIsRotatedOrRefused) {
   EXPECT_LT(LayOutBoard(ParseBoard("chessboard:4x6:25mm"), {}).width, 211);
   EXPECT_GT(LayOutBoard(ParseBoard("chessboard:8x5:25mm"), {}).width, 296);
   const std::string message = MessageOf<UsageError>([] { LayOutBoard(ParseBoard("chessboard:9x6:40mm"), {}); });
@@ -167,7 +167,7 @@ TEST(ToSvg, HoldsThePage) {
   }
 }
 
-/// The picture of the page is the page: the board is found in it, in its place and size.
+/// The image of the page is the page: the board is found in it, in its place and size.
 TEST(ToPng, IsFoundWhereItLies) {
   for (const char* text : kBoards) {
     const Board board = ParseBoard(text);

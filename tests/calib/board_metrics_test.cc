@@ -73,16 +73,16 @@ TEST(BoardMetrics, NoiseComesBackAsResidual) {
   constexpr double kNoise = 0.2;
   const testing::Scene scene = MakeScene(Three(kNoise));
   const BoardMetrics metrics = Measure(scene, scene.truth);
-  int sights = 0;
+  int observations = 0;
   std::map<std::pair<int64_t, int>, int> count;
   for (const Detection& d : scene.detections) {
     for (int id : d.corner_ids) ++count[{d.frame_idx, id}];
   }
   double expected = 0;
   for (const auto& [corner, n] : count) {
-    if (n >= 2) expected += (2 * n - 3) * kNoise * kNoise, sights += n;
+    if (n >= 2) expected += (2 * n - 3) * kNoise * kNoise, observations += n;
   }
-  EXPECT_NEAR(metrics.reprojection_rms_px / std::sqrt(expected / sights), 1, 0.05);
+  EXPECT_NEAR(metrics.reprojection_rms_px / std::sqrt(expected / observations), 1, 0.05);
   EXPECT_GT(metrics.edge_rms_mm, metrics.edge_median_mm);
   EXPECT_LT(std::abs(metrics.edge_bias_mm), 0.2 * metrics.edge_rms_mm);
 }

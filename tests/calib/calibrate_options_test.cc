@@ -30,7 +30,7 @@ void ExpectRefused(const std::vector<std::string>& texts) {
 TEST(CalibrateOptions, WordsAreWrittenAsTheyAreRead) {
   ExpectRoundTrip<std::optional<geometry::LensModel>>({"auto", "pinhole", "brown4", "splined"});
   ExpectRoundTrip<LensSharing>({"auto", "none", "all", "a,b;c,d", "a", "a,b"});
-  ExpectRoundTrip<LatenessChoice>({"auto", "on", "none"});
+  ExpectRoundTrip<TimeOffsetChoice>({"auto", "on", "none"});
   ExpectRoundTrip<WorldOrigin>({"camera", "camera:left", "camera:a:b", "board:4"});
   ExpectRoundTrip<HoldoutRule>({"every:4", "every:4:0", "every:2"});
   ExpectRoundTrip<CameraSplit>({"cam:82", "cam:82:lens", "a:b:7", "lens:0"});
@@ -40,7 +40,7 @@ TEST(CalibrateOptions, WordsAreWrittenAsTheyAreRead) {
 
 TEST(CalibrateOptions, OtherWordsAreRefused) {
   ExpectRefused<std::optional<geometry::LensModel>>({"brown9", ""});
-  ExpectRefused<LatenessChoice>({"perhaps", "off"});
+  ExpectRefused<TimeOffsetChoice>({"perhaps", "off"});
   ExpectRefused<WorldOrigin>({"board", "board:", "board:x", "board:-1", "board:1234567890", "moon"});
   ExpectRefused<HoldoutRule>({"every", "every:1", "every:4:4", "every:4:", "every:4:-1", "every:4:1:2", "3"});
   ExpectRefused<CameraSplit>({"cam", "cam:", "cam:x", "cam:82:lenses", ":lens"});

@@ -51,7 +51,7 @@ CalibrateReport Calibrated(const testing::Scene& scene, const CalibrateOptions& 
   return Calibrate(testing::ToInput(scene), options, {});
 }
 
-TEST(CameraMotion, ACameraThatTurnedIsNamedWithFrameAndAngle) {
+TEST(CameraMotion, ACameraThatRotatedIsNamedWithFrameAndAngle) {
   const double angle = DegToRad(0.5);
   const CalibrateReport report = Calibrated(SceneWith({{1, 27, {0, angle, 0}}}));
   ASSERT_EQ(report.motions.size(), 1u);
@@ -71,7 +71,7 @@ TEST(CameraMotion, ACameraThatMovedHalfwayLeavesTheFramesAlone) {
     const CalibrateReport report = Calibrated(SceneWith({kick}, 4, noise_px));
     ASSERT_EQ(report.motions.size(), 1u) << noise_px;
     EXPECT_EQ(report.motions[0].cameras, std::vector<std::string>{"cam2"});
-    EXPECT_EQ(report.frames_doubt, "") << noise_px;
+    EXPECT_EQ(report.frames_conflict, "") << noise_px;
   }
 }
 

@@ -184,7 +184,7 @@ constexpr char kCaliscope[] =
     "9,1,4,0,10,10,0.05,0.05\n9,1,4,1,20,10,0.10,0.05\n9,1,4,2,10,20,0.05,0.10\n9,1,4,3,20,20,0.10,0.10\n"
     "9,0,9,0,12,10,0.05,0.05\n9,0,9,3,22,20,0.10,0.10\n";
 
-TEST(Caliscope, InstantsAreSyncIndices) {
+TEST(Caliscope, TimeStepsAreSyncIndices) {
   TempDir folder;
   const CornerFile file = ReadCornerFile(Write(folder, "xy.csv", kCaliscope));
   ASSERT_EQ(file.cameras.size(), 2u);
@@ -199,7 +199,7 @@ TEST(Caliscope, InstantsAreSyncIndices) {
   EXPECT_EQ(file.detections[0].corner_ids, (std::vector<int>{0, 3}));
 }
 
-TEST(Caliscope, RefusesFramesThatAreNotInstants) {
+TEST(Caliscope, RefusesFramesThatAreNotTimeSteps) {
   TempDir folder;
   const auto read = [&](std::string text) {
     return MessageOf<FormatError>([&] { ReadCornerFile(Write(folder, "xy.csv", text)); });
@@ -236,14 +236,14 @@ TEST(Caliscope, RealSession) {
   EXPECT_EQ(file.boards[0].rows, 4);
   EXPECT_EQ(file.boards[0].square_m, 0.054);
   int corners = 0;
-  std::set<int64_t> instants;
+  std::set<int64_t> time_steps;
   for (const Detection& detection : file.detections) {
     corners += detection.num_corners();
-    instants.insert(detection.frame_idx);
+    time_steps.insert(detection.frame_idx);
     EXPECT_GE(ViewOrientation(file.boards[0], detection), 0);
   }
   EXPECT_EQ(corners, 2199);
-  EXPECT_EQ(*instants.begin(), 35);
+  EXPECT_EQ(*time_steps.begin(), 35);
   ASSERT_EQ(file.notes.size(), 1u);
   EXPECT_EQ(file.notes[0].code, "CAL-SIZES");
 }
@@ -353,14 +353,14 @@ TEST(StatedBoard, IsHeldAgainstTheBoardThatIsGiven) {
   WriteCornerFile(own, folder / "own.csv");
   for (const std::string& path : {xml, folder / "own.csv"}) {
     CornerFileOptions same = WithBoard(Grid(4, 3, 0.025)), larger = WithBoard(Grid(4, 3, 0.030)),
-                      turned = WithBoard(Grid(3, 4, 0.025));
-    same.unit = larger.unit = turned.unit = LengthUnit::kMillimetre;
+                      rotated = WithBoard(Grid(3, 4, 0.025));
+    same.unit = larger.unit = rotated.unit = LengthUnit::kMillimetre;
     EXPECT_TRUE(ReadCornerFile(path, same).notes.empty()) << path;
     const std::vector<Notice> notes = ReadCornerFile(path, larger).notes;
     ASSERT_EQ(notes.size(), 1u) << path;
     EXPECT_EQ(notes[0].code, "CAL-BOARD-SIZE");
     EXPECT_SAYS(notes[0].text, "0.8333 times");
-    EXPECT_SAYS(MessageOf<FormatError>([&] { ReadCornerFile(path, turned); }), "other rows and columns");
+    EXPECT_SAYS(MessageOf<FormatError>([&] { ReadCornerFile(path, rotated); }), "other rows and columns");
   }
   std::string text = ReadFile(folder / "own.csv");
   text.replace(text.find("corners 1"), 9, "corners 2");

@@ -13,7 +13,7 @@
 namespace mvstudio::calib {
 namespace {
 
-/// A crossing of two edges in a picture: where, its axes in px a square, the blur of a lens, and noise of the grey values.
+/// A crossing of two edges in an image: where, its axes in px a square, the blur of a lens, and noise of the grey values.
 struct Crossing {
   Eigen::Vector2d px{30.3, 29.6}, along_x{21, 4}, along_y{-6, 19};
   double blur_px = 1, contrast = 80, noise = 0;

@@ -271,7 +271,7 @@ void ExpectFoundInSomeTurn(const Board& board, const Image& image, const geometr
   for (int quarters = 0; quarters < 4; quarters += 4 / NumLikeTurns(board)) {
     double sum = 0;
     for (int i = 0; i < board.num_corners(); ++i) {
-      const int id = TurnedCorner(found.detection.corner_ids[i], board.num_corners(), quarters);
+      const int id = RotatedCorner(found.detection.corner_ids[i], board.num_corners(), quarters);
       sum += (geometry::Project(camera, pose * corners.col(id)).px - found.detection.points_px.col(i)).squaredNorm();
     }
     least = std::min(least, std::sqrt(sum / board.num_corners()));

@@ -13,10 +13,10 @@ namespace {
 
 using ::mvstudio::testing::TempDir;
 
-StoredFootage Example(int pictures) {
+StoredFootage Example(int images) {
   StoredFootage footage;
   footage.width_px = 640, footage.height_px = 480;
-  for (int i = 0; i < pictures; ++i) {
+  for (int i = 0; i < images; ++i) {
     BoardDetection found, missing;
     for (const int id : {i, 7, 3}) found.detection.corner_ids.push_back(id);
     found.detection.points_px = Eigen::Matrix2Xd::Random(2, 3) * 1e3;
@@ -24,24 +24,24 @@ StoredFootage Example(int pictures) {
     found.num_found = 5, found.sigma_px = 0.1 / 3, found.legacy = true, found.num_markers = 4;
     missing.status = Status::kTooFewViews;
     missing.reason = "no marker of the board found";
-    StoredFootage::Picture picture;
-    picture.frame_idx = int64_t{1} << (40 + i);
+    StoredFootage::DetectedImage image;
+    image.frame_idx = int64_t{1} << (40 + i);
     missing.soft.push_back(found);
-    picture.layouts.push_back(found);
-    picture.layouts.push_back(missing);
-    footage.pictures.push_back(picture);
+    image.layouts.push_back(found);
+    image.layouts.push_back(missing);
+    footage.images.push_back(image);
   }
   return footage;
 }
 
 void ExpectEqual(const StoredFootage& a, const StoredFootage& b) {
   EXPECT_EQ(a.width_px, b.width_px);
-  ASSERT_EQ(a.pictures.size(), b.pictures.size());
-  for (size_t i = 0; i < a.pictures.size(); ++i) {
-    EXPECT_EQ(a.pictures[i].frame_idx, b.pictures[i].frame_idx);
-    ASSERT_EQ(a.pictures[i].layouts.size(), b.pictures[i].layouts.size());
-    for (size_t l = 0; l < a.pictures[i].layouts.size(); ++l) {
-      const BoardDetection &x = a.pictures[i].layouts[l], &y = b.pictures[i].layouts[l];
+  ASSERT_EQ(a.images.size(), b.images.size());
+  for (size_t i = 0; i < a.images.size(); ++i) {
+    EXPECT_EQ(a.images[i].frame_idx, b.images[i].frame_idx);
+    ASSERT_EQ(a.images[i].layouts.size(), b.images[i].layouts.size());
+    for (size_t l = 0; l < a.images[i].layouts.size(); ++l) {
+      const BoardDetection &x = a.images[i].layouts[l], &y = b.images[i].layouts[l];
       EXPECT_EQ(x.status, y.status);
       EXPECT_EQ(x.reason, y.reason);
       EXPECT_EQ(x.detection.corner_ids, y.detection.corner_ids);
@@ -95,7 +95,7 @@ TEST(DetectionCache, TwoProcessesMayShareAFolder) {
   for (int i = 0; i < 40; ++i) {
     cache.Store("key", Example(3));
     const auto loaded = cache.Load("key");
-    good = good && loaded && loaded->pictures.size() == 3;
+    good = good && loaded && loaded->images.size() == 3;
   }
   if (child == 0) _exit(good ? 0 : 1);
   int status = 0;

@@ -42,8 +42,7 @@ TEST(ExpectedDifference, IsThatOfDrawnLenses) {
     Rng random(7);
     constexpr int kPairs = 200;
     for (int i = 0; i < kPairs; ++i) {
-      const ProjectionDiff diff =
-          CompareProjection(Drawn(lens, &random).camera, Drawn(lens, &random).camera, options);
+      const ProjectionDiff diff = CompareProjection(Drawn(lens, &random).camera, Drawn(lens, &random).camera, options);
       for (size_t r = 0; r < squares.size(); ++r) squares[r] += diff.ranges[r].rms_px * diff.ranges[r].rms_px / kPairs;
     }
     for (size_t r = 0; r < squares.size(); ++r)
@@ -88,7 +87,7 @@ Rig Ring(double sigma_rad, double sigma_m) {
 }
 
 /// A rig drawn from the covariances lies within what is expected; one whose camera was turned does not.
-TEST(ExpectedDifference, FindsTheCameraThatWasTurned) {
+TEST(ExpectedDifference, FindsTheCameraThatWasRotated) {
   const Rig reference = Ring(1e-4, 1e-3);
   const auto expected = ExpectedPoseDifferences(reference, reference);
   Rng random(11);
@@ -99,8 +98,7 @@ TEST(ExpectedDifference, FindsTheCameraThatWasTurned) {
     camera.cam_from_world = geometry::Perturb(delta, camera.cam_from_world);
   }
   const auto times = [&](size_t camera) {
-    const auto differences =
-        PoseDifferences(rig, reference, geometry::CompareRigs(rig, reference).reference_from_rig);
+    const auto differences = PoseDifferences(rig, reference, geometry::CompareRigs(rig, reference).reference_from_rig);
     return differences[camera].rotation_rad / expected[camera].rotation_rad;
   };
   for (size_t c = 0; c < rig.cameras.size(); ++c) EXPECT_LT(times(c), 2);

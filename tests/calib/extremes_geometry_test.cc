@@ -121,21 +121,21 @@ TEST(ExtremeFootage, TwoCamerasInOnePlace) {
       SceneOptions options;
       options.noise_px = noise;
       Scene scene = MakeScene(options);
-      geometry::Rigid3 turned;
-      turned.rotation = geometry::RotationExp(Eigen::Vector3d(0, turn, 0.5 * turn));
-      scene.truth.cam_from_world[1] = turned * scene.truth.cam_from_world[0];
+      geometry::Rigid3 rotated;
+      rotated.rotation = geometry::RotationExp(Eigen::Vector3d(0, turn, 0.5 * turn));
+      scene.truth.cam_from_world[1] = rotated * scene.truth.cam_from_world[0];
       testing::ObserveAll(&scene, noise, 31);
       const CalibrateReport report = Solve(testing::ToInput(scene), LensModel::kBrown4);
       ASSERT_EQ(report.status, Status::kOk) << "turn " << turn << ", noise " << noise << ": " << report.message;
       const geometry::Rigid3& found = report.rig.cameras[1].cam_from_world;
       if (noise == 0) {
         EXPECT_LT(found.translation.norm(), 1e-7);
-        EXPECT_LT(geometry::RotationAngle(found.rotation, turned.rotation), 1e-7);
+        EXPECT_LT(geometry::RotationAngle(found.rotation, rotated.rotation), 1e-7);
         continue;
       }
       ASSERT_TRUE(report.rig.cameras[1].cam_from_world_covariance.has_value());
       Eigen::Matrix<double, 6, 1> error;
-      error << geometry::RotationLog(found.rotation * turned.rotation.conjugate()), found.translation;
+      error << geometry::RotationLog(found.rotation * rotated.rotation.conjugate()), found.translation;
       // chi-square with 6 degrees of freedom: beyond 33 once in 100 000
       EXPECT_LT(error.dot(report.rig.cameras[1].cam_from_world_covariance->ldlt().solve(error)), 33) << "turn " << turn;
     }

@@ -96,7 +96,7 @@ TEST(FilmNext, AsksForTiltsAboutTheMissingAxisOnly) {
 }
 
 /// The back of a board faces the camera as well as its front.
-TEST(FilmNext, ABoardTurnedRoundIsNotTilted) {
+TEST(FilmNext, ABoardRotatedRoundIsNotTilted) {
   std::vector<FilmedBoard> boards = Good(0);
   for (FilmedBoard& board : boards) board.cam_from_board->rotation = geometry::RotationExp({M_PI, 0, 0});
   EXPECT_EQ(FilmNext(Cameras(1), boards).size(), 2u);
@@ -208,7 +208,7 @@ TEST(Judge, EveryLimitOnBothSides) {
   EXPECT_EQ(changed([](auto& r) { r.uncertainty.volume_mm = 3.9; }), "pass");
   EXPECT_EQ(changed([](auto& r) { r.uncertainty.volume_mm = 4.1; }), "warn CAL-VOLUME");
   EXPECT_EQ(changed([](auto& r) { r.uncertainty.volume_mm = 41; }), "fail CAL-VOLUME");
-  EXPECT_EQ(changed([](auto& r) { r.frames_doubt = "frames drift"; }), "warn CAL-FRAMES");
+  EXPECT_EQ(changed([](auto& r) { r.frames_conflict = "frames drift"; }), "warn CAL-FRAMES");
   EXPECT_EQ(changed([](auto& r) { r.rig_holdout_rms_px = 1.2; }), "warn CAL-RIGHOLDOUT");
   EXPECT_EQ(changed([](auto& r) { r.rig_holdout_rms_px = 3.2; }), "fail CAL-RIGHOLDOUT");
   EXPECT_EQ(changed([](auto& r) { r.cameras[0].focal_sigma_px = 11; }), "warn CAL-FOCAL");

@@ -8,7 +8,7 @@
 /// A board that moves smoothly before cameras that may be late.
 namespace mvstudio::calib::testing {
 
-/// Pose of the board in camera 0 at an instant (frames), waved smoothly.
+/// Pose of the board in camera 0 at a time step (frames), waved smoothly.
 inline geometry::Rigid3 Waved(double t) {
   geometry::Rigid3 cam0_from_board;
   cam0_from_board.rotation =
@@ -18,7 +18,7 @@ inline geometry::Rigid3 Waved(double t) {
   return cam0_from_board;
 }
 
-/// Camera c takes picture f, whose number is 10 + stride * f, at the instant stride * f * (1 + rate[c]) + late[c].
+/// Camera c takes image f, whose number is 10 + stride * f, at the time step stride * f * (1 + rate[c]) + late[c].
 inline Scene Film(const std::vector<double>& late, int num_frames, double noise_px, uint64_t seed = 1,
                   const std::vector<double>& rate = {}, int stride = 1) {
   SceneOptions options;
@@ -30,8 +30,8 @@ inline Scene Film(const std::vector<double>& late, int num_frames, double noise_
   for (size_t c = 0; c < late.size(); ++c) {
     for (int f = 0; f < num_frames; ++f) {
       scene.truth.frames[f] = stride * f + 10;
-      const double instant = stride * f * (1 + (rate.empty() ? 0 : rate[c])) + late[c];
-      scene.truth.world_from_board[f] = world_from_cam0 * Waved(instant);
+      const double time_step = stride * f * (1 + (rate.empty() ? 0 : rate[c])) + late[c];
+      scene.truth.world_from_board[f] = world_from_cam0 * Waved(time_step);
       const Detection seen = Observe(scene, static_cast<int>(c), f, noise_px, &rng);
       if (seen.num_corners() > 0) scene.detections.push_back(seen);
     }

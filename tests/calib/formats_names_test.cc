@@ -9,7 +9,7 @@
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 
-/// Names of cameras in files that list pictures, and folders that hold a calibration.
+/// Names of cameras in files that list images, and folders that hold a calibration.
 namespace mvstudio::calib {
 namespace {
 
@@ -19,17 +19,17 @@ using mvstudio::testing::TempDir;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-struct Picture {
+struct ModelImage {
   std::string path;
   double x_m;
 };
 
-ImportedRig ReadColmapOf(const std::vector<Picture>& pictures) {
+ImportedRig ReadColmapOf(const std::vector<ModelImage>& listed) {
   const TempDir folder;
   std::string images;
   int id = 0;
-  for (const Picture& picture : pictures) {
-    images += std::to_string(++id) + " 1 0 0 0 " + std::to_string(-picture.x_m) + " 0 0 1 " + picture.path + "\n\n";
+  for (const ModelImage& one : listed) {
+    images += std::to_string(++id) + " 1 0 0 0 " + std::to_string(-one.x_m) + " 0 0 1 " + one.path + "\n\n";
   }
   WriteFileAtomic(folder / "cameras.txt", "1 PINHOLE 640 480 500 500 320 240\n");
   WriteFileAtomic(folder / "images.txt", images);
@@ -45,7 +45,7 @@ std::string CodesOf(const ImportedRig& imported) {
   return codes;
 }
 
-TEST(PictureNames, PicturesOfOneStandingCameraAreOneCamera) {
+TEST(ImageNames, ImagesOfOneStandingCameraAreOneCamera) {
   const auto by_folder =
       ReadColmapOf({{"cam1/000000.jpg", 0}, {"cam1/000001.jpg", 0}, {"cam2/000000.jpg", 1}, {"cam2/000001.jpg", 1}});
   EXPECT_THAT(NamesOf(by_folder), ElementsAre("cam1", "cam2"));
@@ -57,14 +57,14 @@ TEST(PictureNames, PicturesOfOneStandingCameraAreOneCamera) {
   EXPECT_THAT(NamesOf(flat), ElementsAre("cam1", "cam2"));
 }
 
-TEST(PictureNames, CamerasAreTheirFoldersWhereFileNamesRepeat) {
+TEST(ImageNames, CamerasAreTheirFoldersWhereFileNamesRepeat) {
   const auto read = ReadColmapOf({{"images/cam0/000000.jpg", 0}, {"images/cam1/000000.jpg", 1}});
   EXPECT_THAT(NamesOf(read), ElementsAre("cam0", "cam1"));
   const auto other = ReadColmapOf({{"a/left/rgb/1.jpg", 0}, {"b/left/rgb/1.jpg", 1}});
   EXPECT_THAT(NamesOf(other), ElementsAre("a", "b"));
 }
 
-TEST(PictureNames, MovingCamerasAreSaid) {
+TEST(ImageNames, MovingCamerasAreSaid) {
   const auto read = ReadColmapOf({{"cam1/0.jpg", 0}, {"cam1/1.jpg", 1}, {"cam2/0.jpg", 2}, {"cam2/1.jpg", 3}});
   EXPECT_EQ(read.rig.cameras.size(), 4u);
   EXPECT_THAT(CodesOf(read), HasSubstr("CAL-MOVING"));

@@ -88,7 +88,7 @@ TEST(Vins, LensesOfCamodocal) {
 
 /// body_T_cam of VINS-Fusion and extrinsicRotation of VINS-Mono are body from camera.
 TEST(Vins, PosesOfTheSettings) {
-  const std::string turned = "0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1";
+  const std::string rotated = "0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1";
   const TempDir folder;
   for (const char* name : {"left.yaml", "right.yaml"}) WriteFileAtomic(folder / name, kVinsHead + kVinsPinhole);
   const std::string settings = "%YAML:1.0\n\nimu: 1\nnum_of_cam: 2\ncam0_calib: \"left.yaml\"\ncam1_calib: \"right.yaml\"\n";
@@ -101,7 +101,7 @@ TEST(Vins, PosesOfTheSettings) {
   ExpectCentre(rig, 1, 0.5, 0.2, 0.3);
   // x of the camera lies along y of the body.
   EXPECT_NEAR((Inverse(rig.cameras[0].cam_from_world).rotation * Eigen::Vector3d::UnitX()).y(), 1, 1e-12);
-  WriteFileAtomic(folder / "half.yaml", settings + CvMatrix("body_T_cam0", 4, 4, turned));
+  WriteFileAtomic(folder / "half.yaml", settings + CvMatrix("body_T_cam0", 4, 4, rotated));
   EXPECT_THAT(MessageOf<FormatError>([&] { ReadCalibration(kCv, {folder / "half.yaml"}); }), HasSubstr("1 of 2 cameras"));
   WriteFileAtomic(folder / "out.yaml", "%YAML:1.0\ncam0_calib: \"../left.yaml\"\n");
   EXPECT_THAT(MessageOf<FormatError>([&] { ReadCalibration(kCv, {folder / "out.yaml"}); }), HasSubstr("no file beside"));

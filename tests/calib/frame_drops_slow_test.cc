@@ -20,7 +20,7 @@ using testing::Scene;
 CalibrateOptions WithMotions() {
   CalibrateOptions options = testing::PlainOptions();
   options.model = geometry::LensModel::kBrown4;
-  options.time_offset = LatenessChoice::kAuto;
+  options.time_offset = TimeOffsetChoice::kAuto;
   return options;
 }
 

@@ -167,7 +167,7 @@ TEST(FrameOffset, ADoubtThatTheRigBearsOutStands) {
   options.model = geometry::LensModel::kPinhole;
   for (const int first : {0, 30, 45}) {
     const CalibrateReport report = Calibrate(testing::ToInput(ScrambledScene(first)), options, RunContext());
-    EXPECT_NE(report.frames_doubt.find("cam2"), std::string::npos) << first << ": " << report.message;
+    EXPECT_NE(report.frames_conflict.find("cam2"), std::string::npos) << first << ": " << report.message;
   }
 }
 
@@ -211,7 +211,7 @@ TEST(FrameOffset, ADoubtThatTheRigDispelsIsDropped) {
 TEST(FrameOffset, NearlyPerfectCornersRaiseNoDoubt) {
   testing::SceneOptions options;
   options.num_cameras = 4, options.num_frames = 24, options.model = geometry::LensModel::kBrown2;
-  int doubts_by_pairs = 0;
+  int conflicts_by_pairs = 0;
   for (uint64_t seed = 1; seed <= 6; ++seed) {
     options.seed = seed;
     testing::Scene scene = testing::MakeScene(options);
@@ -223,10 +223,10 @@ TEST(FrameOffset, NearlyPerfectCornersRaiseNoDoubt) {
     }
     const CalibrateReport report = Calibrate(testing::ToInput(scene), testing::PlainOptions(), RunContext());
     ASSERT_EQ(report.status, Status::kOk) << report.message;
-    EXPECT_EQ(report.frames_doubt, "") << seed;
-    doubts_by_pairs += report.rejected_fraction > 0.05;
+    EXPECT_EQ(report.frames_conflict, "") << seed;
+    conflicts_by_pairs += report.rejected_fraction > 0.05;
   }
-  EXPECT_GT(doubts_by_pairs, 0) << "the recordings do not show what they are made for";
+  EXPECT_GT(conflicts_by_pairs, 0) << "the recordings do not show what they are made for";
 }
 
 TEST(FrameOffset, StillBoardAndFewFramesAreUndecided) {
@@ -260,7 +260,7 @@ TEST(FrameOffset, RealWebcams) {
       ShiftCamera(camera, by, &detections);
       const FrameOffsets offsets = Find(session.file.boards, session.cameras, detections);
       EXPECT_EQ(offsets.kind, Kind::kShifted) << camera << " by " << by << ": " << offsets.text;
-      // These webcams are synchronised by software: pictures of one instant lie up to half a frame apart, so that the nearest
+      // These webcams are synchronised by software: images of one time step lie up to half a frame apart, so that the nearest
       // frame of a camera may be either neighbour.
       ASSERT_EQ(offsets.shift.size(), 4u);
       for (int c = 0; c < 4; ++c) EXPECT_NEAR(offsets.shift[c], c == camera ? -by : 0, 1) << camera << " by " << by;

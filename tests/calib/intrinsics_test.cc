@@ -80,7 +80,7 @@ TEST(WithModel, KeepsWhatBothHave) {
   EXPECT_EQ(rational.params.tail(3).norm(), 0);
 }
 
-TEST(WithModel, BetweenFamiliesKeepsThePicture) {
+TEST(WithModel, BetweenFamiliesKeepsTheImage) {
   const geometry::Camera brown = testing::MakeCamera("c", geometry::LensModel::kBrown2);
   const geometry::Camera fisheye = WithModel(brown, geometry::LensModel::kKannalaBrandt4);
   for (double x : {-0.5, 0.0, 0.3}) {

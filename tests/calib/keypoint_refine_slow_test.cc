@@ -67,7 +67,7 @@ TEST(KeypointRefine, RecoversARigThatIsOffEverywhere) {
   EXPECT_LT(report.after.median_px, 2.5);
   EXPECT_LT(report.after.limb_std_mm, 0.3 * report.before.limb_std_mm);
   EXPECT_EQ(Chosen(report, "extrinsics"), "free");
-  EXPECT_EQ(report.culprit.fault, CameraFault::kNone);
+  EXPECT_EQ(report.suspect.fault, CameraFault::kNone);
   // Frame and scale are those of the start: the truth's shape, in the start's place.
   const geometry::Rig expected = AlignToGiven(truth, start);
   for (size_t c = 0; c < 4; ++c) {
@@ -83,18 +83,18 @@ TEST(KeypointRefine, RecoversARigThatIsOffEverywhere) {
   }
 }
 
-TEST(KeypointRefine, NamesTheCameraThatWasTurned) {
+TEST(KeypointRefine, NamesTheCameraThatWasRotated) {
   const geometry::Rig truth = PeopleRig(4);
   geometry::Rig given = truth;
   testing::Bump({0, kPi / 180, 0}, {0, 0, 0}, &given.cameras[2]);
   const auto report = RefineFromKeypoints(given, FilmPeople(truth, Take()), {}, {}, {}, PosesOnly());
   ASSERT_EQ(report.status, Status::kOk) << report.message;
-  EXPECT_EQ(report.culprit.fault, CameraFault::kPose) << report.culprit.message;
-  EXPECT_EQ(report.culprit.camera_idx, 2);
-  EXPECT_NEAR(report.culprit.rotation_rad, kPi / 180, 3 * report.culprit.rotation_sigma_rad);
-  EXPECT_LT(report.culprit.rotation_sigma_rad, 0.1 * kPi / 180);
-  EXPECT_LT(report.culprit.translation_m, 4 * report.culprit.translation_sigma_m);
-  EXPECT_NE(report.culprit.message.find("cam2"), std::string::npos);
+  EXPECT_EQ(report.suspect.fault, CameraFault::kPose) << report.suspect.message;
+  EXPECT_EQ(report.suspect.camera_idx, 2);
+  EXPECT_NEAR(report.suspect.rotation_rad, kPi / 180, 3 * report.suspect.rotation_sigma_rad);
+  EXPECT_LT(report.suspect.rotation_sigma_rad, 0.1 * kPi / 180);
+  EXPECT_LT(report.suspect.translation_m, 4 * report.suspect.translation_sigma_m);
+  EXPECT_NE(report.suspect.message.find("cam2"), std::string::npos);
   for (const size_t c : {0, 1, 3}) EXPECT_EQ(report.cameras[c].rotation_rad, 0);
 }
 
@@ -104,13 +104,13 @@ TEST(KeypointRefine, NamesTheFocalLengthThatIsOff) {
   given.cameras[1].camera.params.head<2>() *= 1.02;
   const auto report = RefineFromKeypoints(given, FilmPeople(truth, Take()), {}, {}, {}, PosesOnly());
   ASSERT_EQ(report.status, Status::kOk) << report.message;
-  EXPECT_EQ(report.culprit.fault, CameraFault::kFocal) << report.culprit.message;
-  EXPECT_EQ(report.culprit.camera_idx, 1);
-  EXPECT_NEAR(report.culprit.scale, 1 / 1.02, 3 * report.culprit.scale_sigma);
-  EXPECT_LT(report.culprit.scale_sigma, 0.003);
+  EXPECT_EQ(report.suspect.fault, CameraFault::kFocal) << report.suspect.message;
+  EXPECT_EQ(report.suspect.camera_idx, 1);
+  EXPECT_NEAR(report.suspect.scale, 1 / 1.02, 3 * report.suspect.scale_sigma);
+  EXPECT_LT(report.suspect.scale_sigma, 0.003);
 }
 
-TEST(KeypointRefine, NamesThePicturesThatWereResized) {
+TEST(KeypointRefine, NamesTheImagesThatWereResized) {
   const geometry::Rig truth = PeopleRig(4);
   const double scale = 1080.0 / 1088;
   for (const bool both : {true, false}) {
@@ -123,10 +123,10 @@ TEST(KeypointRefine, NamesThePicturesThatWereResized) {
     }
     const auto report = RefineFromKeypoints(truth, frames, {}, {}, {}, PosesOnly());
     ASSERT_EQ(report.status, Status::kOk) << report.message;
-    EXPECT_EQ(report.culprit.fault, both ? CameraFault::kImage : CameraFault::kImageWidth) << report.culprit.message;
-    EXPECT_EQ(report.culprit.camera_idx, 3);
-    EXPECT_NEAR(report.culprit.scale, scale, 3 * report.culprit.scale_sigma);
-    EXPECT_LT(report.culprit.scale_sigma, 0.002);
+    EXPECT_EQ(report.suspect.fault, both ? CameraFault::kImage : CameraFault::kImageWidth) << report.suspect.message;
+    EXPECT_EQ(report.suspect.camera_idx, 3);
+    EXPECT_NEAR(report.suspect.scale, scale, 3 * report.suspect.scale_sigma);
+    EXPECT_LT(report.suspect.scale_sigma, 0.002);
   }
 }
 
@@ -347,27 +347,27 @@ TEST_F(KeypointRefinePose2Sim, ABadStartEndsAtTheSamePlace) {
 TEST_F(KeypointRefinePose2Sim, NamesTheCamera) {
   constexpr double kBaseError = 0.002;
   const geometry::Rig base = RefineFromKeypoints(rig_, frames_, limbs_, FrameChoice{0, 2}, FrameChoice{1, 2}, PosesOnly()).rig;
-  geometry::Rig turned = base, focal = base;
-  testing::Bump({0, kPi / 180, 0}, {0, 0, 0}, &turned.cameras[1]);
-  const auto first = RefineFromKeypoints(turned, frames_, limbs_, FrameChoice{1, 2}, FrameChoice{0, 2}, PosesOnly());
-  EXPECT_EQ(first.culprit.fault, CameraFault::kPose) << first.culprit.message;
-  EXPECT_EQ(first.culprit.camera_idx, 1);
-  EXPECT_NEAR(first.culprit.rotation_rad, kPi / 180, 3 * first.culprit.rotation_sigma_rad);
+  geometry::Rig rotated = base, focal = base;
+  testing::Bump({0, kPi / 180, 0}, {0, 0, 0}, &rotated.cameras[1]);
+  const auto first = RefineFromKeypoints(rotated, frames_, limbs_, FrameChoice{1, 2}, FrameChoice{0, 2}, PosesOnly());
+  EXPECT_EQ(first.suspect.fault, CameraFault::kPose) << first.suspect.message;
+  EXPECT_EQ(first.suspect.camera_idx, 1);
+  EXPECT_NEAR(first.suspect.rotation_rad, kPi / 180, 3 * first.suspect.rotation_sigma_rad);
 
   auto scaled = frames_;
   for (auto& frame : scaled)
     for (auto& person : frame.people[3])
       for (auto& key : person) key.px.x() = (key.px.x() + 0.5) * 1080 / 1088 - 0.5;
   const auto second = RefineFromKeypoints(base, scaled, limbs_, FrameChoice{1, 2}, FrameChoice{0, 2}, PosesOnly());
-  EXPECT_EQ(second.culprit.fault, CameraFault::kImageWidth) << second.culprit.message;
-  EXPECT_EQ(second.culprit.camera_idx, 3);
-  EXPECT_NEAR(second.culprit.scale, 1080.0 / 1088, 3 * second.culprit.scale_sigma + kBaseError);
+  EXPECT_EQ(second.suspect.fault, CameraFault::kImageWidth) << second.suspect.message;
+  EXPECT_EQ(second.suspect.camera_idx, 3);
+  EXPECT_NEAR(second.suspect.scale, 1080.0 / 1088, 3 * second.suspect.scale_sigma + kBaseError);
 
   focal.cameras[2].camera.params.head<2>() *= 1.02;
   const auto third = RefineFromKeypoints(focal, frames_, limbs_, FrameChoice{1, 2}, FrameChoice{0, 2}, PosesOnly());
-  EXPECT_EQ(third.culprit.fault, CameraFault::kFocal) << third.culprit.message;
-  EXPECT_EQ(third.culprit.camera_idx, 2);
-  EXPECT_NEAR(third.culprit.scale, 1 / 1.02, 3 * third.culprit.scale_sigma + kBaseError);
+  EXPECT_EQ(third.suspect.fault, CameraFault::kFocal) << third.suspect.message;
+  EXPECT_EQ(third.suspect.camera_idx, 2);
+  EXPECT_NEAR(third.suspect.scale, 1 / 1.02, 3 * third.suspect.scale_sigma + kBaseError);
 }
 
 }  // namespace

@@ -21,7 +21,7 @@ LensPool Solve(LensModel model, int num_cameras, int num_frames, double noise_px
   std::vector<int64_t> frames;
   std::vector<View> views = MakeViews({scene.board}, scene.detections, &frames);
   for (View& view : views) {
-    // The picture of the bent, stretched board, by moving the observations by what its shape changes.
+    // The image of the bent, stretched board, by moving the observations by what its shape changes.
     RigState bent = scene.truth;
     bent.board_warp_m = {Eigen::Vector2d(warp_m, -warp_m / 2)};
     Eigen::Matrix3Xd corners = BentCorners(view, bent);
@@ -39,7 +39,8 @@ LensPool Solve(LensModel model, int num_cameras, int num_frames, double noise_px
     for (const View& view : views) {
       if (view.camera_idx == c) of_camera.push_back(view);
     }
-    monos.push_back(CalibrateMono(testing::MakeCamera("c" + std::to_string(c), LensModel::kBrown4), of_camera, BundleOptions()));
+    monos.push_back(
+        CalibrateMono(testing::MakeCamera("c" + std::to_string(c), LensModel::kBrown4), of_camera, BundleOptions()));
     cameras.push_back(c);
   }
   return MakePool(monos, cameras, 1);
@@ -87,7 +88,9 @@ TEST(ChooseLens, SharesTheLensOfIdenticalCamerasOnly) {
 
 TEST(ChooseWarp, SeesABendOfTheBoardOnlyWhereThereIsOne) {
   const LensPool flat = Solve(LensModel::kBrown2, 1, 20, 0.05, 2);
-  EXPECT_FALSE(ChooseWarp(FitPool(flat, {LensModel::kBrown2, {}, false, false}, BundleOptions()), Four(), BundleOptions(), RunContext()).pays);
+  EXPECT_FALSE(
+      ChooseWarp(FitPool(flat, {LensModel::kBrown2, {}, false, false}, BundleOptions()), Four(), BundleOptions(), RunContext())
+          .pays);
   const LensPool bent = Solve(LensModel::kBrown2, 1, 20, 0.05, 2, 2e-3);
   const LensPool start = FitPool(bent, {LensModel::kBrown2, {}, false, false}, BundleOptions());
   EXPECT_TRUE(ChooseWarp(start, Four(), BundleOptions(), RunContext()).pays);
@@ -100,7 +103,9 @@ TEST(ChooseStretch, SeesAStretchOfTheBoardOnlyWhereThereIsOne) {
   int wrongly = 0;
   for (uint64_t seed = 1; seed <= 4; ++seed) {
     const LensPool square = Solve(LensModel::kBrown2, 1, 20, 0.05, seed);
-    wrongly += ChooseStretch(FitPool(square, {LensModel::kBrown2, {}, false, false}, BundleOptions()), Four(), BundleOptions(), RunContext()).pays;
+    wrongly += ChooseStretch(FitPool(square, {LensModel::kBrown2, {}, false, false}, BundleOptions()), Four(), BundleOptions(),
+                             RunContext())
+                   .pays;
   }
   EXPECT_EQ(wrongly, 0);
   const LensPool stretched = Solve(LensModel::kBrown2, 1, 20, 0.05, 2, 0, 15, {-2e-3, 1e-3});

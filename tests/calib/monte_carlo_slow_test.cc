@@ -34,7 +34,8 @@ Eigen::VectorXd Errors(const RigState& found, const RigState& truth, const RigCo
       errors.segment(columns.lens[c], truth.cameras[c].params.size()) = found.cameras[c].params - truth.cameras[c].params;
     if (columns.camera[c] < 0) continue;
     const geometry::Rigid3 &f = found.cam_from_world[c], &t = truth.cam_from_world[c];
-    errors.segment<6>(columns.camera[c]) << geometry::RotationLog(f.rotation * t.rotation.conjugate()), f.translation - t.translation;
+    errors.segment<6>(columns.camera[c]) << geometry::RotationLog(f.rotation * t.rotation.conjugate()),
+        f.translation - t.translation;
   }
   for (size_t b = 0; b < columns.warp.size(); ++b) {
     if (columns.warp[b] >= 0) errors.segment<2>(columns.warp[b]) = found.board_warp_m[b] - truth.board_warp_m[b];
@@ -44,10 +45,10 @@ Eigen::VectorXd Errors(const RigState& found, const RigState& truth, const RigCo
 
 struct Samples {
   RigState truth;
-  RigCovariance predicted;                // at the truth
-  std::vector<RigState> found;            // one a draw
-  std::vector<double> sigmas_px;          // reported
-  double redundancy = 0;                  // observations minus unknowns
+  RigCovariance predicted;        // at the truth
+  std::vector<RigState> found;    // one a draw
+  std::vector<double> sigmas_px;  // reported
+  double redundancy = 0;          // observations minus unknowns
 };
 
 Samples Draw(const SceneOptions& scene_options, double noise_px) {
@@ -70,7 +71,8 @@ Samples Draw(const SceneOptions& scene_options, double noise_px) {
     EXPECT_EQ(report.status, Status::kOk) << "draw " << draw << ": " << report.message;
     samples.found.push_back(state);
     samples.sigmas_px.push_back(report.sigma_px);
-    samples.redundancy = 2.0 * report.num_corners - samples.predicted.columns.total - 6.0 * static_cast<double>(state.frames.size());
+    samples.redundancy =
+        2.0 * report.num_corners - samples.predicted.columns.total - 6.0 * static_cast<double>(state.frames.size());
   }
   return samples;
 }
@@ -101,7 +103,8 @@ TEST_P(MonteCarlo, IntrinsicsAndPosesScatterAsPredicted) {
     whitened += factor.matrixL().solve(errors).squaredNorm() / (kDraws * static_cast<double>(n));
   }
   for (Eigen::Index i = 0; i < n; ++i)
-    EXPECT_LT(std::abs(ChiSquareScore(squares[i], kDraws)), kSigmas) << "unknown " << i << ": sampled/predicted " << std::sqrt(squares[i]);
+    EXPECT_LT(std::abs(ChiSquareScore(squares[i], kDraws)), kSigmas)
+        << "unknown " << i << ": sampled/predicted " << std::sqrt(squares[i]);
   EXPECT_NEAR(std::sqrt(squares.mean()), 1, kWithin);
   EXPECT_NEAR(std::sqrt(whitened), 1, kWithin);
   EXPECT_LT(std::abs(ChiSquareScore(whitened, kDraws * static_cast<double>(n))), kSigmas) << std::sqrt(whitened);
@@ -122,9 +125,9 @@ TEST_P(MonteCarlo, ProjectedPixelsScatterAsPredicted) {
       for (double v : {20.0, 240.0, 460.0}) {
         const Eigen::Vector3d x_in_cam = 1.2 * projector.Unproject({u, v}).ray_in_cam;
         const geometry::ProjectionWithJacobians at = projector.ProjectWithJacobians(x_in_cam);
-        const Eigen::Vector3d turned = x_in_cam - samples.truth.cam_from_world[c].translation;
+        const Eigen::Vector3d rotated = x_in_cam - samples.truth.cam_from_world[c].translation;
         Eigen::Matrix3d cross;
-        cross << 0, -turned.z(), turned.y(), turned.z(), 0, -turned.x(), -turned.y(), turned.x(), 0;
+        cross << 0, -rotated.z(), rotated.y(), rotated.z(), 0, -rotated.x(), -rotated.y(), rotated.x(), 0;
         Eigen::MatrixXd jacobian(2, covariance.rows());
         jacobian << at.d_px_d_params, -at.d_px_d_x * cross, at.d_px_d_x;
         const Eigen::Matrix2d predicted = jacobian * covariance * jacobian.transpose();

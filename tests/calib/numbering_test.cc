@@ -83,12 +83,12 @@ CalibrateReport Solved(const CalibrateInput& input) {
 }
 
 /// What a detector of chessboards does that numbers every image by itself: the same rig as from equal numbers.
-TEST(Numbering, TurnedViewsAreTurnedBack) {
+TEST(Numbering, RotatedViewsAreRotatedBack) {
   testing::SceneOptions scene;
   scene.num_cameras = 3, scene.noise_px = 0.1;
   const CalibrateReport truth = Solved(Recording(scene, [](int, int64_t) { return false; }));
   ASSERT_EQ(truth.status, Status::kOk);
-  EXPECT_TRUE(truth.turned.empty());
+  EXPECT_TRUE(truth.rotated.empty());
   const std::vector<std::pair<const char*, std::function<bool(int, int64_t)>>> recordings = {
       {"one camera", [](int c, int64_t) { return c == 2; }},
       {"some views of a camera", [](int c, int64_t f) { return c == 1 && f % 9 == 1; }},
@@ -99,57 +99,57 @@ TEST(Numbering, TurnedViewsAreTurnedBack) {
     ASSERT_EQ(report.status, Status::kOk) << what << ": " << report.message;
     EXPECT_LT(geometry::CompareRigs(report.rig, truth.rig).max_translation_m, 1e-6) << what;
     EXPECT_NEAR(report.rms_px, truth.rms_px, 1e-6) << what;
-    ASSERT_FALSE(report.turned.empty()) << what;
+    ASSERT_FALSE(report.rotated.empty()) << what;
     EXPECT_TRUE(report.numbering.empty()) << what;
-    EXPECT_TRUE(report.frames_doubt.empty()) << what << ": " << report.frames_doubt;
+    EXPECT_TRUE(report.frames_conflict.empty()) << what << ": " << report.frames_conflict;
     const auto& reasons = report.verdict.reasons;
     EXPECT_TRUE(std::any_of(reasons.begin(), reasons.end(), [](const auto& r) { return r.code == "CAL-NUMBERING"; })) << what;
   }
 }
 
 /// A board of as many columns as rows, both even, whose images are numbered from any of four ends.
-TEST(Numbering, QuarterTurnsOfSquareBoardsAreTurnedBack) {
+TEST(Numbering, QuarterTurnsOfSquareBoardsAreRotatedBack) {
   testing::SceneOptions scene;
   scene.num_cameras = 3, scene.noise_px = 0.1;
   scene.board = "chessboard:8x8:60mm";
   const CalibrateInput straight = testing::ToInput(testing::MakeScene(scene));
   const CalibrateReport truth = Solved(straight);
   ASSERT_EQ(truth.status, Status::kOk);
-  EXPECT_TRUE(truth.turned.empty());
+  EXPECT_TRUE(truth.rotated.empty());
   for (const bool grid : {false, true}) {
     CalibrateInput input = straight;
     if (grid) input.boards[0].kind = Board::Kind::kGrid;
     for (Detection& d : input.detections) {
       const int quarters = static_cast<int>(d.camera_idx * 7 + d.frame_idx * 5) % 11 % 4;
-      for (int& id : d.corner_ids) id = TurnedCorner(id, 64, quarters);
+      for (int& id : d.corner_ids) id = RotatedCorner(id, 64, quarters);
     }
     const CalibrateReport report = Solved(input);
     ASSERT_EQ(report.status, Status::kOk) << report.message;
     EXPECT_LT(geometry::CompareRigs(report.rig, truth.rig).max_translation_m, 1e-6);
     EXPECT_NEAR(report.rms_px, truth.rms_px, 1e-6);
     EXPECT_TRUE(report.numbering.empty());
-    EXPECT_GE(report.turned.size(), 2u);
+    EXPECT_GE(report.rotated.size(), 2u);
   }
 }
 
 TEST(Numbering, FourQuarterTurnsAreNone) {
   for (int id = 0; id < 64; ++id) {
-    EXPECT_EQ(TurnedCorner(TurnedCorner(id, 64, 1), 64, 3), id);
-    EXPECT_EQ(TurnedCorner(TurnedCorner(id, 64, 1), 64, 1), TurnedCorner(id, 64, 2));
+    EXPECT_EQ(RotatedCorner(RotatedCorner(id, 64, 1), 64, 3), id);
+    EXPECT_EQ(RotatedCorner(RotatedCorner(id, 64, 1), 64, 1), RotatedCorner(id, 64, 2));
   }
 }
 
-TEST(Numbering, OfOneCameraTheTurnedViewsAreCounted) {
+TEST(Numbering, OfOneCameraTheRotatedViewsAreCounted) {
   testing::SceneOptions scene;
   scene.num_cameras = 3, scene.noise_px = 0.1;
   const CalibrateReport report = Solved(Recording(scene, [](int c, int64_t f) { return c == 1 && f % 9 == 1; }));
-  ASSERT_EQ(report.turned.size(), 1u);
-  EXPECT_EQ(report.turned[0].camera, "cam1");
-  EXPECT_EQ(report.turned[0].num_views, 20);
-  EXPECT_EQ(report.turned[0].num_turned, 7);
+  ASSERT_EQ(report.rotated.size(), 1u);
+  EXPECT_EQ(report.rotated[0].camera, "cam1");
+  EXPECT_EQ(report.rotated[0].num_views, 20);
+  EXPECT_EQ(report.rotated[0].num_rotated, 7);
 }
 
-TEST(Numbering, HeldOutViewsAreTurnedToo) {
+TEST(Numbering, HeldOutViewsAreRotatedToo) {
   testing::SceneOptions scene;
   scene.num_cameras = 3, scene.noise_px = 0.1;
   CalibrateOptions options = testing::PlainOptions();
@@ -177,18 +177,18 @@ TEST(Numbering, ABoardThatStandsStillTurnsNothing) {
   CalibrateOptions options = testing::PlainOptions();
   options.fix = {{HeldPart::What::kLenses, {}}};
   const CalibrateReport report = Calibrate(input, options, RunContext());
-  EXPECT_TRUE(report.turned.empty());
+  EXPECT_TRUE(report.rotated.empty());
   EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
 }
 
 /// Two frames are too few to say what is turned: the camera contradicts the others everywhere, and may keep no corner.
-TEST(Numbering, OfTwoFramesNothingIsTurnedAndNothingPasses) {
+TEST(Numbering, OfTwoFramesNothingIsRotatedAndNothingPasses) {
   testing::SceneOptions scene;
   scene.num_cameras = 4, scene.noise_px = 0.1;
   for (const int frames : {1, 2}) {
     scene.num_frames = frames;
     const CalibrateReport report = Solved(Recording(scene, [](int c, int64_t) { return c == 2; }));
-    EXPECT_TRUE(report.turned.empty());
+    EXPECT_TRUE(report.rotated.empty());
     EXPECT_NE(report.verdict.outcome(), Outcome::kPass);
   }
 }

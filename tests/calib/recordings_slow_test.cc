@@ -78,16 +78,15 @@ TEST(Recordings, HandHeldBoardOfFourWebcams) {
   const std::string folder = mvstudio::testing::DataRoot() + "/" + "caliscope";
   CalibrateOptions options;
   options.holdout = {4, 3};
-  const CalibrateReport report =
-      Solve(folder + "/sessions/post_optimization/calibration/extrinsic/xy.csv", {}, options);
+  const CalibrateReport report = Solve(folder + "/sessions/post_optimization/calibration/extrinsic/xy.csv", {}, options);
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LE(report.board_metrics.pair_rms_mm, 0.945);
   EXPECT_LE(report.board_metrics.reprojection_rms_px, 1.348);
   EXPECT_NEAR(report.cameras[1].time_offset_frames, -0.6, 0.1) << report.time_reason;
 }
 
-/// The instants that the peer held out.
-TEST(Recordings, HandHeldBoardOnThePeersInstants) {
+/// The time steps that the peer held out.
+TEST(Recordings, HandHeldBoardOnThePeersTimeSteps) {
   MVS_NEEDS_DATA("caliscope");
   const std::string folder = mvstudio::testing::DataRoot() + "/" + "caliscope";
   CalibrateOptions options;
@@ -97,7 +96,7 @@ TEST(Recordings, HandHeldBoardOnThePeersInstants) {
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   EXPECT_LE(report.board_metrics.pair_rms_mm, 0.945);
   EXPECT_LE(report.board_metrics.reprojection_rms_px, 1.348);
-  options.time_offset = LatenessChoice::kNone;
+  options.time_offset = TimeOffsetChoice::kNone;
   options.model = geometry::LensModel::kBrown4;  // the peer's lens
   const CalibrateReport same = Solve(path, {}, options);
   ASSERT_EQ(same.status, Status::kOk) << same.message;

@@ -58,7 +58,7 @@ struct Moved {
 
 Moved RandomStep(const SchurSystem& system, double size, Rng* rng) {
   Moved step{Eigen::VectorXd(system.g.size()), Eigen::MatrixXd(6, system.num_blocks())};
-  // Steps of all unknowns move the picture by about as much.
+  // Steps of all unknowns move the image by about as much.
   for (Eigen::Index i = 0; i < step.global.size(); ++i) step.global[i] = size * rng->Normal() / std::sqrt(system.h(i, i));
   for (Eigen::Index i = 0; i < step.blocks.size(); ++i) {
     const Eigen::Index row = i % 6, column = i / 6;

@@ -34,7 +34,7 @@ void ExpectAgreement(const CalibrateInput& input, const CalibrateOptions& option
 CalibrateOptions Given() {
   CalibrateOptions options = testing::PlainOptions();
   options.model = geometry::LensModel::kBrown4;
-  options.time_offset = LatenessChoice::kAuto;
+  options.time_offset = TimeOffsetChoice::kAuto;
   return options;
 }
 

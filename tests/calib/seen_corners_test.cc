@@ -76,7 +76,7 @@ TEST(AtFrameTimes, LeavesWhatNoNeighbourMovesAndCamerasInTime) {
 CalibrateOptions Given() {
   CalibrateOptions options = testing::PlainOptions();
   options.model = geometry::LensModel::kBrown4;
-  options.time_offset = LatenessChoice::kAuto;
+  options.time_offset = TimeOffsetChoice::kAuto;
   return options;
 }
 
@@ -110,8 +110,8 @@ std::vector<Case> Cases() {
       {"any view turned, one camera shifted",
        {0, 0, 0.3},
        [](Detection* d) {
-         const bool turned = (d->camera_idx * 7 + d->frame_idx * 5) % 11 < 5;
-         turned ? Turn(d) : void();
+         const bool rotated = (d->camera_idx * 7 + d->frame_idx * 5) % 11 < 5;
+         rotated ? Turn(d) : void();
          d->frame_idx -= d->camera_idx == 2 ? 5 : 0;
        }},
       {"turned and late", {0, 0.3, 0}, [](Detection* d) { d->frame_idx % 3 == 0 && d->camera_idx > 0 ? Turn(d) : void(); }}};
@@ -189,7 +189,7 @@ TEST(SameCorners, OneFileForTwoCamerasIsNamed) {
 }
 
 /// One board says nothing about numbering by itself; with the poses of the rig it does.
-TEST(SeenCorners, OneTurnedViewIsKnownByTheRig) {
+TEST(SeenCorners, OneRotatedViewIsKnownByTheRig) {
   const testing::Scene scene = Film({0, 0}, 8, 0.2);
   CalibrateInput input = testing::ToInput(scene);
   input.detections.erase(
@@ -198,7 +198,7 @@ TEST(SeenCorners, OneTurnedViewIsKnownByTheRig) {
   for (Detection& d : input.detections) d.camera_idx == 1 ? Turn(&d) : void();
   const RigCheck check = CheckRig(testing::TruthRig(scene), input, {}, {});
   ExpectNothingMoved(check, "two boards");
-  ASSERT_EQ(check.found.turned.size(), 1u);
+  ASSERT_EQ(check.found.rotated.size(), 1u);
 }
 
 /// Clocks that were started anew: the offsets of the calibration belong to another recording.
@@ -216,7 +216,7 @@ TEST(SeenCorners, OffsetsThatTheCornersContradictAreNotApplied) {
 }
 
 /// A format without time offsets, or cameras that were started anew: late, and not moved.
-TEST(SeenCorners, LatenessThatTheCalibrationDoesNotStateIsNoMotion) {
+TEST(SeenCorners, TimeOffsetThatTheCalibrationDoesNotStateIsNoMotion) {
   const std::vector<std::vector<double>> cases = {{0, 0.35}, {0, 0.3, 0}, {0, 0.3, -0.2, 0}};
   for (const std::vector<double>& late : cases) {
     const testing::Scene scene = Film(late, 40, 0.2);
@@ -234,7 +234,7 @@ TEST(SeenCorners, LatenessThatTheCalibrationDoesNotStateIsNoMotion) {
 }
 
 /// A camera that did move is found beside what is put right.
-TEST(SeenCorners, AMotionIsFoundBesideTurnedAndLateViews) {
+TEST(SeenCorners, AMotionIsFoundBesideRotatedAndLateViews) {
   const testing::Scene scene = Film({0, 0.3, 0, 0}, 40, 0.2);
   geometry::Rig rig = testing::TruthRig(scene);
   rig.cameras[1].time_offset = geometry::TimeOffset{-0.3, 0.01};

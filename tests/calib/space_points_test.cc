@@ -85,7 +85,7 @@ TEST(SpacePoints, ExactRaysGiveTheExactPoseAndFocalLength) {
   EXPECT_NEAR(*focal, std::sqrt(truth.fx() * truth.fy()), 1e-4);
 }
 
-/// Marked points of a room, one picture a camera: the world is that of the points.
+/// Marked points of a room, one image a camera: the world is that of the points.
 TEST(SpacePoints, CalibrateFindsTheCamerasInThePointsFrame) {
   Rng rng(11);
   const geometry::Camera truth = testing::MakeCamera("c", LensModel::kBrown1);
@@ -93,9 +93,9 @@ TEST(SpacePoints, CalibrateFindsTheCamerasInThePointsFrame) {
   input.boards.resize(1);
   input.boards[0].kind = Board::Kind::kPoints;
   input.boards[0].points = Points(60, 0.4, &rng);
-  geometry::Rigid3 turned;
-  turned.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0.7, 0));
-  const geometry::Rigid3 poses[] = {Pose(), Pose() * turned};
+  geometry::Rigid3 rotated;
+  rotated.rotation = geometry::RotationExp(Eigen::Vector3d(0, 0.7, 0));
+  const geometry::Rigid3 poses[] = {Pose(), Pose() * rotated};
   for (int c = 0; c < 2; ++c) {
     const View view = See(truth, input.boards[0].points, 0.2, &rng, poses[c]);
     input.cameras.push_back({"cam" + std::to_string(c), truth.width_px, truth.height_px});

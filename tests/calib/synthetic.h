@@ -15,7 +15,7 @@
 #include "geometry/lens/camera.h"
 #include "geometry/rig/rig.h"
 
-/// Synthetic rigs, boards and pictures with known truth, for the tests of calib/.
+/// Synthetic rigs, boards and images with known truth, for the tests of calib/.
 namespace mvstudio::calib::testing {
 
 /// Distortion of a lens that exists, per model.
@@ -84,10 +84,10 @@ struct SceneOptions {
   int num_cameras = 2, num_frames = 20;
   geometry::LensModel model = geometry::LensModel::kBrown4;
   double noise_px = 0;
-  double focal_step_px = 15;  ///< from camera to camera
-  double arc_rad = 0.6;       ///< of the cameras around the volume
-  double max_tilt_rad = 0.6;  ///< of the boards; 0: parallel to the image of camera 0
-  double focal_px = 540;      ///< of camera 0; the others 15 more each
+  double focal_step_px = 15;         ///< from camera to camera
+  double arc_rad = 0.6;              ///< of the cameras around the volume
+  double max_tilt_rad = 0.6;         ///< of the boards; 0: parallel to the image of camera 0
+  double focal_px = 540;             ///< of camera 0; the others 15 more each
   double near_m = 0.9, far_m = 1.4;  ///< of the boards' centres from camera 0
   uint64_t seed = 1;
   const char* board = "chessboard:9x6:60mm";
@@ -132,7 +132,8 @@ inline Scene MakeScene(const SceneOptions& options) {
   scene.board = ParseBoard(options.board);
   Rng rng(options.seed);
   for (int c = 0; c < options.num_cameras; ++c) {
-    scene.truth.cameras.push_back(MakeCamera("cam" + std::to_string(c), options.model, options.focal_px + options.focal_step_px * c));
+    scene.truth.cameras.push_back(
+        MakeCamera("cam" + std::to_string(c), options.model, options.focal_px + options.focal_step_px * c));
     const double angle = options.num_cameras > 1 ? options.arc_rad * (c / (options.num_cameras - 1.0) - 0.5) : 0;
     const Eigen::Vector3d eye(1.2 * std::sin(angle), -1.2 * std::cos(angle), 0.1 * c);
     scene.truth.cam_from_world.push_back(LookAt(eye, Eigen::Vector3d::Zero()));
@@ -178,7 +179,7 @@ inline Eigen::Vector2d OnBoardPlane(const geometry::Projector& projector, const 
   return (board_from_cam.translation - ray * (board_from_cam.translation.z() / ray.z())).head<2>();
 }
 
-/// A picture of the board through the exact lens on a grey ground, `samples`^2 samples a pixel: exact rays at the pixel's
+/// An image of the board through the exact lens on a grey ground, `samples`^2 samples a pixel: exact rays at the pixel's
 /// corners, bilinear in between.
 inline Image RenderBoard(const Board& board, const geometry::Camera& camera, const geometry::Rigid3& cam_from_board,
                          int samples) {
@@ -192,8 +193,9 @@ inline Image RenderBoard(const Board& board, const geometry::Camera& camera, con
   Eigen::AlignedBox2d box;
   for (double a : {0.0, 0.5, 1.0}) {
     for (double b : {0.0, 0.5, 1.0}) {
-      const Eigen::Vector2d x = sheet.low_m.array() - margin_m +
-                                Eigen::Array2d(a, b) * (sheet.high_m - sheet.low_m + Eigen::Vector2d::Constant(2 * margin_m)).array();
+      const Eigen::Vector2d x =
+          sheet.low_m.array() - margin_m +
+          Eigen::Array2d(a, b) * (sheet.high_m - sheet.low_m + Eigen::Vector2d::Constant(2 * margin_m)).array();
       box.extend(projector.Project(cam_from_board * Eigen::Vector3d(x.x(), x.y(), 0)).px);
     }
   }
@@ -231,7 +233,7 @@ inline CalibrateOptions PlainOptions() {
   options.model = geometry::LensModel::kBrown2;
   options.warp = options.stretch = AutoOnOff::kOff;
   options.share_intrinsics = {LensSharing::Kind::kNone, {}};
-  options.time_offset = LatenessChoice::kNone;
+  options.time_offset = TimeOffsetChoice::kNone;
   options.holdout_folds = 2;
   return options;
 }

@@ -9,7 +9,7 @@
 #include "tests/calib/filmed.h"
 #include "tests/calib/synthetic.h"
 
-/// Cameras whose pictures of one frame were taken at different instants of a board that moves.
+/// Cameras whose images of one frame were taken at different time steps of a board that moves.
 namespace mvstudio::calib {
 namespace {
 
@@ -93,7 +93,7 @@ TEST(EstimateMotion, ConstantAccelerationIsExactAlsoWithAFrameMissing) {
   }
 }
 
-/// Corners moved by half a frame measure the board as well as those of one instant.
+/// Corners moved by half a frame measure the board as well as those of one time step.
 TEST(TimeOffset, BoardMetricsTakeTheMotionAway) {
   const Scene scene = Film({0, 0.5, -0.3}, 30, 0);
   RigState state = scene.truth;
@@ -119,10 +119,10 @@ TEST(TimeOffset, IsFoundByItself) {
   EXPECT_LT(report.rig_holdout_rms_px, 0.4);
   EXPECT_LT(report.board_metrics.reprojection_rms_px, 0.3);
   CalibrateOptions none = Given();
-  none.time_offset = LatenessChoice::kNone;
+  none.time_offset = TimeOffsetChoice::kNone;
   const CalibrateReport without = Calibrate(testing::ToInput(scene), none, RunContext());
   EXPECT_GT(without.rig_holdout_rms_px, 3 * report.rig_holdout_rms_px);
-  // The noise of the corners alone, triangulated with the true rig at one instant.
+  // The noise of the corners alone, triangulated with the true rig at one time step.
   const Scene together = Film({0, 0, 0}, 48, 0.2);
   RigState truth = together.truth;
   const double floor_mm =
@@ -180,7 +180,7 @@ TEST(TimeOffset, BoardsAtRestHaveNone) {
     Scene scene = testing::MakeScene(options);
     for (Detection& d : scene.detections) d.frame_idx *= stride;
     CalibrateOptions automatic = testing::PlainOptions();
-    automatic.time_offset = LatenessChoice::kAuto;
+    automatic.time_offset = TimeOffsetChoice::kAuto;
     const CalibrateReport report = Calibrate(testing::ToInput(scene), automatic, RunContext());
     ASSERT_EQ(report.status, Status::kOk) << report.message;
     for (const CameraReport& camera : report.cameras)
@@ -198,12 +198,12 @@ TEST(TimeOffset, OfWholeFramesMovesTheNumbersWithAWarning) {
   const auto& reasons = report.verdict.reasons;
   EXPECT_TRUE(std::any_of(reasons.begin(), reasons.end(), [](const auto& reason) { return reason.code == "CAL-FRAMES"; }));
   CalibrateOptions none = Given();
-  none.time_offset = LatenessChoice::kNone;
+  none.time_offset = TimeOffsetChoice::kNone;
   EXPECT_EQ(Calibrate(testing::ToInput(scene), none, RunContext()).status, Status::kDegenerate);
 }
 
 /// Projections scatter by as much as is said when offsets in time are unknowns: errors of points at rest against the boards of
-/// the frames' instants.
+/// the frames' time steps.
 TEST(TimeOffset, ProjectionUncertaintyCountsThem) {
   constexpr int kDraws = 60;
   constexpr double kNoise = 0.2;

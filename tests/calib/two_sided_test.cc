@@ -59,8 +59,8 @@ testing::Scene Studio(int num_frames) {
 
 /// What a camera sees: the print that faces it. From behind, `print` is drawn as in a mirror, as the back of a two-sided board
 /// is.
-Image Picture(const testing::Scene& scene, int camera, int frame, const std::vector<Side>& front,
-              const std::vector<Side>& back) {
+Image DrawnImage(const testing::Scene& scene, int camera, int frame, const std::vector<Side>& front,
+                 const std::vector<Side>& back) {
   const Rigid3 cam_from_front = scene.truth.cam_from_world[camera] * scene.truth.world_from_board[frame];
   const bool faces = (geometry::Inverse(cam_from_front).translation).z() < 0;
   const std::vector<Side>& sides = faces ? front : back;
@@ -78,7 +78,7 @@ std::vector<FootageDetections> Film(const testing::Scene& scene, const std::vect
     camera.next = [=]() -> std::optional<FootageFrame> {
       const int f = (*next)++;
       if (f >= static_cast<int>(scene.truth.frames.size())) return std::nullopt;
-      return FootageFrame{f, "frame " + std::to_string(f), Picture(scene, c, f, front, back)};
+      return FootageFrame{f, "frame " + std::to_string(f), DrawnImage(scene, c, f, front, back)};
     };
     footage.push_back(camera);
   }

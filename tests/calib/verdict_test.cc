@@ -181,8 +181,9 @@ TEST(Verdict, AFoldIsSaidAsOfAnyFile) {
       lens.params[0] = lens.params[1] = focal_px, lens.params[4] = k1;
       report.cameras[0].model = lens.model, report.cameras[0].folds = FindFolds(lens);
       report.verdict = Judge(report);
-      const auto shown = geometry::DoubtsAbout(report.rig);
-      const bool said = std::any_of(shown.begin(), shown.end(), [](const Notice& doubt) { return doubt.code == "CAL-FOLD"; });
+      const auto shown = geometry::ConflictsIn(report.rig);
+      const bool said =
+          std::any_of(shown.begin(), shown.end(), [](const Notice& conflict) { return conflict.code == "CAL-FOLD"; });
       EXPECT_EQ(said, k1 == -0.6) << focal_px << " " << k1;
       EXPECT_EQ(!Said(report, "CAL-FOLD").empty(), said) << focal_px << " " << k1;
     }

@@ -7,7 +7,7 @@
 namespace mvstudio::calib {
 namespace {
 
-/// Views of boards of which each stands still for `repeats` frames; the noise of repeated pictures is partly the same.
+/// Views of boards of which each stands still for `repeats` frames; the noise of repeated images is partly the same.
 struct Held {
   testing::Scene scene;
   std::vector<View> views;
@@ -86,8 +86,9 @@ TEST(RepeatCorrelation, IsTheShareOfTheVarianceThatRepeats) {
 
 TEST(RepeatCorrelation, WithoutRepeatsThereIsNone) {
   const Held held = HoldStill(6, 1, 0, 0.3);
-  EXPECT_EQ(RepeatCorrelation(held.views, ClusterFrames(held.views, ClusterViews(held.views), held.frames.size()), Errors(held), 2),
-            (std::vector<double>{0, 0}));
+  EXPECT_EQ(
+      RepeatCorrelation(held.views, ClusterFrames(held.views, ClusterViews(held.views), held.frames.size()), Errors(held), 2),
+      (std::vector<double>{0, 0}));
 }
 
 TEST(DiscountRepeats, RepeatsThatAreCopiesCountOnceOthersInFull) {

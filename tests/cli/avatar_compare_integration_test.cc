@@ -30,7 +30,7 @@ struct FakeRun {
   double ssim = 0.7;
   std::vector<std::string> cameras{"00_00", "00_01", "00_02"};
   json protocol = {{"crop", {{"size_px", 96}, {"fill", 0.97}}}, {"features", {{"name", "posenet"}, {"sha256", "ab"}}}};
-  std::string motion_pictures = "aa";
+  std::string motion_images = "aa";
   json options = json::object();
 
   void Write(const std::string& folder) const {
@@ -55,7 +55,7 @@ struct FakeRun {
                     json{{"schema", "mvstudio.avatar-protocol/1"},
                          {"sha256", sha256},
                          {"protocol", protocol},
-                         {"splits", {{kCameras, {{"sha256", "cc"}}}, {kMotion, {{"sha256", motion_pictures}}}}}}
+                         {"splits", {{kCameras, {{"sha256", "cc"}}}, {kMotion, {{"sha256", motion_images}}}}}}
                         .dump());
   }
 };
@@ -121,7 +121,7 @@ TEST_F(AvatarCompare, ARunIsNoSampleTwice) {
 
 TEST_F(AvatarCompare, WhatTellsRowsApartIsInTheirNames) {
   FakeRun few = Run("tna", 1, 0.6), wide = Run("tna", 1, 0.75);
-  few.cameras = {"00_00"}, few.motion_pictures = "bb";
+  few.cameras = {"00_00"}, few.motion_images = "bb";
   wide.options["model.width"] = "32";
   FakeRun narrow = Run("tna", 1, 0.7);
   narrow.options["model.width"] = "16", few.options["model.width"] = "16";

@@ -8,7 +8,7 @@
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
 
-/// `avatar render` as a program: what it writes where, and what it leaves alone. The pictures themselves are judged in
+/// `avatar render` as a program: what it writes where, and what it leaves alone. The images themselves are judged in
 /// tests/avatar/render_integration_test.cc.
 namespace mvstudio {
 namespace {
@@ -64,7 +64,7 @@ class AvatarRender : public ::testing::Test {
 };
 testing::TempDir* AvatarRender::folder_ = nullptr;
 
-TEST_F(AvatarRender, HeldOutPicturesUnlessToldOtherwise) {
+TEST_F(AvatarRender, HeldOutImagesUnlessToldOtherwise) {
   for (int twice = 0; twice < 2; ++twice) {  // its own folder is replaced
     const CliRun run = Render({"--overwrite"});
     ASSERT_EQ(run.exit, 0) << run.out << run.err;
@@ -78,12 +78,12 @@ TEST_F(AvatarRender, HeldOutPicturesUnlessToldOtherwise) {
                               "--size", "40", "--out", path("some")});
   ASSERT_EQ(some.exit, 0) << some.err;
   EXPECT_EQ(some.Json()["metrics"]["pictures"], 6);
-  const Image picture = dataset::ReadImage(path("some/00_01/00_01_00000004.png"));
-  ASSERT_EQ(picture.width, 40);
-  ASSERT_EQ(picture.channels, 3);
-  EXPECT_NEAR(picture.pixels[0], 255, 1);
-  EXPECT_NEAR(picture.pixels[1], 128, 1);
-  EXPECT_NEAR(picture.pixels[2], 0, 1);
+  const Image image = dataset::ReadImage(path("some/00_01/00_01_00000004.png"));
+  ASSERT_EQ(image.width, 40);
+  ASSERT_EQ(image.channels, 3);
+  EXPECT_NEAR(image.pixels[0], 255, 1);
+  EXPECT_NEAR(image.pixels[1], 128, 1);
+  EXPECT_NEAR(image.pixels[2], 0, 1);
 }
 
 TEST_F(AvatarRender, VideosOnePerCameraAndATurningOne) {

@@ -122,7 +122,7 @@ TEST_F(AvatarTexture, WhatDoesNotFitTogetherIsRefused) {
   EXPECT_EQ(ReadFile(out("body") + "/body.npz"), before);
 }
 
-TEST_F(AvatarTexture, AnEditedPictureComesBack) {
+TEST_F(AvatarTexture, AnEditedImageComesBack) {
   Image atlas = dataset::ReadImage(out("body") + "/texture.png");
   ASSERT_EQ(atlas.width, body::AtlasSizePx(64));
   const CliRun same = Edit("same", {"--picture", out("body") + "/texture.png"});

@@ -7,7 +7,7 @@
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
 
-/// `avatar train` as a program: splits, validation, pictures, transfer, several processes.
+/// `avatar train` as a program: splits, validation, images, transfer, several processes.
 namespace mvstudio {
 namespace {
 
@@ -224,7 +224,7 @@ TEST_F(AvatarTrain, StartsFromTheTemplateUnlessToldOtherwise) {
   EXPECT_THAT(body.Json()["errors"][0]["text"].get<std::string>(), HasSubstr("--template no-such-body"));
 }
 
-TEST_F(AvatarTrain, TakesThePicturesThatExist) {
+TEST_F(AvatarTrain, TakesTheImagesThatExist) {
   const std::string sparse = out("sparse_data");
   fs::copy(data(), sparse, fs::copy_options::recursive);
   const auto remove = [&](const std::string& kind, const std::string& camera, int frame) {

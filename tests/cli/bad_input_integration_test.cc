@@ -124,7 +124,7 @@ TEST_F(BadInput, TruncatedVideo) {
   ExpectFailure(Build(), 3, {victim, "cam_02"}, work_ / "dataset");
 }
 
-TEST_F(BadInput, PictureSizeThatContradictsTheCalibration) {
+TEST_F(BadInput, ImageSizeThatContradictsTheCalibration) {
   const std::string path = session_ + "/truth/calibration.json";
   nlohmann::json calibration = nlohmann::json::parse(Slurp(path));
   calibration["cameras"][1]["size_px"] = {640, 200};

@@ -10,17 +10,17 @@ namespace {
 
 TEST(BoardDraw, ThenCheckSaysWhichBoardItIs) {
   const TempDir folder;
-  const std::string picture = folder / "board.png";
-  const CliRun drawn = RunCli({"board", "draw", "charuco:7x5:25mm:18mm:5x5_50", "--out", picture, "--dpi", "100", "--json"});
+  const std::string image = folder / "board.png";
+  const CliRun drawn = RunCli({"board", "draw", "charuco:7x5:25mm:18mm:5x5_50", "--out", image, "--dpi", "100", "--json"});
   ASSERT_EQ(drawn.exit, 0) << drawn.err;
   EXPECT_EQ(drawn.Json()["metrics"]["num_corners"], 24);
-  const CliRun checked = RunCli({"board", "check", picture, "--board", "charuco:5x7:25mm:18mm:5x5_50", "--json"});
+  const CliRun checked = RunCli({"board", "check", image, "--board", "charuco:5x7:25mm:18mm:5x5_50", "--json"});
   ASSERT_EQ(checked.exit, 0) << checked.out;
   const auto metrics = checked.Json()["metrics"];
   EXPECT_EQ(metrics["board"], "charuco:7x5:25mm:18mm:5x5_50");
   EXPECT_EQ(metrics["trials"][0]["relation"], "rows and columns exchanged");
   EXPECT_EQ(metrics["trials"][0]["num_corners"], 24);
-  EXPECT_NE(RunCli({"board", "check", picture, "--board", "charuco:5x7:25mm:18mm:5x5_50"})
+  EXPECT_NE(RunCli({"board", "check", image, "--board", "charuco:5x7:25mm:18mm:5x5_50"})
                 .out.find("--board charuco:7x5:25mm:18mm:5x5_50"),
             std::string::npos);
 }

@@ -116,13 +116,13 @@ TEST(CalibCompare, FocalLengthAndLimits) {
   pose.translation = geometry::RotationExp(Eigen::Vector3d(0.02, 0, 0)) * pose.translation;
   geometry::WriteRig(other, folder / "turned.json");
   run = RunCli({"calib", "compare", folder / "turned.json", truth, "--json"});
-  const nlohmann::json turned = run.Json()["metrics"];
-  ASSERT_EQ(turned["cameras"].size(), 3u);
-  EXPECT_NEAR(turned["cameras"][1]["rotation_deg"].get<double>(), turned["max_rotation_deg"].get<double>(), 1e-9);
-  EXPECT_GT(turned["cameras"][1]["rotation_deg"].get<double>(), 0.5);
+  const nlohmann::json rotated = run.Json()["metrics"];
+  ASSERT_EQ(rotated["cameras"].size(), 3u);
+  EXPECT_NEAR(rotated["cameras"][1]["rotation_deg"].get<double>(), rotated["max_rotation_deg"].get<double>(), 1e-9);
+  EXPECT_GT(rotated["cameras"][1]["rotation_deg"].get<double>(), 0.5);
   for (const int c : {0, 2}) {
-    EXPECT_LT(turned["cameras"][c]["rotation_deg"].get<double>(), 0.5 * RadToDeg(0.02));
-    EXPECT_LE(turned["cameras"][c]["translation_mm"].get<double>(), turned["max_translation_mm"].get<double>() + 1e-9);
+    EXPECT_LT(rotated["cameras"][c]["rotation_deg"].get<double>(), 0.5 * RadToDeg(0.02));
+    EXPECT_LE(rotated["cameras"][c]["translation_mm"].get<double>(), rotated["max_translation_mm"].get<double>() + 1e-9);
   }
 }
 

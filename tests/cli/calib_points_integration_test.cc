@@ -77,8 +77,8 @@ PeopleOptions Points(int num_points, int num_frames) {
   return options;
 }
 
-/// Named markers at instants that are not connected in time; no skeleton, no limbs.
-TEST(CalibPoints, MarkersAtSeparateInstantsRefineARig) {
+/// Named markers at time steps that are not connected in time; no skeleton, no limbs.
+TEST(CalibPoints, MarkersAtSeparateTimeStepsRefineARig) {
   const Studio studio;
   WriteTable(
       studio.truth, FilmPeople(studio.truth, Points(9, 60)), 1000, [](size_t j) { return "marker_" + std::to_string(j); },
@@ -167,7 +167,7 @@ TEST(CalibPoints, MistakesAreNamed) {
   EXPECT_THAT(run.out, HasSubstr("either --pose2d or --points2d"));
   run = studio.Refine({"--keypoint-gap-frames", "-1"});
   EXPECT_EQ(run.exit, 2);
-  // Six instants in each half at most, of which two cannot be spared.
+  // Six time steps in each half at most, of which two cannot be spared.
   run = studio.Refine();
   EXPECT_EQ(run.exit, 0) << run.out << run.err;
   EXPECT_EQ(run.Json()["metrics"]["num_gap_frames"], 0);

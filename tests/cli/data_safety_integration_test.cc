@@ -313,13 +313,13 @@ TEST_F(DataSafety, ADemoOrAnExportThatWasEditedIsKept) {
 
 TEST_F(DataSafety, AnExportIsACopyUnlessLinksAreAskedFor) {
   ASSERT_EQ(RunCli({"dataset", "export", data(), "--to", "colmap", "--out", out("colmap")}).exit % 6, 0);
-  int pictures = 0;
+  int images = 0;
   for (const auto& entry : fs::recursive_directory_iterator(out("colmap"))) {
     if (entry.path().extension() != ".jpg" && entry.path().extension() != ".png") continue;
     EXPECT_EQ(fs::hard_link_count(entry.path()), 1u) << "editing it would edit the dataset";
-    ++pictures;
+    ++images;
   }
-  EXPECT_GT(pictures, 0);
+  EXPECT_GT(images, 0);
 }
 
 TEST_F(DataSafety, PipesWithoutAWriterAndDevicesAreRefused) {

@@ -32,7 +32,7 @@ TEST(DatasetExport, WritesTheFolderAndKeepsTheResultBesideIt) {
   EXPECT_FALSE(FilesMatching(folder / "out/*.result.json").empty());
 }
 
-TEST(DatasetExport, CamerasAndJointsNeedNoPictures) {
+TEST(DatasetExport, CamerasAndJointsNeedNoImages) {
   const TempDir folder;
   MakeDataset(folder / "d", {});
   fs::remove_all(folder / "d/hdImgs");
@@ -111,7 +111,7 @@ TEST(CalibConvert, CamerasOfEveryFormatShowTheJointsWhereTheyAre) {
   for (const bool distorted : {false, true}) {
     Setting setting;
     setting.distorted = distorted;
-    setting.pictures = setting.masks = false;
+    setting.images = setting.masks = false;
     setting.frames = {245};
     const std::string root = folder / (distorted ? "lens" : "pinhole");
     MakeDataset(root, setting);

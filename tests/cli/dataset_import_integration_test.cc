@@ -52,7 +52,7 @@ std::string Landmarks(const Eigen::Vector3d& cm, int count) {
   return "{\"landmarks\":[" + xyz + "],\"averageScore\":[" + score + "]}";
 }
 
-/// Two HD videos, a VGA video in CMU's other folder form, Kinect pictures that begin at 1, joints that begin at 4, a face, one
+/// Two HD videos, a VGA video in CMU's other folder form, Kinect images that begin at 1, joints that begin at 4, a face, one
 /// hand, sync tables.
 class Sequence {
  public:
@@ -121,7 +121,7 @@ std::map<int, std::map<int, dataset::Coco19Pose>> JointsOf(const std::string& se
   return dataset::ToCoco19(dataset::ReadPose3d(session + "/pose3d/" + take));
 }
 
-TEST(ImportPanoptic, VideosPicturesAndClocksOfAllKinds) {
+TEST(ImportPanoptic, VideosImagesAndClocksOfAllKinds) {
   const Sequence sequence;
   const CliRun run = sequence.Import({"--pictures", "decode"});
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
@@ -145,16 +145,16 @@ TEST(ImportPanoptic, VideosPicturesAndClocksOfAllKinds) {
   const dataset::CameraTimeline *vga = take.timeline.Find("01_03"), *kinect = take.timeline.Find("50_01");
   ASSERT_NE(vga, nullptr);
   EXPECT_NEAR(vga->fps_hz, 25, 1e-3);
-  // HD frame 5 is at 166.83 ms, VGA frame 4 at 167 ms; Kinect picture 6 is at 3 + 5 x 33.37 - 6.25 = 163.6 ms.
+  // HD frame 5 is at 166.83 ms, VGA frame 4 at 167 ms; Kinect image 6 is at 3 + 5 x 33.37 - 6.25 = 163.6 ms.
   const dataset::CameraTimeline* hd = take.timeline.Find("00_02");
-  const size_t instant = 5;  // counted as the joints are, by HD frames, though the calibration lists a Kinect first
-  EXPECT_EQ(hd->frame_at.at(instant), 5);
-  EXPECT_EQ(vga->frame_at.at(instant), 4);
-  EXPECT_EQ(kinect->frame_at.at(instant), 6);
-  EXPECT_NEAR(kinect->residual_s.at(instant) - hd->residual_s.at(instant), -0.00325, 1e-4);
-  // a decoded picture is that frame of the video
-  const Image picture = dataset::ReadImage(sequence.Out() + "/raw/seq/00_07/00_07_00000006.jpg");
-  EXPECT_LT(dataset::MeanAbsDifference(picture, dataset::SmoothImage(64, 48, 2 + 0.3 * 6)), 4);
+  const size_t time_step = 5;  // counted as the joints are, by HD frames, though the calibration lists a Kinect first
+  EXPECT_EQ(hd->frame_at.at(time_step), 5);
+  EXPECT_EQ(vga->frame_at.at(time_step), 4);
+  EXPECT_EQ(kinect->frame_at.at(time_step), 6);
+  EXPECT_NEAR(kinect->residual_s.at(time_step) - hd->residual_s.at(time_step), -0.00325, 1e-4);
+  // a decoded image is that frame of the video
+  const Image image = dataset::ReadImage(sequence.Out() + "/raw/seq/00_07/00_07_00000006.jpg");
+  EXPECT_LT(dataset::MeanAbsDifference(image, dataset::SmoothImage(64, 48, 2 + 0.3 * 6)), 4);
   EXPECT_TRUE(fs::exists(sequence.Out() + "/panoptic/hdHand3d/handRecon3D_hd00000004.json"));
   EXPECT_TRUE(fs::exists(sequence.Out() + "/panoptic/hd_times.csv"));
 }
@@ -293,13 +293,13 @@ TEST(ImportPanoptic, PersonA) {
   dataset::TakeTimelineOptions options;
   options.allow_outside = true;
   const auto take = dataset::BuildTakeTimeline(session, dataset::TakeOf(session, ""), options);
-  EXPECT_EQ(take.timeline.num_instants, 120);
+  EXPECT_EQ(take.timeline.num_time_steps, 120);
   EXPECT_NEAR(take.timeline.fps_hz, 15, 1e-3);
   for (const auto& camera : take.timeline.cameras) EXPECT_EQ(camera.frame_at.at(119), 119) << camera.name;
   EXPECT_TRUE(fs::exists(folder / "s/masks/person_a/00_03/00_03_00000119.png"));
 }
 
-TEST(ImportPanoptic, RealSequencesWithoutPictures) {
+TEST(ImportPanoptic, RealSequencesWithoutImages) {
   MVS_NEEDS_DATA("panoptic");
   for (const std::string band : {"160906_band1", "160906_band2"}) {
     TempDir folder;
@@ -406,7 +406,7 @@ TEST(PanopticClient, ReadsRealFilesThatWeWroteAgain) {
   }
 }
 
-TEST(PanopticClient, ReadsPersonAWithItsPictures) {
+TEST(PanopticClient, ReadsPersonAWithItsImages) {
   MVS_NEEDS_DATA("person_a");
   if (!HasClient()) GTEST_SKIP() << "needs /usr/bin/python3 with numpy (python3-numpy)";
   const std::string root = dataset::DataFolder("person_a");

@@ -6,7 +6,7 @@
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
 
-/// `dataset verify`, `pack` and `export` of a dataset that does not hold every picture.
+/// `dataset verify`, `pack` and `export` of a dataset that does not hold every image.
 namespace mvstudio::testing {
 namespace {
 

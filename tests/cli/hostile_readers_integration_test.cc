@@ -57,8 +57,8 @@ void ReadDetections(const std::string& path) {
       << bytes << Sha256Hex(bytes.data(), bytes.size());
   const auto footage = calib::DetectionCache(CacheIn(folder)).Load("key");
   if (!footage) throw FormatError(path, "", "is damaged");
-  for (const auto& picture : footage->pictures) {
-    for (const calib::BoardDetection& board : picture.layouts) {
+  for (const auto& image : footage->images) {
+    for (const calib::BoardDetection& board : image.layouts) {
       const Eigen::Index corners = board.detection.num_corners(), sigmas = board.detection.sigmas_px.size();
       EXPECT_TRUE(board.detection.points_px.cols() == corners && (sigmas == 0 || sigmas == corners));
     }

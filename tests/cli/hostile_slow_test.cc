@@ -199,10 +199,10 @@ TEST_F(Hostile, CornersAndOtherCalibrations) {
                 work_ / "in/deep.yaml");
 }
 
-TEST_F(Hostile, PicturesThatWouldFillTheMemory) {
+TEST_F(Hostile, ImagesThatWouldFillTheMemory) {
   fs::create_directories(work_ / "a");
   fs::create_directories(work_ / "b");
-  for (const auto& [name, bytes] : PictureBombs()) {
+  for (const auto& [name, bytes] : ImageBombs()) {
     for (const char* folder : {"a", "b"}) {
       fs::remove_all(work_ / folder);
       fs::create_directories(work_ / folder);
@@ -298,10 +298,10 @@ TEST_F(Hostile, DatasetsOfEveryKindOfDamage) {
     EXPECT_EQ(Listing(work_.path()), before) << name;
   }
   std::ofstream(scene, std::ios::binary) << good;
-  const std::string picture = Out() + "/hdImgs/00_01/00_01_00000001.jpg";
-  ASSERT_TRUE(fs::exists(picture));
-  for (const auto& [name, bytes] : PictureBombs()) {
-    std::ofstream(picture, std::ios::binary) << bytes;
+  const std::string image = Out() + "/hdImgs/00_01/00_01_00000001.jpg";
+  ASSERT_TRUE(fs::exists(image));
+  for (const auto& [name, bytes] : ImageBombs()) {
+    std::ofstream(image, std::ios::binary) << bytes;
     const CliRun run = RunCli({"dataset", "verify", Out(), "--json"}, kBounds);
     EXPECT_EQ(run.exit, 6) << name << ": " << run.err;
     EXPECT_THAT(run.out, HasSubstr("00_01_00000001.jpg")) << name;

@@ -100,7 +100,7 @@ TEST(MaskCommand, ANetOfOnesOwn) {
   EXPECT_FALSE(std::filesystem::exists(out));
 }
 
-TEST(MaskCommand, DamagedAndOddPicturesAreNamed) {
+TEST(MaskCommand, DamagedAndOddImagesAreNamed) {
   const Footage footage(10, 6);
   const std::string out = footage.folder.path() + "/masks", file = footage.images() + "/0004.png";
   const std::vector<std::string> words = {"mask", "--images", "A=" + footage.images(), "--backend", "background", "--out", out};

@@ -20,10 +20,9 @@ class MetricsTest : public ::testing::Test {
   std::string Path(const std::string& name) const { return folder_ / name; }
 
   Image Textured(int k) const {
-    Image picture(48, 40, 3, 100);
-    for (size_t i = static_cast<size_t>(k); i < picture.pixels.size(); i += 7)
-      picture.pixels[i] = static_cast<uint8_t>(i % 251);
-    return picture;
+    Image image(48, 40, 3, 100);
+    for (size_t i = static_cast<size_t>(k); i < image.pixels.size(); i += 7) image.pixels[i] = static_cast<uint8_t>(i % 251);
+    return image;
   }
 
   void WriteFolders() const {
@@ -98,7 +97,7 @@ TEST_F(MetricsTest, BadPairsAreNamed) {
   EXPECT_EQ(RunCli({"metrics", Path("a"), Path("x.npy")}).exit, 2);
 }
 
-TEST_F(MetricsTest, TwoPicturesAreOnePair) {
+TEST_F(MetricsTest, TwoImagesAreOnePair) {
   dataset::WriteImage(Textured(0), Path("x.png"));
   const CliRun run = RunCli({"metrics", Path("x.png"), Path("x.png"), "--json"});
   EXPECT_EQ(run.exit, 0) << run.err;

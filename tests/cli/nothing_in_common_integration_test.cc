@@ -196,7 +196,7 @@ class NothingInCommon : public ::testing::Test {
     MakeJoints();
     MakeDatasets();
     MakeCorners();
-    MakePictures();
+    MakeImages();
   }
   static void TearDownTestSuite() { sandbox_.reset(); }
 
@@ -275,7 +275,7 @@ class NothingInCommon : public ::testing::Test {
     Write(At("header.csv"), columns), Write(At("alone.csv"), columns + same.substr(0, same.find("cam_02")));
   }
 
-  static void MakePictures() {
+  static void MakeImages() {
     fs::create_directory(At("none"));
     const std::string from = At("dataset/masks/00_00/00_00_0000000");
     for (const char* folder : {"a", "b", "c"}) fs::create_directory(At(folder));

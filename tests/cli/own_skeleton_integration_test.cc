@@ -193,10 +193,10 @@ TEST_F(OwnSkeleton, DatasetsKeepEveryJointAndExportIt) {
                                     "--json"};
   for (const geometry::RigCamera& camera : rig_.cameras) {
     const std::string name = camera.camera.name;
-    Image picture(camera.camera.width_px, camera.camera.height_px, 3);
+    Image image(camera.camera.width_px, camera.camera.height_px, 3);
     for (int f = 0; f < kFrames; ++f) {
-      picture.Pixel(f, static_cast<int>(name.back() - '0'))[0] = 255;
-      dataset::WriteImage(picture, folder_ / ("images/" + name + "/" + std::to_string(100 + f).substr(1) + ".png"));
+      image.Pixel(f, static_cast<int>(name.back() - '0'))[0] = 255;
+      dataset::WriteImage(image, folder_ / ("images/" + name + "/" + std::to_string(100 + f).substr(1) + ".png"));
     }
     words.insert(words.end(), {"--images", name + "=" + (folder_ / ("images/" + name + "/*.png"))});
   }

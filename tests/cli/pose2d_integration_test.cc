@@ -29,14 +29,14 @@ struct Spot {
 
 /// A soft red spot and a soft green one, on black.
 Image Spots(Spot red, Spot green) {
-  Image picture(120, 100, 3);
+  Image image(120, 100, 3);
   const auto level = [](double x, double y, const Spot& s) {
     return static_cast<uint8_t>(std::lround(250 * std::exp(-(std::pow(x - s.x, 2) + std::pow(y - s.y, 2)) / 72)));
   };
   for (int y = 0; y < 100; ++y) {
-    for (int x = 0; x < 120; ++x) picture.Pixel(x, y)[0] = level(x, y, red), picture.Pixel(x, y)[1] = level(x, y, green);
+    for (int x = 0; x < 120; ++x) image.Pixel(x, y)[0] = level(x, y, red), image.Pixel(x, y)[1] = level(x, y, green);
   }
-  return picture;
+  return image;
 }
 
 Spot RedAt(int frame) { return {40.0 + 2 * frame, 25.0 + frame}; }
@@ -47,8 +47,8 @@ class Pose2dCommand : public ::testing::Test {
   void WriteFootage(const std::string& camera, int frames, bool empty = false) {
     for (int f = 0; f < frames; ++f) {
       const std::string name = Format("/%04d.png", f + 7);
-      const Image picture = empty ? Image(120, 100, 3) : Spots(RedAt(f), GreenAt(f));
-      dataset::WriteImage(picture, folder_ / (camera + name));
+      const Image image = empty ? Image(120, 100, 3) : Spots(RedAt(f), GreenAt(f));
+      dataset::WriteImage(image, folder_ / (camera + name));
     }
   }
   std::vector<std::string> OnnxWords(const std::string& out) const {

@@ -57,7 +57,7 @@ Figures Score(const TempDir& folder, const std::vector<std::string>& cameras, co
   return figures;
 }
 
-/// Every `step`-th frame as a picture that keeps its number.
+/// Every `step`-th frame as an image that keeps its number.
 void WriteFrames(const std::string& video, const std::string& folder, int step) {
   const auto source = dataset::OpenFrames(video);
   while (const auto frame = source->Next()) {

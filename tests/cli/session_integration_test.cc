@@ -27,11 +27,11 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-constexpr int kInstants = 90;
-constexpr double kOffsetB = 4;  // b shows instant i at its tick i + 4
+constexpr int kTimeSteps = 90;
+constexpr double kOffsetB = 4;  // b shows time step i at its tick i + 4
 
-Eigen::Vector3d JointAt(int joint, double instant) {
-  const double t = instant / 30;
+Eigen::Vector3d JointAt(int joint, double time_step) {
+  const double t = time_step / 30;
   const Eigen::Vector3d rest(0.3 * std::cos(2.4 * joint), 0.3 * std::sin(2.4 * joint), 0.06 * joint - 0.7);
   return rest + 0.2 * Eigen::Vector3d(std::sin(2.1 * t + joint) + 0.5 * std::sin(5.3 * t), std::sin(1.3 * t - joint),
                                       0.6 * std::sin(3.7 * t + 2 * joint));
@@ -39,12 +39,12 @@ Eigen::Vector3d JointAt(int joint, double instant) {
 
 bool Dropped(int camera, int tick) { return camera == 1 && (tick == 20 || tick == 21 || tick == 50); }
 
-/// Three cameras with videos whose pictures carry the instant they show; camera 1 starts 4 frames earlier and drops three.
+/// Three cameras with videos whose images carry the time step they show; camera 1 starts 4 frames earlier and drops three.
 class SessionTest : public ::testing::Test {
  protected:
   void SetUp() override {
     rig_ = triangulate::MakeRing(3);
-    for (auto& c : rig_.cameras) {  // small pictures
+    for (auto& c : rig_.cameras) {  // small images
       c.camera.width_px /= 4, c.camera.height_px /= 4;
       c.camera.params.head<4>() /= 4;
     }
@@ -69,15 +69,15 @@ class SessionTest : public ::testing::Test {
     options.codec = "mjpeg", options.time_code = TimeCode(c);
     ClipWriter writer(Path("raw/walk/" + Name(c) + ".mkv"), options);
     Rng rng(static_cast<uint64_t>(c) + 1);
-    for (int tick = 0, frame = 0; tick < kInstants; ++tick) {
+    for (int tick = 0, frame = 0; tick < kTimeSteps; ++tick) {
       if (Dropped(c, tick)) continue;
-      const int instant = tick - (c == 1 ? static_cast<int>(kOffsetB) : 0);
-      writer.Write(std::max(instant, 0), 3000 * tick);
-      stamps << Name(c) << "," << frame << "," << 1000 + instant / 30.0 << "\n";
+      const int time_step = tick - (c == 1 ? static_cast<int>(kOffsetB) : 0);
+      writer.Write(std::max(time_step, 0), 3000 * tick);
+      stamps << Name(c) << "," << frame << "," << 1000 + time_step / 30.0 << "\n";
       dataset::Person2d person;
       for (int j = 0; j < 25; ++j) {
         const auto& camera = rig_.cameras[static_cast<size_t>(c)];
-        const auto at = geometry::Project(camera.camera, camera.cam_from_world * JointAt(j, instant));
+        const auto at = geometry::Project(camera.camera, camera.cam_from_world * JointAt(j, time_step));
         person.keypoints.push_back({at.px.x() + 0.25 * rng.Normal(), at.px.y() + 0.25 * rng.Normal(), 0.9});
       }
       track.frames[frame++] = {person};
@@ -90,19 +90,19 @@ class SessionTest : public ::testing::Test {
   }
 
   /// The take's time stamps are named, and its 3D joints written.
-  void WriteJointsAt(const std::vector<int>& instants) {
+  void WriteJointsAt(const std::vector<int>& time_steps) {
     dataset::Session session = Read();
     session.takes[0].timestamps = "raw/walk.csv";
     dataset::WriteSession(session);
     dataset::Pose3d pose;
     pose.skeleton = "coco19";
-    for (const int instant : instants) {
+    for (const int time_step : time_steps) {
       for (int j = 0; j < 19; ++j) {
         dataset::JointRow row;
-        row.frame = instant;
+        row.frame = time_step;
         row.joint = geometry::Coco19().joints[static_cast<size_t>(j)];
         row.status = Status::kOk;
-        row.x_in_world = JointAt(j, instant);
+        row.x_in_world = JointAt(j, time_step);
         row.num_views = 3;
         pose.rows.push_back(row);
       }
@@ -138,8 +138,8 @@ TEST_F(SessionTest, InitShowDoctor) {
   const CliRun show = RunCli({"session", "show", Path(""), "--json"});
   ASSERT_EQ(show.exit, 0) << show.out << show.err;
   const auto footage = show.Json()["metrics"]["footage"];
-  EXPECT_EQ(footage[0]["frames"], kInstants);
-  EXPECT_EQ(footage[1]["frames"], kInstants - 3);
+  EXPECT_EQ(footage[0]["frames"], kTimeSteps);
+  EXPECT_EQ(footage[1]["frames"], kTimeSteps - 3);
   EXPECT_EQ(footage[0]["codec"], "mjpeg");
 
   const CliRun doctor = RunCli({"doctor", Path(""), "--json"});
@@ -261,18 +261,18 @@ TEST_F(SessionTest, TimelineAndSyncByEachRoad) {
   for (const dataset::Timeline* timeline : {&offsets, &common}) {
     const dataset::CameraTimeline& b = timeline->cameras[1];
     int64_t frame = 0;
-    for (int tick = 0; tick < kInstants; ++tick) {
-      const int instant = tick - static_cast<int>(kOffsetB);
+    for (int tick = 0; tick < kTimeSteps; ++tick) {
+      const int time_step = tick - static_cast<int>(kOffsetB);
       const int64_t truth = Dropped(1, tick) ? -1 : frame;
-      EXPECT_TRUE(instant < 0 || b.frame_at[static_cast<size_t>(instant)] == truth) << instant;
+      EXPECT_TRUE(time_step < 0 || b.frame_at[static_cast<size_t>(time_step)] == truth) << time_step;
       frame += !Dropped(1, tick);
     }
   }
   EXPECT_EQ(RunCli({"sync", "--from", "timestamps", "--out", folder_ / "x"}).exit, 2) << "needs a session";
 }
 
-/// Mean distance of triangulated joints from where they were at the instants that the file names, mm.
-double MeanErrorMm(const std::string& folder, int* instants) {
+/// Mean distance of triangulated joints from where they were at the time steps that the file names, mm.
+double MeanErrorMm(const std::string& folder, int* time_steps) {
   const dataset::Pose3d pose = dataset::ReadPose3d(folder);
   const geometry::Skeleton& skeleton = geometry::SkeletonByName("body25");
   double sum = 0;
@@ -283,34 +283,34 @@ double MeanErrorMm(const std::string& folder, int* instants) {
     sum += (row.x_in_world - JointAt(skeleton.Find(row.joint), row.frame)).norm(), ++count;
     frames.insert(row.frame);
   }
-  *instants = static_cast<int>(frames.size());
+  *time_steps = static_cast<int>(frames.size());
   return 1000 * sum / std::max(count, 1);
 }
 
-TEST_F(SessionTest, TriangulateCountsInstantsHoweverTheyAreKnown) {
+TEST_F(SessionTest, TriangulateCountsTimeStepsHoweverTheyAreKnown) {
   ASSERT_EQ(Init().exit, 0);
   dataset::Session session = Read();
-  const auto solve = [&](const char* how, int* instants) {
+  const auto solve = [&](const char* how, int* time_steps) {
     fs::remove_all(Path("pose3d"));
     const CliRun run = RunCli({"triangulate", "--session", Path(""), "--json"});
     EXPECT_EQ(run.exit, 0) << run.out << run.err;
-    const double error_mm = MeanErrorMm(Path("pose3d/walk"), instants);
-    std::printf("%s: %d instants, mean error %.2f mm\n", how, *instants, error_mm);
+    const double error_mm = MeanErrorMm(Path("pose3d/walk"), time_steps);
+    std::printf("%s: %d instants, mean error %.2f mm\n", how, *time_steps, error_mm);
     return error_mm;
   };
-  int instants = 0;
-  const double by_number_mm = solve("frame numbers alone", &instants);
+  int time_steps = 0;
+  const double by_number_mm = solve("frame numbers alone", &time_steps);
   session.takes[0].timestamps = "raw/walk.csv";
   dataset::WriteSession(session);
-  const double by_stamps_mm = solve("table of times", &instants);
-  EXPECT_GT(instants, 84);
+  const double by_stamps_mm = solve("table of times", &time_steps);
+  EXPECT_GT(time_steps, 84);
   ASSERT_EQ(RunCli({"sync", "--session", Path(""), "--from", "timestamps", "--reference", Name(0)}).exit, 0);
   session.takes[0].timestamps = "";
   dataset::WriteSession(session);
-  const double by_offsets_mm = solve("offsets", &instants);
-  EXPECT_GT(instants, 84);
+  const double by_offsets_mm = solve("offsets", &time_steps);
+  EXPECT_GT(time_steps, 84);
   ASSERT_EQ(RunCli({"session", "timeline", Path("")}).exit, 0);
-  const double by_timeline_mm = solve("written timeline of offsets", &instants);
+  const double by_timeline_mm = solve("written timeline of offsets", &time_steps);
   EXPECT_LT(by_stamps_mm, 0.3 * by_number_mm);
   EXPECT_NEAR(by_offsets_mm, by_stamps_mm, 0.1 * by_stamps_mm);
   EXPECT_EQ(by_timeline_mm, by_offsets_mm);
@@ -329,19 +329,19 @@ TEST_F(SessionTest, MasksKeepTheFootagesNumbersAndFollowTheTimeline) {
                              "0", "--mask-background-frames", "9", "--sheet-tiles", "0", "--json"});
   ASSERT_EQ(run.exit, 0) << run.out << run.err;
   const geometry::RigCamera& camera = rig_.cameras[1];
-  for (const auto& [instant, frame] : {std::pair{3, 7}, {15, 19}, {40, 42}}) {  // ticks 7, 19 and 44, two of them dropped
+  for (const auto& [time_step, frame] : {std::pair{3, 7}, {15, 19}, {40, 42}}) {  // ticks 7, 19 and 44, two of them dropped
     const std::string name = Format("/%08d.png", frame);
     const Image mask = dataset::ReadImage(Path("masks/walk/" + Name(1) + name), true);
     int inside = 0, on_mask = 0;
     for (int j = 0; j < 15; ++j) {  // without eyes and ears
-      const auto at = geometry::Project(camera.camera, camera.cam_from_world * JointAt(j, instant));
+      const auto at = geometry::Project(camera.camera, camera.cam_from_world * JointAt(j, time_step));
       const int x = static_cast<int>(std::lround(at.px.x())), y = static_cast<int>(std::lround(at.px.y()));
       if (x < 1 || y < 1 || x >= mask.width - 1 || y >= mask.height - 1) continue;
       ++inside;
       on_mask += *mask.Pixel(x, y) == 255;
     }
     EXPECT_GT(inside, 10);
-    EXPECT_GE(on_mask, inside - 3) << instant << ": joints " << inside;
+    EXPECT_GE(on_mask, inside - 3) << time_step << ": joints " << inside;
   }
   std::ofstream(Path("masks/walk/mask.result.json"))
       << R"({"warnings": [{"code": "MSK-HULL", "text": "doubt", "hint": null}, 3]})";
@@ -379,11 +379,11 @@ TEST_F(SessionTest, BuildKeepsInStepWhereACameraDroppedFrames) {
   ASSERT_EQ(build.exit, 6) << build.out << build.err;
   EXPECT_THAT(build.out, HasSubstr("DAT-INSTANTS"));
   for (int c = 0; c < 3; ++c) {
-    for (const int instant : {3, 15, 16, 17, 18, 40}) {
-      const std::string name = Format("d/hdImgs/00_0%d/00_0%d_%08d.png", c, c, instant);
-      const bool gone = c == 1 && (instant == 16 || instant == 17);
+    for (const int time_step : {3, 15, 16, 17, 18, 40}) {
+      const std::string name = Format("d/hdImgs/00_0%d/00_0%d_%08d.png", c, c, time_step);
+      const bool gone = c == 1 && (time_step == 16 || time_step == 17);
       ASSERT_EQ(fs::exists(folder_ / name), !gone) << name;
-      EXPECT_TRUE(gone || ReadCode(dataset::ReadImage(folder_ / name)) == instant) << name;
+      EXPECT_TRUE(gone || ReadCode(dataset::ReadImage(folder_ / name)) == time_step) << name;
     }
   }
   words[6] = "--out", words[7] = folder_ / "e";

@@ -37,8 +37,8 @@ struct Mice {
   /// x, y of a joint in a camera.
   Eigen::Vector2d Pixel(size_t camera, int frame, int mouse, int joint, double late, Rng* rng) const {
     const geometry::RigCamera& c = rig.cameras[camera];
-    const double instant = frame + (camera == 1 ? late : 0);
-    const Eigen::Vector2d px = geometry::Project(c.camera, c.cam_from_world * JointAt(instant, mouse, joint)).px;
+    const double time_step = frame + (camera == 1 ? late : 0);
+    const Eigen::Vector2d px = geometry::Project(c.camera, c.cam_from_world * JointAt(time_step, mouse, joint)).px;
     return {px.x() + noise_px * rng->Normal(), px.y() + noise_px * rng->Normal()};
   }
 
@@ -200,7 +200,8 @@ TEST(Trackers, WhatCannotBeReadEndsWithOneLineThatSaysWhatToDo) {
   const Mice mice;
   std::vector<std::string> words = Join({"triangulate", "--out", folder / "out"}, mice.WriteDeepLabCut(folder, 1));
   const char* source = std::getenv("MVSTUDIO_SOURCE");
-  std::filesystem::copy_file(std::string(source ? source : ".") + "/tests/fuzz/seeds/tracker_hdf5/project.slp", folder / "a.slp");
+  std::filesystem::copy_file(std::string(source ? source : ".") + "/tests/fuzz/seeds/tracker_hdf5/project.slp",
+                             folder / "a.slp");
   words.back() = "cam_3=" + (folder / "a.slp");
   const CliRun slp = RunCli(words);
   EXPECT_EQ(slp.exit, 3);

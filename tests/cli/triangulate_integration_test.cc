@@ -31,7 +31,7 @@ struct Take {
   geometry::Skeleton skeleton = geometry::SkeletonByName("body25");
   std::vector<dataset::Pose2dTrack> tracks;
 
-  /// `late_frames`: the second camera's picture f shows what is at f + late_frames.
+  /// `late_frames`: the second camera's image f shows what is at f + late_frames.
   explicit Take(double noise_px = 1, double late_frames = 0) {
     Rng rng(31);
     for (const geometry::RigCamera& camera : rig.cameras) {
@@ -40,8 +40,8 @@ struct Take {
       for (int f = 0; f < kFrames; ++f) {
         dataset::Person2d person;
         for (int j = 0; j < 25; ++j) {
-          const double instant = f + (&camera == &rig.cameras[1] ? late_frames : 0);
-          const Eigen::Vector2d px = geometry::Project(camera.camera, camera.cam_from_world * JointAt(instant, j)).px;
+          const double time_step = f + (&camera == &rig.cameras[1] ? late_frames : 0);
+          const Eigen::Vector2d px = geometry::Project(camera.camera, camera.cam_from_world * JointAt(time_step, j)).px;
           person.keypoints.push_back({px.x() + noise_px * rng.Normal(), px.y() + noise_px * rng.Normal(), 0.9});
         }
         track.frames[f] = {person};
@@ -114,7 +114,7 @@ TEST(TriangulateCommand, GivesPointsAndWhatTheOthersSayOfEachCamera) {
   EXPECT_LT(WorstErrorMm(folder / "out"), 25);
 }
 
-/// A distortion that the published pictures no longer have: once 52 joints of 7,000, "warn" and exit 0.
+/// A distortion that the published images no longer have: once 52 joints of 7,000, "warn" and exit 0.
 TEST(TriangulateCommand, ALostTakeNamesItsCause) {
   const TempDir folder;
   Take take;

@@ -79,9 +79,9 @@ TEST_F(UpToDate, TheSameLineHoweverItIsTyped) {
   Kept(Triangulate(""), "relative paths", "cd " + folder_.path() + " && ");
   Kept(Triangulate(folder_.path() + "/joints/.././"), "paths with dots");
   Kept(Line() + Words{"--log-level", "error", "--progress", "none"}, "less is printed");
-  Words turned = Line();
-  std::rotate(turned.begin() + 1, turned.begin() + 3, turned.begin() + 7);
-  Kept(turned, "another order");
+  Words rotated = Line();
+  std::rotate(rotated.begin() + 1, rotated.begin() + 3, rotated.begin() + 7);
+  Kept(rotated, "another order");
   const CliRun again = RunCli(Line() + Words{"--json"});
   ASSERT_EQ(again.exit, 0) << again.err;
   EXPECT_EQ(again.Json()["metrics"], first.Json()["metrics"]);
@@ -155,14 +155,14 @@ TEST_F(UpToDate, AFolderThatIsWrittenAsAWhole) {
   Refused(Build(), "a file of the user");
   fs::remove(In("d/notes.txt"));
   Kept(Build(), "without it");
-  const std::string picture = [&] {
+  const std::string image = [&] {
     for (const auto& entry : fs::recursive_directory_iterator(In("d")))
       if (entry.path().extension() == ".jpg") return entry.path().string();
     return std::string();
   }();
-  fs::rename(picture, In("away.jpg"));
+  fs::rename(image, In("away.jpg"));
   Refused(Build(), "an image is gone");
-  fs::rename(In("away.jpg"), picture);
+  fs::rename(In("away.jpg"), image);
   fs::remove(In("d/provenance.jsonl"));
   Refused(Build(), "nothing is known of it");
 }

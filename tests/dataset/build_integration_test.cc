@@ -45,7 +45,7 @@ class BuildTest : public ::testing::Test {
   static std::string Alias(int c) { return "cam_" + std::string(1, static_cast<char>('a' + c)); }
   std::string Video(int c) const { return folder_ / (Alias(c) + ".mp4"); }
   std::string Name(int c) const { return person_.rig.cameras[c].camera.name; }
-  Image Picture(int c, int frame) const { return ReadImage(person_.ImagePath(Name(c), 10 * frame)); }
+  Image TruthImage(int c, int frame) const { return ReadImage(person_.ImagePath(Name(c), 10 * frame)); }
 
   void WritePoses(const Eigen::Vector3d& moved = Eigen::Vector3d::Zero()) const {
     Pose3d pose;
@@ -70,7 +70,7 @@ class BuildTest : public ::testing::Test {
   void WriteVideo(int c, int cut_px) const {
     VideoWriter writer(Video(c), 384 - cut_px, 384, 15, 4, true);
     for (int f = 0; f < kFrames; ++f) {
-      const Image whole = Picture(c, f);
+      const Image whole = TruthImage(c, f);
       Image part(384 - cut_px, 384, 3);
       for (int y = 0; y < 384; ++y) std::copy_n(whole.Pixel(0, y), 3 * part.width, part.Pixel(0, y));
       writer.Write(part);
@@ -112,7 +112,7 @@ TEST_F(BuildTest, VideosBecomeASoundDataset) {
   for (int c = 0; c < 3; ++c) {
     EXPECT_EQ(built.rig.cameras[c].camera.params, person_.rig.cameras[c].camera.params);
     for (int f = 0; f < kFrames; ++f) {
-      EXPECT_LT(MeanAbsDifference(ReadImage(built.ImagePath("00_0" + std::to_string(c), f)), Picture(c, f)), 3.0);
+      EXPECT_LT(MeanAbsDifference(ReadImage(built.ImagePath("00_0" + std::to_string(c), f)), TruthImage(c, f)), 3.0);
       const Image mask = ReadImage(built.MaskPath("00_0" + std::to_string(c), f), true);
       const Image truth = ReadImage(person_.MaskPath(Name(c), 10 * f), true);
       double both = 0, either = 0;
@@ -150,14 +150,14 @@ TEST_F(BuildTest, SidecarNamesTheSources) {
   EXPECT_EQ(sidecar["frames"].size(), static_cast<size_t>(kFrames));
 }
 
-TEST_F(BuildTest, PicturesWithNumbersInTheirNames) {
+TEST_F(BuildTest, ImagesWithNumbersInTheirNames) {
   options_.png = true;
   options_.masks = false;
   inputs_.footage = {{Alias(0), folder_ / "pictures/view*.png", ""}};
-  for (int f = 0; f < kFrames; ++f) WriteImage(Picture(0, f), folder_ / ("pictures/view" + std::to_string(f) + ".png"));
+  for (int f = 0; f < kFrames; ++f) WriteImage(TruthImage(0, f), folder_ / ("pictures/view" + std::to_string(f) + ".png"));
   BuildDataset(inputs_, folder_ / "dataset", options_);
   const PanopticDataset built = OpenPanopticDataset(folder_ / "dataset");
-  EXPECT_EQ(ReadImage(built.ImagePath("00_00", 11)).pixels, Picture(0, 11).pixels);
+  EXPECT_EQ(ReadImage(built.ImagePath("00_00", 11)).pixels, TruthImage(0, 11).pixels);
   fs::remove(folder_ / "pictures/view7.png");
   EXPECT_NE(FailedBuild<FormatError>().find("frame 7"), std::string::npos);
 }

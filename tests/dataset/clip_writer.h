@@ -39,7 +39,7 @@ constexpr int kCodeBits = 12;
 /// Grey levels of frame `code`: 12 bars, white for 1.
 inline uint8_t CodeLevel(int code, int x, int width) { return (code >> (x * kCodeBits / width)) & 1 ? 225 : 30; }
 
-/// The number that a picture carries.
+/// The number that an image carries.
 inline int ReadCode(const Image& image) {
   int code = 0;
   for (int bit = 0; bit < kCodeBits; ++bit) {

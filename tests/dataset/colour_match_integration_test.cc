@@ -192,12 +192,12 @@ TEST(MatchColours, SaysWhatIsWrong) {
 }
 
 TEST(ApplyColour, ActsInItsSpaceAndClips) {
-  Image picture(2, 1, 3);
-  picture.pixels = {100, 50, 200, 0, 255, 128};
+  Image image(2, 1, 3);
+  image.pixels = {100, 50, 200, 0, 255, 128};
   ColourTransform t;
   t.gain << 2, 0.5, 1;
   t.offset << 0, 0.1, -0.2;
-  Image srgb = picture, linear = picture;
+  Image srgb = image, linear = image;
   ApplyColour(t, ColourSpace::kSrgb, &srgb);
   EXPECT_EQ(srgb.pixels, std::vector<uint8_t>({200, 51, 149, 0, 153, 77}));  // 50.5 rounds up
   ApplyColour(t, ColourSpace::kLinear, &linear);
@@ -214,15 +214,15 @@ ColourMatch MatchPersonA(const Studio& studio) {
   for (size_t c = 0; c < names.size() && !studio.gain.empty(); ++c) {
     inverse[c].gain = studio.gain[c].inverse(), inverse[c].offset = -studio.offset[c] / studio.gain[c];
   }
-  const PictureSource pictures = [&](int c, int frame) {
-    Image picture = ReadImage(data.ImagePath(names[c], frame));
-    ApplyColour(inverse[c], studio.space, &picture);
-    return picture;
+  const ImageSource images = [&](int c, int frame) {
+    Image image = ReadImage(data.ImagePath(names[c], frame));
+    ApplyColour(inverse[c], studio.space, &image);
+    return image;
   };
-  const PictureSource masks = [&](int c, int frame) { return ReadImage(data.MaskPath(names[c], frame), true); };
+  const ImageSource masks = [&](int c, int frame) { return ReadImage(data.MaskPath(names[c], frame), true); };
   ColourMatchOptions options;
   options.frames = 12;
-  const std::vector<ColourPoint> points = SampleSurfaceColours(data.rig, data.poses, pictures, masks, options, {});
+  const std::vector<ColourPoint> points = SampleSurfaceColours(data.rig, data.poses, images, masks, options, {});
   EXPECT_GT(points.size(), 4000u);
   return MatchColours(points, names, options);
 }

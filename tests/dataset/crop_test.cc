@@ -37,7 +37,7 @@ geometry::RigCamera CropOf(const Coco19Pose& pose, const geometry::RigCamera& ca
   return CropCamera(camera, extent->middle_in_cam, extent->half_extent_m, 0.97, size);
 }
 
-TEST(Crop, JointsProjectWhereTheResampledPictureHasThem) {
+TEST(Crop, JointsProjectWhereTheResampledImageHasThem) {
   for (const geometry::Camera& lens : geometry::testing::OrdinaryLenses()) {
     const geometry::RigCamera camera = Looking(lens, 4);
     const Coco19Pose pose = StandingPerson(0.3);
@@ -82,7 +82,7 @@ TEST(Crop, MasksKeepTheirCoverage) {
   Image mask(640, 480, 1);
   for (int y = 0; y < 480; ++y) std::fill(mask.Pixel(0, y), mask.Pixel(0, y) + 300 + y / 4, 255);
   const ResampleMap map(camera, crop);
-  const Image out = map.Mask(mask), soft = map.Picture(mask);
+  const Image out = map.Mask(mask), soft = map.Apply(mask);
   int differ = 0;
   for (size_t i = 0; i < out.pixels.size(); ++i) {
     ASSERT_TRUE(out.pixels[i] == 0 || out.pixels[i] == 255);
@@ -115,7 +115,7 @@ TEST(Resample, IsTheMeanOverTheFootprint) {
   for (int size : {64, 128, 400}) {
     const geometry::RigCamera crop = CropCamera(camera, {0.1, 0, 3}, 0.7, 1, size);
     const ResampleMap map(camera, crop);
-    const Image out = map.Picture(source);
+    const Image out = map.Apply(source);
     double sum = 0;
     int count = 0;
     for (int y = 3; y < size; y += size / 8) {
@@ -124,7 +124,7 @@ TEST(Resample, IsTheMeanOverTheFootprint) {
         sum += difference * difference, ++count;
       }
     }
-    // White noise is the worst picture there is; its own standard deviation is 74.
+    // White noise is the worst image there is; its own standard deviation is 74.
     EXPECT_LT(std::sqrt(sum / count), size == 64 ? 2.5 : size == 128 ? 5 : 14) << size;
   }
 }
@@ -134,12 +134,12 @@ TEST(Resample, ColourChannelsAndThreadsAgree) {
   const geometry::RigCamera crop = CropCamera(camera, {0.9, 0.5, 3}, 1.2, 1, 150);  // partly outside
   const Image rgb = RandomImage(640, 480, 3, 5);
   const ResampleMap map(camera, crop);
-  const Image out = map.Picture(rgb);
-  EXPECT_EQ(out.pixels, map.Picture(rgb, Border::kBlack, 3).pixels);
+  const Image out = map.Apply(rgb);
+  EXPECT_EQ(out.pixels, map.Apply(rgb, Border::kBlack, 3).pixels);
   for (int k = 0; k < 3; ++k) {
     Image one(640, 480, 1);
     for (size_t i = 0; i < one.pixels.size(); ++i) one.pixels[i] = rgb.pixels[3 * i + k];
-    const Image single = map.Picture(one);
+    const Image single = map.Apply(one);
     for (size_t i = 0; i < single.pixels.size(); ++i) ASSERT_EQ(single.pixels[i], out.pixels[3 * i + k]) << i;
   }
 }
@@ -149,7 +149,7 @@ TEST(Resample, BordersAreBlackOrLeftAsTold) {
   const geometry::RigCamera crop = CropCamera(camera, {2.0, 0, 3}, 1.5, 1, 120);
   const ResampleMap map(camera, crop);
   const Image white(640, 480, 3, 201);
-  const Image black = map.Picture(white), left = map.Picture(white, Border::kLeave), valid = map.Validity();
+  const Image black = map.Apply(white), left = map.Apply(white, Border::kLeave), valid = map.Validity();
   int partial = 0, none = 0;
   for (size_t i = 0; i < valid.pixels.size(); ++i) {
     const int b = black.pixels[3 * i], l = left.pixels[3 * i];
@@ -165,7 +165,7 @@ TEST(Resample, TinyAndHugePeopleAndPeopleBehind) {
   const geometry::RigCamera camera = Looking(BrownLens());
   const Image speck = Resample(Image(640, 480, 3, 50), camera, CropCamera(camera, {0, 0, 3}, 100, 1, 65));
   const double share =
-      640.0 * 480 / (600 * 600) / std::pow(100 / 32.5 / 3, 2);  // of the pixel that the picture fills, undistorted
+      640.0 * 480 / (600 * 600) / std::pow(100 / 32.5 / 3, 2);  // of the pixel that the image fills, undistorted
   EXPECT_NEAR(speck.Pixel(32, 32)[0], 50 * share, 8);
   EXPECT_EQ(Resample(Image(640, 480, 3, 50), camera, CropCamera(camera, {0, 0, 3}, 1e-4, 1, 64)).Pixel(5, 60)[0], 50);
   EXPECT_EQ(Resample(Image(640, 480, 3, 50), camera, CropCamera(camera, {0, 0, 3}, 1, 1, 1)).width, 1);
@@ -183,7 +183,7 @@ TEST(Resample, FoldingLensesShowNothingTwice) {
     const geometry::RigCamera camera = Looking(lens);
     const geometry::RigCamera crop = CropCamera(camera, {0, 0, 3}, 6, 1, 64);
     const ResampleMap map(camera, crop);
-    const Image out = map.Picture(Image(lens.width_px, lens.height_px, 1, 90));
+    const Image out = map.Apply(Image(lens.width_px, lens.height_px, 1, 90));
     for (int i = 0; i < 64 * 64; ++i) {
       const Eigen::Vector2d px(i % 64, i / 64), s = map.SourceOf(px);
       const bool far_inside = s.allFinite() && s.minCoeff() > 200 && s[0] < lens.width_px - 200 && s[1] < lens.height_px - 200;
@@ -242,8 +242,8 @@ TEST(Undistort, NothingToDoChangesNothing) {
   const geometry::RigCamera source = Looking(MakeLens(geometry::LensModel::kPinhole, {}, 64, 48, 60));
   const UndistortedCamera ideal = IdealPinhole(source, {});
   EXPECT_EQ(ideal.camera.camera.params, source.camera.params);
-  const Image picture = RandomImage(64, 48, 3, 1);
-  EXPECT_EQ(Undistorter(source, ideal.camera).Picture(picture).pixels, picture.pixels);
+  const Image image = RandomImage(64, 48, 3, 1);
+  EXPECT_EQ(Undistorter(source, ideal.camera).Apply(image).pixels, image.pixels);
 }
 
 TEST(Undistort, PinholesAreCentredOnlyWhereAskedFor) {
@@ -270,13 +270,13 @@ TEST(Undistort, StraightLinesBecomeStraight) {
   const geometry::RigCamera source = Looking(BrownLens());
   const UndistortedCamera ideal = IdealPinhole(source, {});
   const geometry::Projector lens(source.camera);
-  Image picture(640, 480, 1);
+  Image image(640, 480, 1);
   for (int i = 0; i < 640 * 480; ++i) {  // left of the plane x = 0.3 z it is white
     const Eigen::Vector3d ray = lens.Unproject({static_cast<double>(i % 640), static_cast<double>(i / 640)}).ray_in_cam;
-    picture.pixels[i] = ray[0] < 0.3 * ray[2] ? 255 : 0;
+    image.pixels[i] = ray[0] < 0.3 * ray[2] ? 255 : 0;
   }
   const Undistorter undistorter(source, ideal.camera);
-  const Image out = undistorter.Picture(picture);
+  const Image out = undistorter.Apply(image);
   const double edge = ideal.camera.camera.cx() + 0.3 * ideal.camera.camera.fx();
   for (int y = 0; y < 480; ++y) {
     double bright = 0;
@@ -330,7 +330,7 @@ TEST(Undistort, ExtremesGiveACameraOrAReason) {
   lenses.push_back(BrownLens(1, 1, 600));
   lenses.push_back(BrownLens(2, 1, 0.5));
   geometry::Camera aside = BrownLens();
-  aside.params[2] = 5000;  // the axis lies outside the picture
+  aside.params[2] = 5000;  // the axis lies outside the image
   lenses.push_back(aside);
   for (const geometry::Camera& lens : lenses) {
     for (const UndistortView view :

@@ -218,7 +218,7 @@ TEST(ImageIo, OrientationIsApplied) {
   }
 }
 
-TEST(Frames, ImagesOfACameraAreTurnedAlike) {
+TEST(Frames, ImagesOfACameraAreRotatedAlike) {
   const mvstudio::testing::TempDir folder;
   const std::string jpeg = EncodeImage(Image(kWidth, kHeight, 1), "a.jpg");
   for (const int i : {1, 2}) {

@@ -52,16 +52,16 @@ std::string TrcOfTwo(const std::string& unit, double apart) {
 }
 
 TEST_F(Markers, AUnitThatMakesGiantsOrDwarfsIsDoubted) {
-  const auto doubt = [&](const std::string& unit, double apart, const std::string& read_as = {}) {
-    return UnitDoubt(Read(TrcOfTwo(unit, apart), read_as, "a.trc"), "a.trc");
+  const auto conflict = [&](const std::string& unit, double apart, const std::string& read_as = {}) {
+    return UnitConflict(Read(TrcOfTwo(unit, apart), read_as, "a.trc"), "a.trc");
   };
-  EXPECT_EQ(doubt("mm", 1700), "");
-  EXPECT_EQ(doubt("m", 1.7), "");
-  EXPECT_EQ(doubt("cm", 8), "");  // a mouse
-  EXPECT_THAT(doubt("m", 1700), AllOf(HasSubstr("a.trc: read in m"), HasSubstr("over 1.7e+03 m")));
-  EXPECT_THAT(doubt("mm", 1.7), HasSubstr("within 0.0017 m"));
-  EXPECT_EQ(doubt("m", 1700, "mm"), "");
-  EXPECT_EQ(doubt("mm", 0), "");  // nothing to judge by
+  EXPECT_EQ(conflict("mm", 1700), "");
+  EXPECT_EQ(conflict("m", 1.7), "");
+  EXPECT_EQ(conflict("cm", 8), "");  // a mouse
+  EXPECT_THAT(conflict("m", 1700), AllOf(HasSubstr("a.trc: read in m"), HasSubstr("over 1.7e+03 m")));
+  EXPECT_THAT(conflict("mm", 1.7), HasSubstr("within 0.0017 m"));
+  EXPECT_EQ(conflict("m", 1700, "mm"), "");
+  EXPECT_EQ(conflict("mm", 0), "");  // nothing to judge by
 }
 
 TEST_F(Markers, EveryKindOfC3dGivesTheSamePoints) {

@@ -121,22 +121,22 @@ TEST_F(MaskIo, WhatIsNoMaskIsRefusedByName) {
   EXPECT_THAT(refused(Put("inverted1.png", Mask(0, CV_8U, 1))), HasSubstr("inverted"));
   EXPECT_THAT(refused(Put("from_one.png", Mask(2, CV_8U, 1))), HasSubstr("no pixel is 0"));
   EXPECT_THAT(refused(Put("two_in_one.png", WithAlpha(Mask(255), Mask(0, CV_8U, 255)))), HasSubstr("opacity"));
-  cv::Mat picture(60, 60, CV_8U);
-  for (int i = 0; i < 3600; ++i) picture.at<uint8_t>(i / 60, i % 60) = static_cast<uint8_t>(i % 251);
-  EXPECT_THAT(refused(Put("picture.png", picture)), HasSubstr("not a mask"));
+  cv::Mat image(60, 60, CV_8U);
+  for (int i = 0; i < 3600; ++i) image.at<uint8_t>(i / 60, i % 60) = static_cast<uint8_t>(i % 251);
+  EXPECT_THAT(refused(Put("picture.png", image)), HasSubstr("not a mask"));
 }
 
 /// Photographs of a person on white and on black, in colour and grey, whole and cut at the lower edge: none is a soft mask.
 TEST_F(MaskIo, PhotographsAreNoMasks) {
   const auto photograph = [](bool colour, int background, bool cut) {
-    cv::Mat picture(120, 100, CV_8UC3, cv::Scalar::all(background));
+    cv::Mat image(120, 100, CV_8UC3, cv::Scalar::all(background));
     for (int y = 20; y < (cut ? 120 : 100); ++y) {
       for (int x = 30; x < 65; ++x) {
         const int v = (x * 7 + y * 3) % 240;
-        picture.at<cv::Vec3b>(y, x) = colour ? cv::Vec3b(v, 240 - v, y * 2) : cv::Vec3b(v, v, v);
+        image.at<cv::Vec3b>(y, x) = colour ? cv::Vec3b(v, 240 - v, y * 2) : cv::Vec3b(v, v, v);
       }
     }
-    return picture;
+    return image;
   };
   for (const bool colour : {true, false}) {
     for (const bool cut : {true, false}) {

@@ -44,7 +44,7 @@ double ThreadMs() {
 
 struct Score {
   double iou_sum = 0, worst = 1, ms = 0;
-  int pictures = 0, worst_frame = -1;
+  int images = 0, worst_frame = -1;
   double too_much_px = 0, too_little_px = 0;          ///< beside the outline and elsewhere
   double far_too_much_px = 0, far_too_little_px = 0;  ///< farther than 2 px from the exact outline
 };
@@ -59,7 +59,7 @@ bool NearOther(const Image& truth, int x, int y, int reach) {
   return false;
 }
 
-void AddPicture(const Image& mask, const Image& truth, int frame, Score* score) {
+void AddImage(const Image& mask, const Image& truth, int frame, Score* score) {
   double both = 0, either = 0;
   for (int y = 0; y < mask.height; ++y) {
     for (int x = 0; x < mask.width; ++x) {
@@ -73,7 +73,7 @@ void AddPicture(const Image& mask, const Image& truth, int frame, Score* score) 
   }
   const double iou = both / either;
   score->iou_sum += iou;
-  ++score->pictures;
+  ++score->images;
   if (iou < score->worst) score->worst = iou, score->worst_frame = frame;
 }
 
@@ -87,7 +87,7 @@ Score ScoreCamera(const PanopticDataset& dataset, const geometry::RigCamera& cam
   }
   const CameraMaskModel model = LearnCamera(frames, bodies, nullptr, options);
   Score score;
-  const char* out = std::getenv("MVSTUDIO_MASK_OUT");  // folder for pictures of what is wrong
+  const char* out = std::getenv("MVSTUDIO_MASK_OUT");  // folder for images of what is wrong
   std::vector<SheetTile> tiles;
   for (int i = 0; i < 120; i += EveryNth()) {
     const Image rgb = ReadImage(dataset.ImagePath(camera.camera.name, i));
@@ -95,14 +95,14 @@ Score ScoreCamera(const PanopticDataset& dataset, const geometry::RigCamera& cam
     const double start = ThreadMs();
     const Image mask = SegmentBody(rgb, ProjectBody(dataset.poses.at(i), camera, options), model, options).mask;
     score.ms += ThreadMs() - start;
-    AddPicture(mask, truth, i, &score);
+    AddImage(mask, truth, i, &score);
     if (out) tiles.push_back({rgb, mask, truth});
   }
   if (out) WriteImage(ContactSheet(tiles, 4, 480, true), std::string(out) + "/" + camera.camera.name + ".png");
   return score;
 }
 
-/// Masks made from the pictures and joints of a path-traced person against its exact ones: ten cameras, every eighth frame.
+/// Masks made from the images and joints of a path-traced person against its exact ones: ten cameras, every eighth frame.
 TEST(MasksSlow, AgreeWithExactMasks) {
   MVS_NEEDS_DATA("person_a");
   const PanopticDataset dataset = OpenPanopticDataset(DataFolder("person_a"));
@@ -115,7 +115,7 @@ TEST(MasksSlow, AgreeWithExactMasks) {
   std::printf("camera  mean IoU  worst (frame)   too much (far)  too little (far), px a picture   ms\n");
   for (int c = 0; c < num_cameras; ++c) {
     const Score& s = scores[c];
-    const double n = s.pictures;
+    const double n = s.images;
     std::printf("%s   %.4f    %.4f (%3d)    %5.1f (%5.1f)   %5.1f (%5.1f)   %.0f\n", dataset.rig.cameras[c].camera.name.c_str(),
                 s.iou_sum / n, s.worst, s.worst_frame, s.too_much_px / n, s.far_too_much_px / n, s.too_little_px / n,
                 s.far_too_little_px / n, s.ms / n);

@@ -30,7 +30,7 @@ class Missing : public ::testing::Test {
       }
     }
   }
-  MissingPictures Find() const { return FindMissing(data_, cameras_, frames_); }
+  MissingImages Find() const { return FindMissing(data_, cameras_, frames_); }
 
   mvstudio::testing::TempDir folder_;
   PanopticDataset data_;
@@ -47,12 +47,12 @@ TEST_F(Missing, NothingIsMissingOfAWholeDataset) {
   EXPECT_EQ(json["names"], nlohmann::json::array());
 }
 
-TEST_F(Missing, PicturesAndMasksAreCountedByCameraAndNamed) {
+TEST_F(Missing, ImagesAndMasksAreCountedByCameraAndNamed) {
   for (const int frame : {1, 2, 3, 4, 6, 7}) fs::remove(data_.ImagePath("00_01", frame));
-  fs::remove(data_.MaskPath("00_01", 1));  // its picture is gone too
+  fs::remove(data_.MaskPath("00_01", 1));  // its image is gone too
   fs::remove(data_.MaskPath("00_01", 9));
   fs::remove(data_.MaskPath("00_02", 0));
-  const MissingPictures missing = Find();
+  const MissingImages missing = Find();
   EXPECT_EQ(missing.missing(), 8);
   EXPECT_TRUE(missing.Has("00_01", 1));
   EXPECT_TRUE(missing.Has("00_01", 9));
@@ -78,9 +78,9 @@ TEST_F(Missing, ACameraWithoutAnyIsNamedAndNamesAreFew) {
   fs::remove_all(fs::path(data_.root) / "masks");
   EXPECT_THAT(Find().CamerasWithout(), ElementsAre("00_00", "00_01", "00_02"));
   EXPECT_EQ(nlohmann::json::parse(MissingToJsonText(Find()))["names"].size(), 20u) << "of 30";
-  const MissingPictures pictures = FindMissing(data_, cameras_, frames_, false);
-  EXPECT_THAT(pictures.CamerasWithout(), ElementsAre("00_01"));
-  EXPECT_EQ(pictures.missing(), 10);
+  const MissingImages images = FindMissing(data_, cameras_, frames_, false);
+  EXPECT_THAT(images.CamerasWithout(), ElementsAre("00_01"));
+  EXPECT_EQ(images.missing(), 10);
 }
 
 TEST_F(Missing, OneOfTheTwoFormatsIsEnough) {

@@ -327,18 +327,18 @@ TEST(PanopticFiles, ANameAgainstPanelAndNode) {
     }
     return ParsePanopticCalibration(file.dump(), "c.json");
   };
-  EXPECT_TRUE(PanopticNameDoubts(numbered({0, 1, nullptr}).cameras).empty());
+  EXPECT_TRUE(PanopticNameConflicts(numbered({0, 1, nullptr}).cameras).empty());
   for (const PanopticCalibrationFile& file : {numbered({1, 0, 2}), numbered({1, 2, 3})}) {  // exchanged; counted from 1
-    EXPECT_TRUE(PanopticNameDoubts(file.cameras).at(0).exchanged);
+    EXPECT_TRUE(PanopticNameConflicts(file.cameras).at(0).exchanged);
     const std::string why = MessageOf<FormatError>([&] { ToRig(file, "c.json"); });
     EXPECT_NE(why.find("cameras[0]"), std::string::npos) << why;
     EXPECT_NE(why.find("the name '00_00': they say 00_01, which is another camera"), std::string::npos) << why;
   }
   for (const PanopticCalibrationFile& file : {numbered({0, 0, 0}), numbered({0, 7, 2})}) {  // nobody's number; another one
-    const auto doubts = PanopticNameDoubts(file.cameras);
-    ASSERT_FALSE(doubts.empty());
-    EXPECT_EQ(doubts[0].camera, 1u);
-    EXPECT_NE(doubts[0].text.find("the name counts"), std::string::npos);
+    const auto conflicts = PanopticNameConflicts(file.cameras);
+    ASSERT_FALSE(conflicts.empty());
+    EXPECT_EQ(conflicts[0].camera, 1u);
+    EXPECT_NE(conflicts[0].text.find("the name counts"), std::string::npos);
     EXPECT_EQ(ToRig(file, "c.json").cameras.at(1).camera.name, "00_01");
   }
 }

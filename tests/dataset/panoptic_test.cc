@@ -283,7 +283,7 @@ TEST(PanopticSequence, EveryKindOfFootageIsFound) {
                                                    {"20_24", false},
                                                    {"50_02", true},
                                                    {"50_10", false}}));
-  EXPECT_EQ(sequence.footage.at("00_07").pictures.rbegin()->first, 246);
+  EXPECT_EQ(sequence.footage.at("00_07").images.rbegin()->first, 246);
   EXPECT_EQ(std::filesystem::path(sequence.footage.at("00_07").other).filename(), "hd_00_07.mp4");
   EXPECT_EQ(sequence.hd_scenes.files.begin()->first, 245);  // the old folder, for want of another
   EXPECT_EQ(sequence.hands.files.begin()->first, 246);

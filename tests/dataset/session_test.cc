@@ -317,12 +317,12 @@ std::set<std::string> Codes(const SessionReport& report) {
 TEST(SessionCheck, AllFindingsNotTheFirst) {
   const TempDir folder;
   using mvstudio::testing::Regular;
-  mvstudio::testing::ClipOptions turned;
-  turned.clockwise_deg = 90;
+  mvstudio::testing::ClipOptions rotated;
+  rotated.clockwise_deg = 90;
   fs::create_directories(folder / "raw/t");
   mvstudio::testing::WriteClip(folder / "raw/t/good.mp4", Regular(20));
   fs::copy_file(folder / "raw/t/good.mp4", folder / "raw/t/copy.mp4");
-  mvstudio::testing::WriteClip(folder / "raw/t/turned.mp4", Regular(20), turned);
+  mvstudio::testing::WriteClip(folder / "raw/t/turned.mp4", Regular(20), rotated);
   mvstudio::testing::WriteClip(folder / "raw/t/slow.mp4", Regular(12, 3600));
   Truncate(folder / "raw/t/good.mp4", folder / "raw/t/cut.mp4", 0.7);
   Put(folder / "raw/t/empty.mp4", "");

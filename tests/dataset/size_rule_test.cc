@@ -26,7 +26,7 @@ TEST(SizeRule, MoreThanTwoPercentIsRefused) {
   EXPECT_TRUE(SizeRules(1920, 1080, 960, 540).empty());
 }
 
-/// Each rule as what it does to a picture: where a calibrated pixel edge lands in the footage.
+/// Each rule as what it does to an image: where a calibrated pixel edge lands in the footage.
 TEST(SizeRule, RulesSayWhereTheEdgesLand) {
   for (const SizeRule& rule : SizeRules(1088, 1920, 1080, 1920)) {
     const auto edge = [&](double u) { return rule.scale_x * u + rule.offset_x_px; };

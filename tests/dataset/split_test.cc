@@ -235,7 +235,7 @@ TEST(DescribeSplit, MeasuresAnglesAndHowNewThePosesAre) {
   ASSERT_EQ(report.test_cameras.size(), 2u);
   EXPECT_NEAR(report.max_angle_deg, 45, 12) << "seen from the person, who walks off the middle";
   EXPECT_NEAR(report.max_novelty_m, 0, 1e-9) << "moved and turned poses are not new";
-  EXPECT_EQ(report.test_pictures, 2 * 25);
+  EXPECT_EQ(report.test_images, 2 * 25);
   for (const int frame : split.test.frames) {
     Coco19Pose& pose = data.poses[frame][0];
     pose.x_in_world.col(5)[2] += 0.19;

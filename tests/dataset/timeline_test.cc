@@ -59,14 +59,14 @@ Filmed Film(const std::string& name, double start_s, double period_s, int ticks,
   return filmed;
 }
 
-/// Instants whose frame is the true one: the first kept frame of the tick nearest to the instant, or none when that tick was
-/// not kept. Ticks that are equally near to a hundredth of a frame are both right.
+/// Time steps whose frame is the true one: the first kept frame of the tick nearest to the time step, or none when that tick
+/// was not kept. Ticks that are equally near to a hundredth of a frame are both right.
 int CountRight(const Timeline& timeline, const Filmed& reference, const Filmed& filmed) {
   const CameraTimeline* camera = timeline.Find(filmed.times.camera);
   int right = 0;
-  for (int64_t i = 0; i < timeline.num_instants; ++i) {
-    const double instant_s = reference.start_s + reference.period_s * static_cast<double>(i);
-    const double exact = (instant_s - filmed.start_s) / filmed.period_s;
+  for (int64_t i = 0; i < timeline.num_time_steps; ++i) {
+    const double step_time_s = reference.start_s + reference.period_s * static_cast<double>(i);
+    const double exact = (step_time_s - filmed.start_s) / filmed.period_s;
     std::set<int64_t> allowed;
     for (const double shift : {-0.01, 0.01}) {
       const auto tick = static_cast<int64_t>(std::floor(exact + 0.5 + shift));
@@ -95,9 +95,9 @@ void ExpectAllRight(const char* what, const Timeline& timeline, const std::vecto
     const CameraTimeline& camera = *timeline.Find(filmed.times.camera);
     const int right = CountRight(timeline, cameras[0], filmed);
     std::printf("%-28s %s: %d of %d instants right; drops %d of %d; residual median %.3f, max %.3f ms\n", what,
-                camera.name.c_str(), right, static_cast<int>(timeline.num_instants), static_cast<int>(FoundDrops(camera)),
+                camera.name.c_str(), right, static_cast<int>(timeline.num_time_steps), static_cast<int>(FoundDrops(camera)),
                 static_cast<int>(TrueDrops(filmed)), camera.residual_median_ms, camera.residual_max_ms);
-    EXPECT_EQ(right, timeline.num_instants) << what << " " << camera.name;
+    EXPECT_EQ(right, timeline.num_time_steps) << what << " " << camera.name;
     EXPECT_EQ(FoundDrops(camera), TrueDrops(filmed)) << what << " " << camera.name;
   }
 }
@@ -160,21 +160,21 @@ TEST(Timeline, DifferentFrameRates) {
   near.max_residual_ms = 5;
   const Timeline strict = BuildTimeline(TimesOf(cameras), TimelineClock::kCommon, nullptr, near);
   EXPECT_LE(strict.Find("vga")->residual_max_ms, 5);
-  EXPECT_LT(InstantsOfFrames(*strict.Find("vga")).size(), InstantsOfFrames(*timeline.Find("vga")).size() / 2);
+  EXPECT_LT(TimeStepsOfFrames(*strict.Find("vga")).size(), TimeStepsOfFrames(*timeline.Find("vga")).size() / 2);
 }
 
-TEST(Timeline, EachFrameHasOneInstant) {
+TEST(Timeline, EachFrameHasOneTimeStep) {
   const std::vector<Filmed> cameras = {Film("fast", 5, 1 / 60.0, 600, {0, 0, 0, 0}, 1),
                                        Film("slow", 5.005, 1 / 30.0, 300, {0, 0, 0, 0}, 2)};
   Timeline timeline = BuildTimeline(TimesOf(cameras), TimelineClock::kCommon, nullptr);
   CameraTimeline& slow = timeline.cameras[1];
-  EXPECT_GT(InstantsOfFrames(slow).size(), 550u);  // two a frame
-  const std::map<int64_t, int64_t> nearest = InstantOfEachFrame(slow);
+  EXPECT_GT(TimeStepsOfFrames(slow).size(), 550u);  // two a frame
+  const std::map<int64_t, int64_t> nearest = TimeStepOfEachFrame(slow);
   EXPECT_GT(nearest.size(), 290u);
-  for (const auto& [frame, instant] : nearest) EXPECT_EQ(instant, 2 * frame) << "0.3 of a step late, so not the step after";
+  for (const auto& [frame, time_step] : nearest) EXPECT_EQ(time_step, 2 * frame) << "0.3 of a step late, so not the step after";
   slow.residual_s.clear();  // as from a file
-  for (const auto& [frame, instant] : InstantOfEachFrame(slow)) EXPECT_LE(std::abs(instant - 2 * frame), 1) << frame;
-  EXPECT_EQ(InstantOfEachFrame(timeline.cameras[0]).at(7), 7);
+  for (const auto& [frame, time_step] : TimeStepOfEachFrame(slow)) EXPECT_LE(std::abs(time_step - 2 * frame), 1) << frame;
+  EXPECT_EQ(TimeStepOfEachFrame(timeline.cameras[0]).at(7), 7);
 }
 
 TEST(Timeline, MillisecondStampsAndLongGaps) {
@@ -195,7 +195,7 @@ TEST(Timeline, OffsetsFromASyncFile) {
   sync.cameras[1] = {"b", "NoMotion", std::nullopt, 0};
   const Timeline without = BuildTimeline(TimesOf(cameras), TimelineClock::kOffsets, &sync);
   EXPECT_EQ(without.Find("b")->status, ClockStatus::kNoOffset);
-  EXPECT_TRUE(InstantsOfFrames(*without.Find("b")).empty());
+  EXPECT_TRUE(TimeStepsOfFrames(*without.Find("b")).empty());
 }
 
 TEST(Timeline, DriftThatASyncFileStates) {
@@ -238,11 +238,11 @@ TEST(Timeline, AClockThatWandersByMoreThanAFrame) {
   }
   const Timeline timeline = BuildTimeline(cameras, TimelineClock::kCommon, nullptr);
   int right = 0, compared = 0;
-  for (int64_t i = 5; i + 5 < timeline.num_instants; ++i, ++compared) {
+  for (int64_t i = 5; i + 5 < timeline.num_time_steps; ++i, ++compared) {
     int64_t nearest = i - 4;
     for (int64_t tick = i - 4; tick <= std::min<int64_t>(i + 4, 11999); ++tick) {
-      const double instant_s = kPeriod * static_cast<double>(i);
-      if (std::abs(time_of(tick) - instant_s) < std::abs(time_of(nearest) - instant_s)) nearest = tick;
+      const double step_time_s = kPeriod * static_cast<double>(i);
+      if (std::abs(time_of(tick) - step_time_s) < std::abs(time_of(nearest) - step_time_s)) nearest = tick;
     }
     right += timeline.cameras[1].frame_at[static_cast<size_t>(i)] == frame_of[static_cast<size_t>(nearest)];
   }
@@ -266,7 +266,7 @@ TEST(Timeline, ClocksThatAreNone) {
     EXPECT_NEAR(std::abs(b.residual_s[i]), nearest, 1e-9);
   }
   EXPECT_EQ(c.status, ClockStatus::kNoTime);
-  EXPECT_TRUE(InstantsOfFrames(c).empty());
+  EXPECT_TRUE(TimeStepsOfFrames(c).empty());
   TimelineOptions options;
   options.reference = "c";
   EXPECT_THROW(BuildTimeline(cameras, TimelineClock::kCommon, nullptr, options), FormatError);
@@ -277,7 +277,7 @@ TEST(Timeline, ClocksThatAreNone) {
   EXPECT_THROW(BuildTimeline({cameras[0]}, TimelineClock::kCommon, nullptr), FormatError);
 }
 
-TEST(Timeline, NumberedPicturesKeepTheirNumbers) {
+TEST(Timeline, NumberedImagesKeepTheirNumbers) {
   CameraTimes a{"a", "a", {}, {}, {}, 0.0}, b = a;
   b.camera = "b";
   for (const int64_t n : {5, 6, 7, 9, 10, 14}) a.frame.push_back(n), a.time_s.push_back(static_cast<double>(n) / 30);
@@ -288,13 +288,13 @@ TEST(Timeline, NumberedPicturesKeepTheirNumbers) {
   EXPECT_NEAR(timeline.cameras[1].offset_frames, 0, 1e-9);
 }
 
-TEST(Timeline, PicturesOnACommonClockKeepTheirNumbers) {
+TEST(Timeline, ImagesOnACommonClockKeepTheirNumbers) {
   CameraTimes a{"a", "a", {}, {}, {}, std::nullopt}, b = a;
   b.camera = "b";
   for (const int64_t n : {245, 246, 248, 249, 250}) a.frame.push_back(n), a.time_s.push_back(3 + static_cast<double>(n) / 30);
   for (int64_t n = 11; n < 20; ++n) b.frame.push_back(n), b.time_s.push_back(3 + static_cast<double>(n + 232) / 30);
   const Timeline timeline = BuildTimeline({a, b}, TimelineClock::kCommon, nullptr);
-  ASSERT_EQ(timeline.num_instants, 251);
+  ASSERT_EQ(timeline.num_time_steps, 251);
   for (const int64_t n : {245, 246, 248, 249, 250}) EXPECT_EQ(timeline.cameras[0].frame_at[static_cast<size_t>(n)], n);
   EXPECT_EQ(timeline.cameras[0].frame_at[247], -1);
   EXPECT_EQ(timeline.cameras[0].frame_at[244], -1);
@@ -364,7 +364,7 @@ TEST(TimelineOfVideos, DroppedAndRepeatedFrames) {
   times[1].repeats = FindRepeats(folder / "b.mkv");
   EXPECT_EQ(times[1].repeats, std::vector<int64_t>{15});  // two were dropped before it
   const Timeline timeline = BuildTimeline(times, TimelineClock::kStart, nullptr);
-  ASSERT_EQ(timeline.num_instants, 40);
+  ASSERT_EQ(timeline.num_time_steps, 40);
   EXPECT_NEAR(timeline.fps_hz, 29.97, 1e-3);
   const CameraTimeline& b = timeline.cameras[1];
   EXPECT_EQ(FoundDrops(b), 3);
@@ -426,7 +426,7 @@ TEST(Timestamps, TablesAndWhatIsWrongWithThem) {
   EXPECT_NE(wrong("camera,frame,time\nleft,1,1\nleft,1,2\n2,4,2\n").find("twice"), std::string::npos);
 }
 
-/// caliscope groups the frames of its webcams into instants while it records; its groups are the peer's opinion, not truth.
+/// caliscope groups the frames of its webcams into time steps while it records; its groups are the peer's opinion, not truth.
 TEST(Timestamps, RealWebcamsAgainstTheGroupsOfTheRecorder) {
   MVS_NEEDS_DATA("caliscope");
   const std::string folder = DataFolder("caliscope/sessions/charuco_calibration/calibration/extrinsic");

@@ -12,7 +12,7 @@ TEST(VerifyIntegration, ForeignDatasetIsFoundSound) {
   for (const Finding& f : report.findings) ADD_FAILURE() << f.code << " " << f.path << ": " << f.text;
   EXPECT_EQ(report.cameras, 10);
   EXPECT_EQ(report.frames, 120);
-  EXPECT_EQ(report.pictures, 1200);
+  EXPECT_EQ(report.images, 1200);
   EXPECT_EQ(report.masks, 1200);
 }
 

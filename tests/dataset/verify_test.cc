@@ -83,7 +83,7 @@ TEST_F(VerifyTest, SoundDatasetHasNoFinding) {
   EXPECT_EQ(Only("none"), 0);
   EXPECT_EQ(report.cameras, 2);
   EXPECT_EQ(report.frames, 3);
-  EXPECT_EQ(report.pictures, 6);
+  EXPECT_EQ(report.images, 6);
   EXPECT_EQ(report.masks, 6);
 }
 
@@ -107,27 +107,27 @@ TEST_F(VerifyTest, MirroredAxesAreFound) {
   EXPECT_NE(report.findings.at(0).text.find("determinant"), std::string::npos);
 }
 
-TEST_F(VerifyTest, PictureOfAnotherSize) {
+TEST_F(VerifyTest, ImageOfAnotherSize) {
   WriteImage(SmoothImage(82, 60, 0), Image0(6));
   EXPECT_EQ(Only("DAT-SIZE"), 1);
 }
 
-TEST_F(VerifyTest, MissingPicture) {
+TEST_F(VerifyTest, MissingImage) {
   fs::remove(Image0(6));
   EXPECT_EQ(Only("DAT-IMAGE-MISSING"), 1);
   const VerifyReport report = VerifyDataset(folder_.path());
   EXPECT_EQ(report.num_errors(), 0) << "a dataset need not hold every picture";
   EXPECT_EQ(report.findings.at(0).text, "no image for 1 of 3 frames with joints; 1 frame: 6");
-  EXPECT_EQ(report.no_picture, (std::map<std::string, int>{{"00_00", 1}}));
+  EXPECT_EQ(report.no_image, (std::map<std::string, int>{{"00_00", 1}}));
   EXPECT_TRUE(report.no_mask.empty()) << "the mask of a picture that is not there is not missed";
 }
 
-TEST_F(VerifyTest, ACameraWithoutAnyPicture) {
+TEST_F(VerifyTest, ACameraWithoutAnyImage) {
   const auto later = [&](int frame) { return Path("hdImgs/00_00/00_00_0000001" + std::to_string(frame) + ".jpg"); };
   for (int frame = 5; frame < 8; ++frame) fs::rename(Image0(frame), later(frame));
   const VerifyReport report = VerifyDataset(folder_.path());
   EXPECT_EQ(report.num_errors(), 1);
-  EXPECT_EQ(report.no_picture.at("00_00"), 3);
+  EXPECT_EQ(report.no_image.at("00_00"), 3);
   for (int frame = 5; frame < 8; ++frame) fs::remove(later(frame));
   EXPECT_EQ(Only("DAT-IMAGE"), 1) << "an empty folder";
   EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 1);
@@ -136,7 +136,7 @@ TEST_F(VerifyTest, ACameraWithoutAnyPicture) {
   EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 0) << "calibrations often list cameras that were not fetched";
 }
 
-TEST_F(VerifyTest, DamagedPicture) {
+TEST_F(VerifyTest, DamagedImage) {
   Truncate(Image0(6), Path("cut"), 0.7);
   fs::rename(Path("cut"), Image0(6));
   EXPECT_EQ(Only("DAT-IMAGE"), 1);

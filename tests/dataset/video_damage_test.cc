@@ -125,7 +125,7 @@ TEST(VideoDamage, EmptyHeaderOnlyAndIndexCutOff) {
   }
 }
 
-TEST(VideoIo, PictureSizeThatChangesIsRefused) {
+TEST(VideoIo, ImageSizeThatChangesIsRefused) {
   const TempDir folder;
   ClipOptions small, large;
   small.codec = large.codec = "mjpeg";

@@ -220,7 +220,7 @@ TEST(VideoIo, SizesBeyondTheLimitAreRefused) {
   EXPECT_EQ(image->width * image->height, 1);
 }
 
-TEST(Frames, OnlyWantedPicturesAreMade) {
+TEST(Frames, OnlyWantedImagesAreMade) {
   const TempDir folder;
   WriteClip(folder / "a.mp4", Regular(12));
   auto source = OpenFrames(folder / "a.mp4");
@@ -229,12 +229,12 @@ TEST(Frames, OnlyWantedPicturesAreMade) {
     EXPECT_NEAR(*frame->time_s, i / 30.0, 1e-9);
     EXPECT_TRUE(frame->rgb.empty());
     EXPECT_EQ(source->size_px(), std::pair(128, 64));
-    EXPECT_TRUE(i % 5 != 0 || ReadCode(source->Picture()) == i);
+    EXPECT_TRUE(i % 5 != 0 || ReadCode(source->FullImage()) == i);
     EXPECT_EQ(source->Thumbnail(32).width, 32);
   }
 }
 
-TEST(Frames, DescribesPicturesAndTheirGaps) {
+TEST(Frames, DescribesImagesAndTheirGaps) {
   const TempDir folder;
   for (const int i : {3, 4, 7, 12}) WriteImage(Image(8, 6, 3, 9), folder / ("p" + std::to_string(i) + ".png"));
   WriteImage(Image(8, 6, 3, 9), folder / "p007.png");

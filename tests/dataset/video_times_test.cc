@@ -21,7 +21,7 @@ using mvstudio::testing::Regular;
 using mvstudio::testing::TempDir;
 using mvstudio::testing::WriteClip;
 
-/// Decoded and merely read time stamps agree with those written, and each picture stands at its own time.
+/// Decoded and merely read time stamps agree with those written, and each image stands at its own time.
 void ExpectTimes(const std::string& path, const std::vector<int64_t>& pts, double unit_s, double tolerance_s = 1e-9) {
   VideoReader reader(path);
   const Decoded decoded = DecodeAll(&reader);

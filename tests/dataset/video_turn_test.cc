@@ -30,7 +30,7 @@ TEST(VideoIo, RotationIsApplied) {
     const auto image = reader.Next();
     ASSERT_TRUE(image);
     ASSERT_EQ(image->width, reader.info().width);
-    // The white bar stands at the left edge of the coded picture.
+    // The white bar stands at the left edge of the coded image.
     const auto white = [&](int x, int y) { return image->Pixel(x, y)[0] > 127; };
     EXPECT_EQ(white(image->width / 2, 3), deg == 90) << deg;
     EXPECT_EQ(white(image->width - 4, image->height / 2), deg == 180) << deg;

@@ -80,16 +80,16 @@ TEST(ReadJoints, ThePriorChoosesThePerson) {
   EXPECT_NEAR(ReadJoints(two)[0].x_px, 30, 0.1);
 }
 
-TEST(AverageMirrored, OfAMirroredPictureIsTheSame) {
+TEST(AverageMirrored, OfAMirroredImageIsTheSame) {
   const int crop_px = 128;
   for (const bool votes : {false, true}) {
     JointMaps maps = Bumps({{40.3, 60, 0.8}, {90, 61, 0.7}, {64, 20, 0.9}}, 32, 4, 7);
-    JointMaps turned = Bumps({{127 - 90.0, 61, 0.7}, {127 - 40.3, 60, 0.8}, {127 - 64.0, 20, 0.9}}, 32, 4, 7);
+    JointMaps rotated = Bumps({{127 - 90.0, 61, 0.7}, {127 - 40.3, 60, 0.8}, {127 - 64.0, 20, 0.9}}, 32, 4, 7);
     if (votes) {
       maps.dx_px.assign(maps.score.size(), 1.5f), maps.dy_px.assign(maps.score.size(), 0.5f);
-      turned.dx_px.assign(maps.score.size(), -1.5f), turned.dy_px.assign(maps.score.size(), 0.5f);
+      rotated.dx_px.assign(maps.score.size(), -1.5f), rotated.dy_px.assign(maps.score.size(), 0.5f);
     }
-    const std::vector<Keypoint2d> once = ReadJoints(maps), both = ReadJoints(AverageMirrored(maps, turned, {{0, 1}}, crop_px));
+    const std::vector<Keypoint2d> once = ReadJoints(maps), both = ReadJoints(AverageMirrored(maps, rotated, {{0, 1}}, crop_px));
     for (size_t j = 0; j < 3; ++j) {
       EXPECT_NEAR(once[j].x_px, both[j].x_px, 1e-3);
       EXPECT_NEAR(once[j].y_px, both[j].y_px, 1e-3);
@@ -97,7 +97,7 @@ TEST(AverageMirrored, OfAMirroredPictureIsTheSame) {
   }
 }
 
-/// A picture in which red grows along x and green along y.
+/// An image in which red grows along x and green along y.
 Image Ramp(int width, int height) {
   Image ramp(width, height, 3);
   for (int y = 0; y < height; ++y) {
@@ -174,14 +174,14 @@ OnnxOptions TinyOptions() {
 
 /// A soft red spot.
 Image Spot(int width, int height, double x0, double y0, double sigma) {
-  Image picture(width, height, 3);
+  Image image(width, height, 3);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       const double r2 = (x - x0) * (x - x0) + (y - y0) * (y - y0);
-      picture.Pixel(x, y)[0] = static_cast<uint8_t>(std::lround(250 * std::exp(-r2 / (2 * sigma * sigma))));
+      image.Pixel(x, y)[0] = static_cast<uint8_t>(std::lround(250 * std::exp(-r2 / (2 * sigma * sigma))));
     }
   }
-  return picture;
+  return image;
 }
 
 TEST(Onnx, HeatMapsOfAFileBecomeJoints) {
@@ -189,9 +189,9 @@ TEST(Onnx, HeatMapsOfAFileBecomeJoints) {
   WriteFileAtomic(folder / "tiny.onnx", TinyOnnx(17));
   const std::unique_ptr<JointNet> net = OpenOnnx(folder / "tiny.onnx", TinyOptions());
   EXPECT_EQ(net->input_px(), 64);
-  const Image picture = Spot(200, 160, 90.3, 77.6, 8);
+  const Image image = Spot(200, 160, 90.3, 77.6, 8);
   const Crop crop{96, 80, 80, 0};
-  const Person2d person = LocateJoints(*net, picture, crop, {{1.0}, true});
+  const Person2d person = LocateJoints(*net, image, crop, {{1.0}, true});
   ASSERT_EQ(person.keypoints.size(), 17u);
   for (const Keypoint2d& joint : person.keypoints) {
     EXPECT_NEAR(joint.x_px, 90.3, 0.3);
@@ -263,11 +263,11 @@ TEST(PoseTracker, FollowsAndSaysWhenNobodyIsThere) {
 }
 
 /// Middle of what is bright in one channel.
-Keypoint2d MiddleOf(const Image& picture, int channel) {
+Keypoint2d MiddleOf(const Image& image, int channel) {
   double sum = 0, x_sum = 0, y_sum = 0;
-  for (int y = 0; y < picture.height; ++y) {
-    for (int x = 0; x < picture.width; ++x) {
-      const double level = std::max(0, picture.Pixel(x, y)[channel] - picture.Pixel(x, y)[2]);  // grey outside the picture
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x) {
+      const double level = std::max(0, image.Pixel(x, y)[channel] - image.Pixel(x, y)[2]);  // grey outside the image
       sum += level, x_sum += level * x, y_sum += level * y;
     }
   }
@@ -293,15 +293,15 @@ class UprightNet : public JointNet {
 /// Head red and feet green, leaning clockwise.
 Image Leaning(double lean_rad) {
   const double x = 20 * std::sin(lean_rad), y = -20 * std::cos(lean_rad);
-  Image picture = Spot(200, 160, 100 + x, 80 + y, 4);
+  Image image = Spot(200, 160, 100 + x, 80 + y, 4);
   const Image feet = Spot(200, 160, 100 - x, 80 - y, 4);
-  for (int v = 0; v < picture.height; ++v) {
-    for (int u = 0; u < picture.width; ++u) picture.Pixel(u, v)[1] = feet.Pixel(u, v)[0];
+  for (int v = 0; v < image.height; ++v) {
+    for (int u = 0; u < image.width; ++u) image.Pixel(u, v)[1] = feet.Pixel(u, v)[0];
   }
-  return picture;
+  return image;
 }
 
-TEST(PoseTracker, LooksAgainWithTurnedCropsWhenAPersonLeans) {
+TEST(PoseTracker, LooksAgainWithRotatedCropsWhenAPersonLeans) {
   const UprightNet net;
   PoseTracker tracker(net, nullptr, PoseOptions(), {{1.0}, false, 1});
   ASSERT_EQ(tracker.Next(Leaning(0)).size(), 1u);
@@ -315,15 +315,15 @@ TEST(PoseTracker, LooksAgainWithTurnedCropsWhenAPersonLeans) {
   }
 }
 
-TEST(LocateJoints, NothingIsSeenOutsideThePicture) {
+TEST(LocateJoints, NothingIsSeenOutsideTheImage) {
   const SpotNet net;
-  Image picture(100, 80, 3);
-  const Person2d person = LocateJoints(net, picture, {50, 40, 80, 0}, {{1.0}, false});
+  Image image(100, 80, 3);
+  const Person2d person = LocateJoints(net, image, {50, 40, 80, 0}, {{1.0}, false});
   EXPECT_EQ(person.keypoints[0].score, 0);
   const Person2d beside = LocateJoints(net, Spot(100, 80, 30, 40, 6), {0, 40, 90, 0}, {{1.0}, false});
   EXPECT_GT(beside.keypoints[0].score, 0.5);
   const UprightNet everywhere;  // answers wherever the crop is
-  for (const Keypoint2d& joint : LocateJoints(everywhere, picture, {-100, -100, 40, 0}, {{1.0}, false}).keypoints)
+  for (const Keypoint2d& joint : LocateJoints(everywhere, image, {-100, -100, 40, 0}, {{1.0}, false}).keypoints)
     EXPECT_EQ(joint.score, 0);
 }
 

@@ -120,10 +120,10 @@ TEST(DecodePeople, FaintJointsAreNobody) {
   EXPECT_TRUE(DecodePeople(Empty()).empty());
 }
 
-/// Joints at the border lead out of the picture: the last cell's offset is taken.
+/// Joints at the border lead out of the image: the last cell's offset is taken.
 TEST(DecodePeople, APersonCutOffByTheBorderKeepsTheJointsInside) {
   Rng rng(4);
-  const Person2d person = Standing(190.2, 330.5);  // knees and feet below the picture, 384 px
+  const Person2d person = Standing(190.2, 330.5);  // knees and feet below the image, 384 px
   PosenetOutputs out = Empty();
   Add(person, 0, &rng, &out);
   const std::vector<CoarsePerson> found = DecodePeople(out);

@@ -17,7 +17,7 @@ namespace {
 using mvstudio::testing::WriteOnnx;
 
 /// A red square on blue.
-Image RedSquare(int width, int height, const PictureBox& box) {
+Image RedSquare(int width, int height, const ImageBox& box) {
   Image image(width, height, 3, 0);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
@@ -38,9 +38,9 @@ TEST(Segment, OneChannelOfLogitsFindsTheRedSquare) {
   mvstudio::testing::TempDir folder;
   const std::string path = folder.path() + "/net.onnx";
   WriteOnnx(path, 1, {12, 0, -12}, {0});
-  const PictureBox box{100, 60, 180, 160};
+  const ImageBox box{100, 60, 180, 160};
   const auto net = OnnxSegmenter(path, Small());
-  for (const PictureBox& around : {PictureBox{}, PictureBox{90, 50, 190, 170}}) {
+  for (const ImageBox& around : {ImageBox{}, ImageBox{90, 50, 190, 170}}) {
     const Image p = net->Probability(RedSquare(300, 200, box), around);
     ASSERT_EQ(p.width, 300);
     ASSERT_EQ(p.height, 200);
@@ -56,12 +56,12 @@ TEST(Segment, TheChannelOfThePersonIsTaken) {
   const std::string two = folder.path() + "/two.onnx", three = folder.path() + "/three.onnx";
   WriteOnnx(two, 2, {0, 0, 10, 10, 0, 0}, {0, 0});  // background, person
   WriteOnnx(three, 3, {10, 0, 0, 0, 0, 10, 0, 10, 0}, {0, 0, 0});
-  const Image picture = RedSquare(64, 64, {16, 16, 48, 48});
-  EXPECT_GT(*OnnxSegmenter(two, Small())->Probability(picture, {0, 0, 64, 64}).Pixel(32, 32), 240);
-  EXPECT_THROW(OnnxSegmenter(three, Small())->Probability(picture, {0, 0, 64, 64}), UsageError);
+  const Image image = RedSquare(64, 64, {16, 16, 48, 48});
+  EXPECT_GT(*OnnxSegmenter(two, Small())->Probability(image, {0, 0, 64, 64}).Pixel(32, 32), 240);
+  EXPECT_THROW(OnnxSegmenter(three, Small())->Probability(image, {0, 0, 64, 64}), UsageError);
   OnnxSegmenterOptions options = Small();
   options.person_channel = 0;
-  const Image p = OnnxSegmenter(three, options)->Probability(picture, {0, 0, 64, 64});
+  const Image p = OnnxSegmenter(three, options)->Probability(image, {0, 0, 64, 64});
   EXPECT_GT(*p.Pixel(32, 32), 240);
   EXPECT_LT(*p.Pixel(4, 4), 15);
 }
@@ -78,18 +78,18 @@ TEST(Segment, WrongFilesAndSizesAreErrors) {
   EXPECT_THROW(SelfieSegmenter(folder.path() + "/nothing"), MissingToolError);
 }
 
-TEST(Segment, BoxesStayInsideThePicture) {
+TEST(Segment, BoxesStayInsideTheImage) {
   Image grey(50, 40, 1, 0);
   EXPECT_TRUE(BoxAround(grey, 1, 0.2).empty());
   *grey.Pixel(2, 3) = 200, *grey.Pixel(30, 39) = 200;
-  const PictureBox box = BoxAround(grey, 128, 0.5);
+  const ImageBox box = BoxAround(grey, 128, 0.5);
   EXPECT_EQ(box.x0, 0);
   EXPECT_EQ(box.y0, 0);
   EXPECT_EQ(box.x1, 50);
   EXPECT_EQ(box.y1, 40);
 }
 
-TEST(Segment, SelfieSeesNobodyInAnEmptyPicture) {
+TEST(Segment, SelfieSeesNobodyInAnEmptyImage) {
   if (!HasModel("selfie")) GTEST_SKIP() << "needs the net 'selfie': mvstudio models fetch";
   const auto net = SelfieSegmenter();
   for (const auto& [w, h] : {std::pair(1, 1), std::pair(640, 360)}) {

@@ -141,13 +141,13 @@ double WorstPixel(const splats::testing::Drawn<S>& drawn, int* compared) {
   std::vector<Splat<S>> sorted = drawn.projected.splats;
   std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.depth < b.depth; });
   WorstError worst;
-  for (int y = 0; y < drawn.picture.height; y += 2) {
-    for (int x = 0; x < drawn.picture.width; x += 2) {
+  for (int y = 0; y < drawn.image.height; y += 2) {
+    for (int x = 0; x < drawn.image.width; x += 2) {
       const ExactPixel exact = Blend(sorted, x, y);
       if (!exact.sure) continue;
       ++*compared;
-      const size_t at = static_cast<size_t>(y) * static_cast<size_t>(drawn.picture.width) + static_cast<size_t>(x);
-      for (int c = 0; c < 4; ++c) worst.Add(static_cast<double>(Mp(drawn.picture.Plane(c)[at]) - exact.values[c]));
+      const size_t at = static_cast<size_t>(y) * static_cast<size_t>(drawn.image.width) + static_cast<size_t>(x);
+      for (int c = 0; c < 4; ++c) worst.Add(static_cast<double>(Mp(drawn.image.Plane(c)[at]) - exact.values[c]));
     }
   }
   return worst.value();
@@ -176,7 +176,7 @@ TEST(ImageDigits, AGaussianOnTheAxis) {
     const Mp expected = 1 / (1 + exp(-Mp(0.7))) * 9 / (9 + Mp("0.1"));
     const auto drawn = splats::testing::Draw(scene);
     RecordDigits(Case("coverage at the middle of a Gaussian, double", Format("%g m away", depth), "closed form"), 10,
-                 static_cast<double>(Mp(drawn.picture.Plane(3)[16 * 33 + 16]) / expected - 1));
+                 static_cast<double>(Mp(drawn.image.Plane(3)[16 * 33 + 16]) / expected - 1));
   }
 }
 
@@ -187,7 +187,7 @@ TEST(ImageDigits, GaussiansAtTheEnds) {
     scene.cloud.values.opacity[0] = logit;
     return splats::testing::Draw(scene);
   };
-  const auto middle = [&](double log_scale, double logit) { return with(log_scale, logit, 2).picture.Plane(3)[16 * 33 + 16]; };
+  const auto middle = [&](double log_scale, double logit) { return with(log_scale, logit, 2).image.Plane(3)[16 * 33 + 16]; };
   RecordDigits(Case("coverage, double", "a scale of exp(1e4) m, logit 2", "closed form"), 3,
                middle(1e4, 2) * (1 + std::exp(-2.0)) - 1);
   RecordDigits(Case("coverage, double", "a logit of 1e300", "the limit, 0.99"), 15, middle(-2, 1e300) / splats::kMostAlpha - 1);

@@ -141,8 +141,8 @@ Vector3mp RotateExactly(const Vector3mp& w, const Vector3mp& x) {
 /// The pose with a left perturbation (rotation, translation), applied to a point.
 Vector3mp MoveExactly(const Rigid3& pose, const VectorXmp& delta, Eigen::Index at, const Vector3mp& x) {
   const Eigen::Quaternion<Mp> q(Mp(pose.rotation.w()), Mp(pose.rotation.x()), Mp(pose.rotation.y()), Mp(pose.rotation.z()));
-  const Vector3mp turned = q.normalized().toRotationMatrix() * x;
-  return RotateExactly(delta.segment<3>(at), turned) + pose.translation.cast<Mp>() + delta.segment<3>(at + 3);
+  const Vector3mp rotated = q.normalized().toRotationMatrix() * x;
+  return RotateExactly(delta.segment<3>(at), rotated) + pose.translation.cast<Mp>() + delta.segment<3>(at + 3);
 }
 
 /// Of a left perturbation about the world's origin, entries as shares of their standard deviations.

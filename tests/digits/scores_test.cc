@@ -12,7 +12,7 @@
 #include "tests/support/digits.h"
 #include "tests/support/mp.h"
 
-/// Digits of scores between pictures, and of sums of many terms.
+/// Digits of scores between images, and of sums of many terms.
 namespace mvstudio::metrics {
 namespace {
 
@@ -29,19 +29,19 @@ DigitsCase Case(const std::string& what, const std::string& conditions, const st
   return {"Scores and sums", what, conditions, oracle};
 }
 
-Picture Constant(int width, int height, double value, double range = 1) {
+PlanarImage Constant(int width, int height, double value, double range = 1) {
   return {width, height, 1, range, std::vector<double>(static_cast<size_t>(width) * height, value)};
 }
 
-Picture Noise(int width, int height, double range, uint64_t seed) {
-  Picture picture = Constant(width, height, 0, range);
+PlanarImage Noise(int width, int height, double range, uint64_t seed) {
+  PlanarImage image = Constant(width, height, 0, range);
   Rng rng(seed);
-  for (double& sample : picture.samples) sample = range * rng.Uniform();
-  return picture;
+  for (double& sample : image.samples) sample = range * rng.Uniform();
+  return image;
 }
 
-Picture Mixed(const Picture& a, const Picture& b, double share) {
-  Picture mixed = a;
+PlanarImage Mixed(const PlanarImage& a, const PlanarImage& b, double share) {
+  PlanarImage mixed = a;
   for (size_t i = 0; i < a.samples.size(); ++i) mixed.samples[i] = (1 - share) * a.samples[i] + share * b.samples[i];
   return mixed;
 }
@@ -59,7 +59,7 @@ std::vector<Mp> WeightsOf(int side) {
 }
 
 /// One window, its top left pixel at (left, top).
-Mp ExactWindow(const Picture& a, const Picture& b, int left, int top, const std::vector<Mp>& weights) {
+Mp ExactWindow(const PlanarImage& a, const PlanarImage& b, int left, int top, const std::vector<Mp>& weights) {
   const int side = static_cast<int>(weights.size());
   const Mp c1 = Mp("1e-4"), c2 = Mp("9e-4"), scale = side == 7 ? Mp(49) / 48 : Mp(1);
   Mp mean_a = 0, mean_b = 0, squares_a = 0, squares_b = 0, products = 0;
@@ -77,7 +77,7 @@ Mp ExactWindow(const Picture& a, const Picture& b, int left, int top, const std:
   return (2 * mean_a * mean_b + c1) * (2 * covariance + c2) / ((mean_a * mean_a + mean_b * mean_b + c1) * (variances + c2));
 }
 
-Mp ExactSsim(const Picture& a, const Picture& b, int side) {
+Mp ExactSsim(const PlanarImage& a, const PlanarImage& b, int side) {
   const std::vector<Mp> weights = WeightsOf(side);
   const int rows = a.height - side + 1, columns = a.width - side + 1;
   Mp sum = 0;
@@ -91,12 +91,12 @@ TEST(ScoreDigits, Ssim) {
   for (const auto& [window, side] : {std::pair{SsimWindow::kWang2004, 11}, {SsimWindow::kUniform7, 7}}) {
     const std::string name = side == 7 ? "SSIM, uniform window of 7" : "SSIM, Gaussian window of 11";
     for (const double range : {1e-300, 1.0, 255.0, 65535.0, 1e300}) {
-      const Picture a = Noise(21, 17, range, 1), b = Mixed(a, Noise(21, 17, range, 2), 0.5);
+      const PlanarImage a = Noise(21, 17, range, 1), b = Mixed(a, Noise(21, 17, range, 2), 0.5);
       RecordDigits(Case(name, Format("21x17, range %g", range), kMpfr), 13,
                    static_cast<double>(Mp(mvstudio::metrics::Ssim(a, b, window).value) / ExactSsim(a, b, side) - 1));
     }
     for (const double share : {1e-3, 1e-6}) {  // 1 - SSIM is about share^2
-      const Picture a = Noise(21, 17, 1, 1), b = Mixed(a, Noise(21, 17, 1, 2), share);
+      const PlanarImage a = Noise(21, 17, 1, 1), b = Mixed(a, Noise(21, 17, 1, 2), share);
       const Mp left = 1 - ExactSsim(a, b, side);
       RecordDigits(Case("1 less " + name, Format("21x17, images %g apart", share), kMpfr),
                    testing::DigitsOf(1e-14 / (share * share)),
@@ -106,7 +106,7 @@ TEST(ScoreDigits, Ssim) {
 }
 
 TEST(ScoreDigits, OneWindowAndManyPixels) {
-  const Picture a = Noise(11, 11, 1, 6), b = Noise(11, 11, 1, 7);
+  const PlanarImage a = Noise(11, 11, 1, 6), b = Noise(11, 11, 1, 7);
   RecordDigits(Case("SSIM, Gaussian window of 11", "one window", kMpfr), 13,
                static_cast<double>(Mp(Ssim(a, b).value) / ExactSsim(a, b, 11) - 1));
   const double low = 0.25, high = 0.75, expected = (2 * low * high + 1e-4) / (low * low + high * high + 1e-4);
@@ -115,7 +115,7 @@ TEST(ScoreDigits, OneWindowAndManyPixels) {
 }
 
 /// Mean squared difference of the samples as shares of the range.
-Mp ExactSquares(const Picture& a, const Picture& b) {
+Mp ExactSquares(const PlanarImage& a, const PlanarImage& b) {
   Mp sum = 0;
   for (size_t i = 0; i < a.samples.size(); ++i) {
     const Mp apart = (Mp(a.samples[i]) - Mp(b.samples[i])) / Mp(a.range);
@@ -126,18 +126,18 @@ Mp ExactSquares(const Picture& a, const Picture& b) {
 
 TEST(ScoreDigits, Psnr) {
   for (const double range : {1e-300, 1.0, 255.0, 1e300}) {
-    const Picture a = Noise(64, 48, range, 3), b = Noise(64, 48, range, 4);
+    const PlanarImage a = Noise(64, 48, range, 3), b = Noise(64, 48, range, 4);
     const Mp expected = -10 * log10(ExactSquares(a, b));
     RecordDigits(Case("PSNR", Format("64x48, range %g", range), kMpfr), 13,
                  static_cast<double>(Mp(PsnrDb(a, b).value) / expected - 1));
   }
   for (const double apart : {0.1, 1e-9, 1e-100}) {
-    const Picture zero = Constant(1, 1, 0), one = Constant(1, 1, apart);
+    const PlanarImage zero = Constant(1, 1, 0), one = Constant(1, 1, apart);
     const double found = PsnrDb(zero, one).value;
     RecordDigits(Case("PSNR", Format("n = 1, %g apart", apart), kClosed), 14,
                  static_cast<double>(Mp(found) / (-20 * log10(Mp(apart))) - 1));
   }
-  const Picture zero = Constant(4000, 2500, 0), tenth = Constant(4000, 2500, 0.1);
+  const PlanarImage zero = Constant(4000, 2500, 0), tenth = Constant(4000, 2500, 0.1);
   const auto as_error = [](double db) { return static_cast<double>(pow(Mp(10), -Mp(db) / 10) / (Mp(0.1) * Mp(0.1)) - 1); };
   RecordDigits(Case("mean squared error of PSNR", "n = 1e7, all pixels", kClosed), 12, as_error(PsnrDb(zero, tenth).value));
   RecordDigits(Case("mean squared error of PSNR", "n = 1e7, in a mask", kClosed), 12,
@@ -168,15 +168,15 @@ TEST(ScoreDigits, Sums) {
 }
 
 TEST(ScoreDigits, WhatHasNoScore) {
-  const Picture good = Noise(20, 20, 1, 8);
+  const PlanarImage good = Noise(20, 20, 1, 8);
   const char* const definition = "definition";
-  const auto of = [](const Picture& a, const Picture& b) {
+  const auto of = [](const PlanarImage& a, const PlanarImage& b) {
     return std::string(ToString(Ssim(a, b).status)) + ", " + ToString(PsnrDb(a, b).status);
   };
-  const auto record = [&](const std::string& what, const Picture& other, const std::string& expected) {
+  const auto record = [&](const std::string& what, const PlanarImage& other, const std::string& expected) {
     RecordStatus(Case("SSIM and PSNR", what, definition), expected, of(good, other));
   };
-  Picture other = good;
+  PlanarImage other = good;
   for (const double bad : {std::nan(""), std::numeric_limits<double>::infinity()}) {
     other.samples[7] = bad;
     record(Format("a sample is %g", bad), other, "NotFinite, NotFinite");
@@ -186,7 +186,7 @@ TEST(ScoreDigits, WhatHasNoScore) {
   record("another size", Noise(20, 21, 1, 8), "SizesDiffer, SizesDiffer");
   RecordStatus(Case("SSIM and PSNR", "n = 0", definition), "TooSmall, TooSmall", of({}, {}));
   for (const double range : {std::numeric_limits<double>::infinity(), 5e-324}) {
-    const Picture endless = Constant(20, 20, 0, range);
+    const PlanarImage endless = Constant(20, 20, 0, range);
     RecordStatus(Case("SSIM and PSNR", Format("a range of %g", range), definition), "NotFinite, NotFinite",
                  of(endless, endless));
   }

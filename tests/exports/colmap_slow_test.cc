@@ -7,7 +7,7 @@
 #include "tests/exports/fixture.h"
 #include "tests/support/test_data.h"
 
-/// The program `colmap` itself opens the export, triangulates its own features with our cameras and undistorts our pictures.
+/// The program `colmap` itself opens the export, triangulates its own features with our cameras and undistorts our images.
 namespace mvstudio::exports::testing {
 namespace {
 
@@ -86,7 +86,7 @@ std::string Triangulate(const std::string& db, const std::string& images, const 
 
 /// Few features, as a body of smooth colours seen from ten sides gives: matching is set to keep what it can, and the cameras
 /// have to sort out what is true.
-void MatchPictures(const std::string& db, const std::string& folder) {
+void MatchImages(const std::string& db, const std::string& folder) {
   Colmap("feature_extractor", {{"database_path", db},
                                {"image_path", folder + "/images"},
                                {"ImageReader.mask_path", folder + "/masks"},
@@ -107,9 +107,9 @@ TEST(ColmapProgram, TriangulatesItsOwnFeaturesWithTheExportedCameras) {
   MVS_NEEDS_DATA("person_a");
   const TempDir folder;
   dataset::PanopticDataset dataset = dataset::OpenPanopticDataset(DataRoot() + "/person_a");
-  ASSERT_EQ(ExportDataset(dataset, "colmap", folder / "out", {}).pictures, 10);
+  ASSERT_EQ(ExportDataset(dataset, "colmap", folder / "out", {}).images, 10);
   const std::string db = folder / "db", images = folder / "out/images";
-  MatchPictures(db, folder / "out");
+  MatchImages(db, folder / "out");
   const std::string log = Triangulate(db, images, folder / "out/sparse/0", folder / "points");
   const double points = Figure(log, "Points"), error_px = Figure(log, "Mean reprojection error");
   RecordProperty("points", static_cast<int>(points));

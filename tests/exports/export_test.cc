@@ -157,21 +157,21 @@ TEST(Export, LinksTakeNoSpaceAndCopiesAreOnTheirOwn) {
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
   const std::string original = dataset.ImagePath("00_00", 245);
   ExportOptions options;
-  options.pictures = ExportPictures::kLink;
+  options.images = ExportImages::kLink;
   ExportReport report = ExportDataset(dataset, "zju", folder / "linked", options);
-  EXPECT_EQ(report.linked, report.pictures + report.masks);
+  EXPECT_EQ(report.linked, report.images + report.masks);
   EXPECT_TRUE(fs::equivalent(original, folder / "linked/00_00/000245.jpg"));
   report = ExportDataset(dataset, "zju", folder / "copied", {});
   EXPECT_EQ(report.linked, 0);
   EXPECT_FALSE(fs::equivalent(original, folder / "copied/00_00/000245.jpg"));
   EXPECT_EQ(ReadFile(original), ReadFile(folder / "copied/00_00/000245.jpg"));
-  options.pictures = ExportPictures::kNone;
+  options.images = ExportImages::kNone;
   report = ExportDataset(dataset, "zju", folder / "none", options);
-  EXPECT_EQ(report.pictures, 0);
+  EXPECT_EQ(report.images, 0);
   EXPECT_FALSE(fs::exists(folder / "none/00_00"));
 }
 
-TEST(Export, ImagesThatExifTurnsAreWrittenTurned) {
+TEST(Export, ImagesThatExifTurnsAreWrittenRotated) {
   const TempDir folder;
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
   const std::string original = dataset.ImagePath("00_00", 245), jpeg = ReadFile(original);
@@ -235,7 +235,7 @@ TEST(Export, RefusesWhatAFormatCannotSay) {
   EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }), HasSubstr("'nobody'"));
   EXPECT_THAT(MessageOf<UsageError>([&] { FromString("perhaps", &options.undistort); }),
               HasSubstr("'undistort' perhaps: must be one of auto, always, never"));
-  EXPECT_THROW(FromString("move", &options.pictures), UsageError);
+  EXPECT_THROW(FromString("move", &options.images), UsageError);
   EXPECT_THROW(FromString("mine", &options.names), UsageError);
   for (const auto& entry : fs::directory_iterator(folder.path()))
     EXPECT_EQ(entry.path().filename().string().find(".mvstudio-"), std::string::npos) << entry.path();
@@ -379,7 +379,7 @@ TEST(Export, NobodyIsBadInputForJointFiles) {
   EXPECT_FALSE(fs::exists(folder / "out"));
 }
 
-TEST(Export, DamagedOrMisfitPicturesLeaveNothingBehind) {
+TEST(Export, DamagedOrMisfitImagesLeaveNothingBehind) {
   const TempDir folder;
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
   dataset::WriteImage(Disc(50, 50, false), dataset.ImagePath("00_03", 245));
@@ -393,22 +393,22 @@ TEST(Export, DamagedOrMisfitPicturesLeaveNothingBehind) {
   EXPECT_FALSE(fs::exists(folder / "out"));
 }
 
-TEST(Export, MissingPicturesAreCounted) {
+TEST(Export, MissingImagesAreCounted) {
   const TempDir folder;
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
   fs::remove(dataset.ImagePath("00_03", 246));
   fs::remove(dataset.MaskPath("00_02", 245));
   const ExportReport report = ExportDataset(dataset, "dynamic3dgs", folder / "out", {});
-  EXPECT_EQ(report.missing_pictures, 1);
+  EXPECT_EQ(report.missing_images, 1);
   EXPECT_EQ(report.missing_masks, 1);
-  EXPECT_THAT(report.missing.by_camera.at("00_03").no_picture, ::testing::ElementsAre(246));
+  EXPECT_THAT(report.missing.by_camera.at("00_03").no_image, ::testing::ElementsAre(246));
   EXPECT_THAT(report.notes.at(report.notes.size() - 2).text, HasSubstr("(00_03: 1 of "));
   const auto meta = nlohmann::json::parse(ReadFile(folder / "out/train_meta.json"));
   EXPECT_EQ(meta["fn"][0].size(), 5u);
-  EXPECT_EQ(meta["fn"][1].size(), 4u);  // a picture that is not there is not named
+  EXPECT_EQ(meta["fn"][1].size(), 4u);  // an image that is not there is not named
 }
 
-TEST(Export, NoPictureAtAllIsRefused) {
+TEST(Export, NoImageAtAllIsRefused) {
   const TempDir folder;
   const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
   ExportOptions options;
@@ -417,7 +417,7 @@ TEST(Export, NoPictureAtAllIsRefused) {
   EXPECT_THAT(MessageOf<FormatError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }),
               HasSubstr("none of the 1"));
   EXPECT_FALSE(fs::exists(folder / "out"));
-  options.pictures = ExportPictures::kNone;
+  options.images = ExportImages::kNone;
   EXPECT_EQ(ExportDataset(dataset, "zju", folder / "out", options).missing.asked(), 0);
 }
 

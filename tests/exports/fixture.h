@@ -45,7 +45,7 @@ struct Setting {
   std::vector<int> frames = {245, 246, 248};
   int people = 1;
   bool missing_joints = false;
-  bool pictures = true, masks = true;
+  bool images = true, masks = true;
   bool odd_poses = false;  ///< a camera at the world's origin, half turns
 };
 
@@ -121,7 +121,7 @@ inline Image Disc(int width, int height, bool mask) {
 inline dataset::PanopticDataset MakeDataset(const std::string& root, const Setting& setting) {
   const geometry::Rig rig = MakeRig(setting);
   dataset::WritePanopticCalibration(rig, root + "/calibration_test.json", "test");
-  const Image picture = Disc(setting.width, setting.height, false), mask = Disc(setting.width, setting.height, true);
+  const Image image = Disc(setting.width, setting.height, false), mask = Disc(setting.width, setting.height, true);
   for (const int frame : setting.frames) {
     std::map<int, dataset::Coco19Pose> people;
     for (int p = 0; p < setting.people; ++p) {
@@ -134,8 +134,8 @@ inline dataset::PanopticDataset MakeDataset(const std::string& root, const Setti
       const std::string& name = camera.camera.name;
       const std::string stem = "/" + name + "/" + name + "_" + number;
       MakeFolder(root + "/hdImgs/" + name);
-      if (!setting.pictures) WriteFileAtomic(root + "/hdImgs/" + name + "/.keep", "");
-      if (setting.pictures) dataset::WriteImage(picture, root + "/hdImgs" + stem + ".jpg");
+      if (!setting.images) WriteFileAtomic(root + "/hdImgs/" + name + "/.keep", "");
+      if (setting.images) dataset::WriteImage(image, root + "/hdImgs" + stem + ".jpg");
       if (setting.masks) dataset::WriteImage(mask, root + "/masks" + stem + ".png");
     }
   }

@@ -49,7 +49,7 @@ TEST(Masks, AlphaIsTheMaskAndOutsideIsBlack) {
   for (const std::string format : {"colmap", "nerfstudio"}) {
     const ExportReport report = ExportDataset(dataset, format, folder / format, options);
     EXPECT_EQ(report.masks, 5);
-    EXPECT_EQ(report.pictures, 5);
+    EXPECT_EQ(report.images, 5);
     EXPECT_TRUE(ReadOne(format, folder / format, folder / "d")["faults"].empty()) << format;
   }
   const Image source = dataset::ReadImage(dataset.ImagePath("00_02", 245)),
@@ -89,7 +89,7 @@ TEST(Masks, NoneLeavesThemOut) {
     const ExportReport report = ExportDataset(dataset, format, folder / format, options);
     EXPECT_EQ(report.masks, 0) << format;
     EXPECT_EQ(report.missing_masks, 0) << format;
-    EXPECT_GT(report.pictures, 0) << format;
+    EXPECT_GT(report.images, 0) << format;
     for (const char* name : {"masks", "mask", "seg"}) EXPECT_FALSE(fs::exists(folder / format + "/" + name)) << format;
   }
 }
@@ -101,7 +101,7 @@ TEST(Masks, AlphaIsRefusedWhereNoReaderTakesIt) {
   options.masks = ExportMasks::kAlpha;
   EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "zju", folder / "out", options); }),
               HasSubstr("readers of zju take no alpha channel; colmap and nerfstudio do"));
-  options.pictures = ExportPictures::kNone;
+  options.images = ExportImages::kNone;
   EXPECT_THAT(MessageOf<UsageError>([&] { ExportDataset(dataset, "colmap", folder / "out", options); }),
               HasSubstr("needs images"));
   EXPECT_FALSE(fs::exists(folder / "out"));

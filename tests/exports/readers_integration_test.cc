@@ -86,7 +86,7 @@ TEST(Readers, EverythingUndistortedFrameByFrame) {
   ExportOptions options;
   options.undistort = ExportUndistort::kAlways;
   options.all_frames = true;
-  options.pictures = ExportPictures::kCopy;
+  options.images = ExportImages::kCopy;
   ExpectPinned(ExportAndRead(folder, setting, options, {"colmap", "nerfstudio", "zju", "easymocap", "dna", "npz", "gltf"}));
 }
 

@@ -4,7 +4,7 @@
 #include "dataset/footage/video_io.h"
 #include "tests/fuzz/fuzz.h"
 
-/// Pictures and video. The decoders themselves are OpenCV's and libav's; ours are the checks before and after them.
+/// Images and video. The decoders themselves are OpenCV's and libav's; ours are the checks before and after them.
 namespace mvstudio::fuzz {
 namespace {
 
@@ -31,7 +31,7 @@ std::string WithChecksums(std::string_view bytes) {
   return png;
 }
 
-void RunPicture(const std::string& path) {
+void RunImage(const std::string& path) {
   for (const bool grey : {false, true}) {
     Image image;
     if (!Accepts([&] { image = dataset::ReadImage(path, grey); })) continue;
@@ -41,9 +41,9 @@ void RunPicture(const std::string& path) {
 
 }  // namespace
 
-MVS_FUZZ_TARGET(picture, bytes) {
-  RunPicture(InMemory("in.png", bytes));
-  if (bytes.size() > 8 && bytes.substr(1, 3) == "PNG") RunPicture(InMemory("in.png", WithChecksums(bytes)));
+MVS_FUZZ_TARGET(image, bytes) {
+  RunImage(InMemory("in.png", bytes));
+  if (bytes.size() > 8 && bytes.substr(1, 3) == "PNG") RunImage(InMemory("in.png", WithChecksums(bytes)));
 }
 
 MVS_FUZZ_TARGET(video, bytes) {

@@ -71,8 +71,8 @@ MVS_FUZZ_TARGET(detection_cache, bytes) {
   std::optional<calib::StoredFootage> footage;
   Require(Accepts([&] { footage = Cached(std::string(bytes) + Digest(bytes)); }), "a damaged cache is an error");
   if (!footage) return;
-  for (const auto& picture : footage->pictures) {
-    for (const calib::BoardDetection& board : picture.layouts) {
+  for (const auto& image : footage->images) {
+    for (const calib::BoardDetection& board : image.layouts) {
       const calib::Detection& found = board.detection;
       Require(found.points_px.cols() == found.num_corners(), "corners without a place");
       Require(found.sigmas_px.size() == 0 || found.sigmas_px.size() == found.num_corners(), "deviations of other corners");

@@ -15,7 +15,7 @@ namespace pack = dataset::internal;
 
 namespace {
 
-/// One picture of one person, with a mask.
+/// One image of one person, with a mask.
 pack::Shard SmallShard() {
   pack::Shard shard;
   shard.camera = {0}, shard.frame = {5}, shard.person = {0}, shard.pose = {0};

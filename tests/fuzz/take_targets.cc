@@ -6,7 +6,7 @@
 #include "dataset/views/split.h"
 #include "tests/fuzz/fuzz.h"
 
-/// Files about a take: which frame shows which instant, and which belong to training.
+/// Files about a take: which frame shows which time step, and which belong to training.
 namespace mvstudio::fuzz {
 
 MVS_FUZZ_TARGET(timeline_json, bytes) {
@@ -14,7 +14,7 @@ MVS_FUZZ_TARGET(timeline_json, bytes) {
   dataset::Timeline timeline;
   if (!Accepts([&] { timeline = dataset::ReadTimeline(path); })) return;
   for (const dataset::CameraTimeline& camera : timeline.cameras) {
-    Require(static_cast<int64_t>(camera.frame_at.size()) == timeline.num_instants, "a camera of another number of instants");
+    Require(static_cast<int64_t>(camera.frame_at.size()) == timeline.num_time_steps, "a camera of another number of instants");
   }
   const std::string out = MemoryPath("out.timeline.json"), again = MemoryPath("again.timeline.json");
   dataset::WriteTimeline(timeline, out);

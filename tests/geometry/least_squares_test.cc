@@ -191,14 +191,14 @@ TEST(LeastSquares, NumbersThatAreNoneAreRefused) {
 struct Turn : LeastSquaresProblem<3, Eigen::Quaterniond> {
   Eigen::Matrix3Xd from, to;
 
-  Turn(const Eigen::Matrix3Xd& points, const Eigen::Matrix3Xd& turned) : from(points), to(turned) {}
+  Turn(const Eigen::Matrix3Xd& points, const Eigen::Matrix3Xd& rotated) : from(points), to(rotated) {}
   Eigen::Quaterniond Retract(const Eigen::Quaterniond& q, const Eigen::Vector3d& step) const {
     return (RotationExp(step) * q).normalized();
   }
   bool Linearize(const Eigen::Quaterniond& q, NormalEquations<3>* out) const {
     for (Eigen::Index i = 0; i < from.cols(); ++i) {
-      const Eigen::Vector3d turned = q * Eigen::Vector3d(from.col(i)), residual = turned - to.col(i);
-      const Eigen::Matrix3d jacobian = -CrossMatrix(turned);
+      const Eigen::Vector3d rotated = q * Eigen::Vector3d(from.col(i)), residual = rotated - to.col(i);
+      const Eigen::Matrix3d jacobian = -CrossMatrix(rotated);
       out->h += jacobian.transpose() * jacobian, out->g += jacobian.transpose() * residual;
       out->cost += residual.squaredNorm();
     }

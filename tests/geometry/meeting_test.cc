@@ -31,8 +31,8 @@ Rig Ring(int count = 5) {
 }
 
 bool Says(const Rig& rig, const std::string& code) {
-  const std::vector<Notice> doubts = DoubtsAbout(rig);
-  return std::any_of(doubts.begin(), doubts.end(), [&](const Notice& doubt) { return doubt.code == code; });
+  const std::vector<Notice> conflicts = ConflictsIn(rig);
+  return std::any_of(conflicts.begin(), conflicts.end(), [&](const Notice& conflict) { return conflict.code == code; });
 }
 
 TEST(Meeting, IsWhereTheCamerasLook) {
@@ -40,12 +40,12 @@ TEST(Meeting, IsWhereTheCamerasLook) {
   ASSERT_TRUE(meeting.sharp());
   EXPECT_LT((meeting.x_in_world - Eigen::Vector3d(0.3, -0.2, 1)).norm(), 1e-9);
   EXPECT_EQ(meeting.in_front, 5);
-  EXPECT_EQ(MeetingOfAxes(WithAxesTurned(Ring())).in_front, 0);
+  EXPECT_EQ(MeetingOfAxes(WithAxesRotated(Ring())).in_front, 0);
   EXPECT_FALSE(MeetingOfAxes({}).determined);
 }
 
 TEST(Meeting, InvertedPosesAreRecognisedAndMended) {
-  EXPECT_TRUE(DoubtsAbout(Ring()).empty());
+  EXPECT_TRUE(ConflictsIn(Ring()).empty());
   const Rig inverted = WithPosesInverted(Ring());
   EXPECT_TRUE(Says(inverted, "CAL-INVERTED"));
   const Rig back = WithPosesInverted(inverted);
@@ -64,7 +64,7 @@ TEST(Meeting, InvertedPosesAreRecognisedAndMended) {
 }
 
 TEST(Meeting, CamerasThatLookAwayAreNamed) {
-  EXPECT_TRUE(Says(WithAxesTurned(Ring()), "CAL-LOOKAWAY"));
+  EXPECT_TRUE(Says(WithAxesRotated(Ring()), "CAL-LOOKAWAY"));
   Rig one_place = Ring();
   for (RigCamera& camera : one_place.cameras)
     camera.cam_from_world.translation = camera.cam_from_world.rotation * Eigen::Vector3d(1, 2, 3);

@@ -35,7 +35,7 @@ Rig Ordinary() {
 
 std::vector<std::string> CodesOf(const Rig& rig) {
   std::vector<std::string> codes;
-  for (const Notice& doubt : DoubtsAbout(rig)) codes.push_back(doubt.code);
+  for (const Notice& conflict : ConflictsIn(rig)) codes.push_back(conflict.code);
   return codes;
 }
 
@@ -67,10 +67,10 @@ TEST(Plausible, WidthAndHeightExchanged) {
 TEST(Plausible, DecentringBeyondAnyLens) {
   Rig rig = Ordinary();
   rig.cameras[1].camera.params.tail<5>() << -0.05, 0.02, 6.459, 0.01, 0.3;
-  const std::vector<Notice> doubts = DoubtsAbout(rig);
-  ASSERT_FALSE(doubts.empty());
-  EXPECT_EQ(doubts[0].code, "CAL-DECENTRING");
-  EXPECT_THAT(doubts[0].text, HasSubstr("camera cam_1: a decentring (p1, p2) of 6.459"));
+  const std::vector<Notice> conflicts = ConflictsIn(rig);
+  ASSERT_FALSE(conflicts.empty());
+  EXPECT_EQ(conflicts[0].code, "CAL-DECENTRING");
+  EXPECT_THAT(conflicts[0].text, HasSubstr("camera cam_1: a decentring (p1, p2) of 6.459"));
   rig = Ordinary();
   rig.cameras[1].camera.params[7] = -0.049;
   EXPECT_THAT(CodesOf(rig), Not(::testing::Contains("CAL-DECENTRING")));
@@ -79,11 +79,11 @@ TEST(Plausible, DecentringBeyondAnyLens) {
 TEST(Plausible, DecentringThatIsTheThirdRadialTerm) {
   Rig rig = Ordinary();
   for (RigCamera& camera : rig.cameras) camera.camera.params.tail<5>() << -0.2, 0.15, -0.08, 1e-3, -5e-4;  // k1 k2 k3 p1 p2
-  const std::vector<Notice> doubts = DoubtsAbout(rig);
-  ASSERT_FALSE(doubts.empty());
-  EXPECT_EQ(doubts[0].code, "CAL-DECENTRING");
-  EXPECT_THAT(doubts[0].text, HasSubstr("in the order k1 k2 k3 p1 p2 the terms make sense"));
-  EXPECT_THAT(doubts[0].text, HasSubstr("cam_0, cam_1, cam_2 and 1 more"));
+  const std::vector<Notice> conflicts = ConflictsIn(rig);
+  ASSERT_FALSE(conflicts.empty());
+  EXPECT_EQ(conflicts[0].code, "CAL-DECENTRING");
+  EXPECT_THAT(conflicts[0].text, HasSubstr("in the order k1 k2 k3 p1 p2 the terms make sense"));
+  EXPECT_THAT(conflicts[0].text, HasSubstr("cam_0, cam_1, cam_2 and 1 more"));
 }
 
 TEST(Plausible, SmallTermsInAnotherOrder) {
@@ -95,13 +95,13 @@ TEST(Plausible, SmallTermsInAnotherOrder) {
   EXPECT_THAT(CodesOf(rig), IsEmpty());
 }
 
-TEST(Plausible, LensesThatFoldInsideThePicture) {
+TEST(Plausible, LensesThatFoldInsideTheImage) {
   Rig rig = Ordinary();
   rig.cameras[0].camera.params.tail<5>() << -0.9, 0, 0, 0, 0;  // folds at r = 0.61, the corner lies at 0.79
-  const std::vector<Notice> doubts = DoubtsAbout(rig);
-  ASSERT_EQ(doubts.size(), 1u);
-  EXPECT_EQ(doubts[0].code, "CAL-FOLD");
-  EXPECT_THAT(doubts[0].text, HasSubstr("camera cam_0: the lens folds inside the image"));
+  const std::vector<Notice> conflicts = ConflictsIn(rig);
+  ASSERT_EQ(conflicts.size(), 1u);
+  EXPECT_EQ(conflicts[0].code, "CAL-FOLD");
+  EXPECT_THAT(conflicts[0].text, HasSubstr("camera cam_0: the lens folds inside the image"));
   EXPECT_EQ(ShareWithoutRay(Ordinary().cameras[0].camera), 0);
   EXPECT_GT(ShareWithoutRay(rig.cameras[0].camera), 0.2);
 }
@@ -152,7 +152,7 @@ TEST(Plausible, UnitsByTheDistancesOfTheCameras) {
   }
   Rig millimetres = Ordinary();
   for (RigCamera& camera : millimetres.cameras) camera.cam_from_world.translation *= 1000;
-  EXPECT_THAT(DoubtsAbout(millimetres)[0].text, HasSubstr("6000 m apart; were the numbers millimetres it would be 6 m"));
+  EXPECT_THAT(ConflictsIn(millimetres)[0].text, HasSubstr("6000 m apart; were the numbers millimetres it would be 6 m"));
   Rig stereo = Ordinary();  // a phone's two cameras
   stereo.cameras.resize(2);
   stereo.cameras[1].cam_from_world = stereo.cameras[0].cam_from_world;

@@ -85,11 +85,11 @@ TEST(RealLenses, SplinedAndRationalAreTheSameLensUpToARotation) {
   options.max_angle = DegToRad(45);
   const LensFit fixed = FitLens(splined, LensModel::kRational8, options);
   options.fit_rotation = true;
-  const LensFit turned = FitLens(splined, LensModel::kRational8, options);
+  const LensFit rotated = FitLens(splined, LensModel::kRational8, options);
   EXPECT_GT(fixed.rms_px, 20);
-  EXPECT_LT(turned.rms_px, 1);
-  EXPECT_NEAR(RadToDeg(2 * std::acos(std::abs(turned.new_from_old.w()))), 4, 0.3);
-  const Projector ours(turned.camera), theirs(rational);
+  EXPECT_LT(rotated.rms_px, 1);
+  EXPECT_NEAR(RadToDeg(2 * std::acos(std::abs(rotated.new_from_old.w()))), 4, 0.3);
+  const Projector ours(rotated.camera), theirs(rational);
   for (int v = 1000; v < 3000; v += 250) {
     for (int u = 2000; u < 3800; u += 300) {
       // The rotation between two fits of one lens is free: compare the angle between neighbours.

@@ -114,11 +114,11 @@ TEST(StatedCovariance, BlocksAloneCountAsIndependent) {
 
 TEST(StatedCovariance, FollowsOrderAndChoiceOfCameras) {
   const Rig rig = MakeRig(3);
-  Rig turned = rig;
-  turned.cameras = {rig.cameras[2], rig.cameras[0], rig.cameras[1]};  // camera i at place order[i]
-  turned.joint_covariance = ReorderedJointCovariance(rig, {1, 2, 0});
-  EXPECT_TRUE(HasJointCovariance(turned));
-  const Rig subset = SubsetOf(turned, {0, 2});
+  Rig rotated = rig;
+  rotated.cameras = {rig.cameras[2], rig.cameras[0], rig.cameras[1]};  // camera i at place order[i]
+  rotated.joint_covariance = ReorderedJointCovariance(rig, {1, 2, 0});
+  EXPECT_TRUE(HasJointCovariance(rotated));
+  const Rig subset = SubsetOf(rotated, {0, 2});
   ASSERT_TRUE(HasJointCovariance(subset));
   EXPECT_EQ((subset.joint_covariance->block<10, 10>(0, 10)), (rig.joint_covariance->block<10, 10>(20, 10)));
 }

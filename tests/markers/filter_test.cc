@@ -62,7 +62,7 @@ TEST(Butterworth, CutOffMustFitTheRate) {
 }
 
 TEST(Kalman, EqualsTheLeastSquaresSolutionOfItsModel) {
-  // States p, v, a of every instant as unknowns: values with 1/sigma², transitions with the inverse of the jerk's covariance.
+  // States p, v, a of every time step as unknowns: values with 1/sigma², transitions with the inverse of the jerk's covariance.
   const double rate = 50, density = 40, dt = 1 / rate;
   const int n = 12;
   Rng rng(3);

@@ -52,7 +52,7 @@ TEST(Masks, BoundaryFToleratesAShift) {
   EXPECT_EQ(BoundaryF(Mask(3600, 1), Mask(3600, 1), 60, 60, 5), 1) << "no outline at all";
 }
 
-TEST(Masks, BoxGrowsWithinThePicture) {
+TEST(Masks, BoxGrowsWithinTheImage) {
   const Mask mask = Square(100, 80, {30, 2, 50, 42});
   const Box box = MaskBox(mask, 100, 80, 0.05, 11);
   EXPECT_EQ(box.x0, 28);
@@ -67,11 +67,11 @@ TEST(Masks, BoxGrowsWithinThePicture) {
 }
 
 TEST(Flicker, SeesOnlyWhatMovesInTheRender) {
-  const auto picture = [](double value) { return Picture{4, 4, 1, 1, std::vector<double>(16, value)}; };
+  const auto image = [](double value) { return PlanarImage{4, 4, 1, 1, std::vector<double>(16, value)}; };
   const Mask all(16, 1);
-  EXPECT_NEAR(Flicker(picture(0.2), picture(0.5), picture(0.3), picture(0.6), all, all).value, 0, 1e-15);
-  EXPECT_NEAR(Flicker(picture(0.2), picture(0.2), picture(0.3), picture(0.4), all, all).value, 0.1, 1e-15);
-  EXPECT_EQ(Flicker(picture(0), picture(0), picture(0), picture(0), all, Mask(16, 0)).status, Status::kNothingLeft);
+  EXPECT_NEAR(Flicker(image(0.2), image(0.5), image(0.3), image(0.6), all, all).value, 0, 1e-15);
+  EXPECT_NEAR(Flicker(image(0.2), image(0.2), image(0.3), image(0.4), all, all).value, 0.1, 1e-15);
+  EXPECT_EQ(Flicker(image(0), image(0), image(0), image(0), all, Mask(16, 0)).status, Status::kNothingLeft);
 }
 
 }  // namespace

@@ -13,26 +13,26 @@
 namespace mvstudio::metrics {
 namespace {
 
-Picture Constant(int width, int height, double value, double range = 1) {
+PlanarImage Constant(int width, int height, double value, double range = 1) {
   return {width, height, 1, range, std::vector<double>(static_cast<size_t>(width) * height, value)};
 }
 
-Picture Noise(int width, int height, int channels, double range, uint64_t seed) {
-  Picture picture{width, height, channels, range, {}};
+PlanarImage Noise(int width, int height, int channels, double range, uint64_t seed) {
+  PlanarImage planar{width, height, channels, range, {}};
   Rng rng(seed);
-  for (size_t i = 0; i < picture.PlaneSize() * static_cast<size_t>(channels); ++i)
-    picture.samples.push_back(range * rng.Uniform());
-  return picture;
+  for (size_t i = 0; i < planar.PlaneSize() * static_cast<size_t>(channels); ++i)
+    planar.samples.push_back(range * rng.Uniform());
+  return planar;
 }
 
-Picture Mixed(const Picture& a, const Picture& b, double share) {
-  Picture mixed = a;
+PlanarImage Mixed(const PlanarImage& a, const PlanarImage& b, double share) {
+  PlanarImage mixed = a;
   for (size_t i = 0; i < a.samples.size(); ++i) mixed.samples[i] = (1 - share) * a.samples[i] + share * b.samples[i];
   return mixed;
 }
 
 /// The definition, window by window in long double, in two passes.
-double Definition(const Picture& a, const Picture& b, int side, double sigma, bool sample) {
+double Definition(const PlanarImage& a, const PlanarImage& b, int side, double sigma, bool sample) {
   long double sum = 0;
   const int r = side / 2;
   const auto weight = [&](int x, int y) {
@@ -79,7 +79,7 @@ TEST(SsimWindow, IsAGaussianWithSumOne) {
 TEST(Ssim, IsTheDefinition) {
   for (const double range : {1.0, 255.0, 65535.0}) {
     for (const double share : {0.0, 1e-7, 0.05, 0.5, 1.0}) {
-      const Picture a = Noise(37, 23, 3, range, 1), b = Mixed(a, Noise(37, 23, 3, range, 2), share);
+      const PlanarImage a = Noise(37, 23, 3, range, 1), b = Mixed(a, Noise(37, 23, 3, range, 2), share);
       EXPECT_NEAR(Ssim(a, b).value, Definition(a, b, 11, 1.5, false), 1e-13) << range << " " << share;
       EXPECT_NEAR(Ssim(a, b, SsimWindow::kUniform7).value, Definition(a, b, 7, 0, true), 1e-13) << range << " " << share;
     }
@@ -95,10 +95,10 @@ TEST(Ssim, ConstantsHaveAClosedForm) {
   }
 }
 
-TEST(Ssim, EqualPicturesAreOneAndNegativesStayAboveMinusOne) {
-  const Picture a = Noise(64, 48, 3, 1, 3);
+TEST(Ssim, EqualImagesAreOneAndNegativesStayAboveMinusOne) {
+  const PlanarImage a = Noise(64, 48, 3, 1, 3);
   EXPECT_EQ(Ssim(a, a).value, 1.0);
-  Picture negative = a;
+  PlanarImage negative = a;
   for (double& v : negative.samples) v = 1 - v;
   const SsimMap map = ComputeSsimMap(a, negative);
   for (const double v : map.values) ASSERT_TRUE(v >= -1 && v <= 1);
@@ -106,7 +106,7 @@ TEST(Ssim, EqualPicturesAreOneAndNegativesStayAboveMinusOne) {
 }
 
 TEST(Ssim, ThreadsDoNotChangeABit) {
-  const Picture a = Noise(301, 203, 3, 255, 4), b = Noise(301, 203, 3, 255, 5);
+  const PlanarImage a = Noise(301, 203, 3, 255, 4), b = Noise(301, 203, 3, 255, 5);
   EXPECT_EQ(ComputeSsimMap(a, b).values, ComputeSsimMap(a, b, SsimWindow::kWang2004, 7).values);
   EXPECT_EQ(Ssim(a, b).value, Ssim(a, b, SsimWindow::kWang2004, 7).value);
 }
@@ -118,10 +118,10 @@ Image Bytes(int width, int height, int channels, uint64_t seed) {
   return image;
 }
 
-TEST(Ssim, OfBytesIsThatOfTheSamePictureInDouble) {
+TEST(Ssim, OfBytesIsThatOfTheSameImageInDouble) {
   for (const int channels : {1, 2, 3}) {
     const Image a = Bytes(201, 57, channels, 20), b = Bytes(201, 57, channels, 21);
-    const Picture pa = FromImage(a), pb = FromImage(b);
+    const PlanarImage pa = FromImage(a), pb = FromImage(b);
     for (const SsimWindow window : {SsimWindow::kWang2004, SsimWindow::kUniform7}) {
       EXPECT_EQ(Ssim(a, b, window).value, Ssim(pa, pb, window).value) << channels;
       EXPECT_NEAR(Ssim(a, b, window).value, Mean(ComputeSsimMap(pa, pb, window)).value, 1e-14) << channels;
@@ -136,54 +136,54 @@ TEST(Ssim, OfBytesIsThatOfTheSamePictureInDouble) {
 
 TEST(Ssim, EveryWidthIsCoveredOnce) {
   for (int width = 11; width < 150; width += 3) {
-    const Picture a = Noise(width, 13, 1, 1, 30), b = Noise(width, 13, 1, 1, 31);
+    const PlanarImage a = Noise(width, 13, 1, 1, 30), b = Noise(width, 13, 1, 1, 31);
     EXPECT_NEAR(Ssim(a, b).value, Definition(a, b, 11, 1.5, false), 1e-13) << width;
     EXPECT_NEAR(Ssim(a, b, SsimWindow::kUniform7).value, Definition(a, b, 7, 0, true), 1e-13) << width;
   }
 }
 
 TEST(Ssim, SixteenBitsAreNotEightBitsScaled) {
-  Picture a = Noise(40, 30, 1, 65535, 32);
+  PlanarImage a = Noise(40, 30, 1, 65535, 32);
   for (double& v : a.samples) v = std::floor(v);
-  Picture b = a;
+  PlanarImage b = a;
   for (double& v : b.samples) v = std::max(0.0, v - 7);  // below a level of 8 bits
   EXPECT_NEAR(Ssim(a, b).value, Definition(a, b, 11, 1.5, false), 1e-13);
   EXPECT_LT(Ssim(a, b).value, 1);
 }
 
-TEST(Ssim, SmallestPictureHasOneWindow) {
-  const Picture a = Noise(11, 11, 1, 1, 6), b = Noise(11, 11, 1, 1, 7);
+TEST(Ssim, SmallestImageHasOneWindow) {
+  const PlanarImage a = Noise(11, 11, 1, 1, 6), b = Noise(11, 11, 1, 1, 7);
   EXPECT_EQ(ComputeSsimMap(a, b).values.size(), 1u);
   EXPECT_EQ(Ssim(Noise(10, 40, 1, 1, 1), Noise(10, 40, 1, 1, 2)).status, Status::kTooSmall);
   EXPECT_EQ(Ssim(Noise(7, 7, 1, 1, 1), Noise(7, 7, 1, 1, 2), SsimWindow::kUniform7).status, Status::kOk);
 }
 
 TEST(Ssim, WhatHasNoValueSaysWhy) {
-  const Picture a = Noise(20, 20, 3, 1, 8);
-  Picture nan = a, outside = a, other = Noise(20, 21, 3, 1, 8), range = a;
+  const PlanarImage a = Noise(20, 20, 3, 1, 8);
+  PlanarImage nan = a, outside = a, other = Noise(20, 21, 3, 1, 8), range = a;
   nan.samples[77] = std::numeric_limits<double>::quiet_NaN();
   outside.samples[3] = 1.01;
   range.range = 255;
-  const std::pair<const Picture*, Status> cases[] = {{&nan, Status::kNotFinite},
-                                                     {&outside, Status::kOutsideRange},
-                                                     {&other, Status::kSizesDiffer},
-                                                     {&range, Status::kSizesDiffer}};
+  const std::pair<const PlanarImage*, Status> cases[] = {{&nan, Status::kNotFinite},
+                                                         {&outside, Status::kOutsideRange},
+                                                         {&other, Status::kSizesDiffer},
+                                                         {&range, Status::kSizesDiffer}};
   for (const auto& [b, status] : cases) {
     for (const Score& score : {Ssim(a, *b), PsnrDb(a, *b)}) {
       EXPECT_EQ(score.status, status);
       EXPECT_TRUE(std::isnan(score.value));
     }
   }
-  EXPECT_EQ(Ssim(Picture(), Picture()).status, Status::kTooSmall);
+  EXPECT_EQ(Ssim(PlanarImage(), PlanarImage()).status, Status::kTooSmall);
   EXPECT_EQ(Ssim(Image(), Image()).status, Status::kTooSmall);
   EXPECT_EQ(Ssim(Image(20, 20, 3), Image(20, 20, 1)).status, Status::kSizesDiffer);
 }
 
 TEST(Ssim, ABoxIsItsCutOut) {
-  const Picture a = Noise(50, 40, 3, 1, 9), b = Noise(50, 40, 3, 1, 10);
+  const PlanarImage a = Noise(50, 40, 3, 1, 9), b = Noise(50, 40, 3, 1, 10);
   const Box box{5, 7, 31, 29};
-  const auto cut = [&](const Picture& p) {
-    Picture out{box.x1 - box.x0, box.y1 - box.y0, 3, p.range, {}};
+  const auto cut = [&](const PlanarImage& p) {
+    PlanarImage out{box.x1 - box.x0, box.y1 - box.y0, 3, p.range, {}};
     for (int c = 0; c < 3; ++c)
       for (int y = box.y0; y < box.y1; ++y)
         out.samples.insert(out.samples.end(), p.Plane(c) + y * 50 + box.x0, p.Plane(c) + y * 50 + box.x1);
@@ -195,7 +195,7 @@ TEST(Ssim, ABoxIsItsCutOut) {
 }
 
 TEST(Ssim, AMaskTakesTheWindowsAroundItsPixels) {
-  const Picture a = Noise(30, 30, 1, 1, 11), b = Noise(30, 30, 1, 1, 12);
+  const PlanarImage a = Noise(30, 30, 1, 1, 11), b = Noise(30, 30, 1, 1, 12);
   const SsimMap map = ComputeSsimMap(a, b);
   Mask mask(900, 0);
   mask[12 * 30 + 17] = 1;
@@ -208,7 +208,7 @@ TEST(Psnr, IsTheDefinition) {
   EXPECT_NEAR(PsnrDb(Constant(8, 8, 0.5), Constant(8, 8, 0.6)).value, 20, 1e-12);
   EXPECT_NEAR(PsnrDb(Constant(8, 8, 0, 65535), Constant(8, 8, 65535, 65535)).value, 0, 1e-12);
   EXPECT_TRUE(std::isinf(PsnrDb(Constant(8, 8, 0.5), Constant(8, 8, 0.5)).value));
-  Picture a = Constant(4, 4, 0.5), b = a;
+  PlanarImage a = Constant(4, 4, 0.5), b = a;
   b.samples[5] = 0.7;
   Mask mask(16, 0);
   mask[5] = mask[6] = 1;
@@ -226,7 +226,7 @@ TEST(Psnr, MeanIsOfDecibelsAndCountsInfiniteOnes) {
 }
 
 TEST(Luma, IsBt601) {
-  const Picture rgb{1, 1, 3, 255, {100, 200, 50}};
+  const PlanarImage rgb{1, 1, 3, 255, {100, 200, 50}};
   EXPECT_NEAR(Luma(rgb).samples[0], 0.299 * 100 + 0.587 * 200 + 0.114 * 50, 1e-12);
   EXPECT_THROW(Luma({1, 1, 2, 1, {0, 0}}), ContractViolation);
 }

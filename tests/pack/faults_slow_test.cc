@@ -179,7 +179,7 @@ TEST_F(FailingBuild, AProcessThatIsKilledAgainAndAgainGetsThere) {
 }
 
 TEST_F(FailingBuild, AFailureAtAnyStepLeavesEachFileOldOrNew) {
-  // The finished pack of an earlier state of the dataset is there; one picture has changed since.
+  // The finished pack of an earlier state of the dataset is there; one image has changed since.
   const PanopticDataset data = OpenPanopticDataset(data_);
   WriteImage(SmoothImage(96, 72, 2), data.ImagePath("00_01", 9));
   BuildPack(data_, folder_ / "new", SmallPack(), {}, OneThread());

@@ -81,9 +81,9 @@ TEST(BuildPack, HoldsWhatTheDatasetHolds) {
     EXPECT_EQ(s.pose.valid, pose.valid);
     EXPECT_EQ(s.view.CenterInWorld().isApprox(source.CenterInWorld(), 1e-12), true);
     EXPECT_EQ(s.view.camera.model, geometry::LensModel::kPinhole);
-    const Image picture = ReadImage(data.ImagePath(source.camera.name, s.frame));
+    const Image image = ReadImage(data.ImagePath(source.camera.name, s.frame));
     const ResampleMap map(source, s.view);
-    const Image seen = map.Picture(picture), stored = pack.ReadImage(i);
+    const Image seen = map.Apply(image), stored = pack.ReadImage(i);
     EXPECT_LE(MeanAbsDifference(seen, stored), 0.01) << "up to the rounding of the rotation";
     EXPECT_EQ(pack.ReadMask(i).pixels, map.Mask(ReadImage(data.MaskPath(source.camera.name, s.frame), true)).pixels);
     for (int j = 0; j < 19; ++j) {
@@ -141,7 +141,7 @@ TEST(BuildPack, KeepsWhatIsFinishedAndMakesAgainWhatIsNot) {
   EXPECT_EQ(expected, FolderContent(folder / "pack"));
 }
 
-TEST(BuildPack, SeesThatAPictureHasChanged) {
+TEST(BuildPack, SeesThatAnImageHasChanged) {
   const TempDir folder;
   WriteStudio(folder / "data", 2, 4);
   BuildPack(folder / "data", folder / "pack", SmallPack());
@@ -183,7 +183,7 @@ TEST(BuildPack, LeavesAShardToWhoeverHasIt) {
   EXPECT_EQ(FolderContent(folder / "pack"), FolderContent(folder / "alone"));
 }
 
-TEST(BuildPack, MissingPicturesAreListedAndDamagedOnesNamed) {
+TEST(BuildPack, MissingImagesAreListedAndDamagedOnesNamed) {
   const TempDir folder;
   WriteStudio(folder / "data", 2, 2);
   const PanopticDataset data = OpenPanopticDataset(folder / "data");
@@ -192,20 +192,20 @@ TEST(BuildPack, MissingPicturesAreListedAndDamagedOnesNamed) {
   const PackBuildReport report = BuildPack(folder / "data", folder / "pack", SmallPack());
   EXPECT_THAT(report.skipped, ElementsAre("camera 00_01, frame 6: no image"));
   EXPECT_EQ(report.missing.asked(), 4);
-  EXPECT_THAT(report.missing.by_camera.at("00_01").no_picture, ElementsAre(6));
+  EXPECT_THAT(report.missing.by_camera.at("00_01").no_image, ElementsAre(6));
   EXPECT_THAT(report.missing.by_camera.at("00_00").no_mask, ElementsAre(6));
   const Pack pack = OpenPack(folder / "pack", Trusting());
   ASSERT_EQ(pack.samples().size(), 3u);
   EXPECT_FALSE(pack.samples()[2].has_mask);
   EXPECT_TRUE(pack.ReadMask(2).empty());
-  const std::string picture = data.ImagePath("00_00", 5);
-  Truncate(picture, picture + ".part", 0.7);
-  fs::rename(picture + ".part", picture);
-  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(folder / "data", folder / "other", SmallPack()); }), HasSubstr(picture));
+  const std::string image = data.ImagePath("00_00", 5);
+  Truncate(image, image + ".part", 0.7);
+  fs::rename(image + ".part", image);
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(folder / "data", folder / "other", SmallPack()); }), HasSubstr(image));
   EXPECT_FALSE(fs::exists(folder / "other/shard-00000.h5"));
 }
 
-TEST(BuildPack, ACameraWithoutAnyPictureIsRefused) {
+TEST(BuildPack, ACameraWithoutAnyImageIsRefused) {
   const TempDir folder;
   WriteStudio(folder / "data", 2, 2);
   const PanopticDataset data = OpenPanopticDataset(folder / "data");
@@ -217,7 +217,7 @@ TEST(BuildPack, ACameraWithoutAnyPictureIsRefused) {
   EXPECT_EQ(BuildPack(folder / "data", folder / "pack", one).missing.missing(), 0);
 }
 
-TEST(BuildPack, WholePicturesKeepTheirLens) {
+TEST(BuildPack, WholeImagesKeepTheirLens) {
   const TempDir folder;
   WriteStudio(folder / "data", 2, 2, 2);
   PackOptions options;
@@ -243,10 +243,10 @@ TEST(BuildPack, WholePicturesKeepTheirLens) {
   const geometry::RigCamera pinhole = IdealPinhole(data.rig.cameras[0]).camera;
   EXPECT_EQ(ideal.samples()[0].view.camera.params, pinhole.camera.params);
   const Undistorter undistorter(data.rig.cameras[0], pinhole);
-  EXPECT_EQ(ideal.ReadImage(0).pixels, undistorter.Picture(ReadImage(data.ImagePath("00_00", 5))).pixels);
+  EXPECT_EQ(ideal.ReadImage(0).pixels, undistorter.Apply(ReadImage(data.ImagePath("00_00", 5))).pixels);
 }
 
-TEST(BuildPack, ASplitMarksItsPicturesAndLeavesOutTheRest) {
+TEST(BuildPack, ASplitMarksItsImagesAndLeavesOutTheRest) {
   const TempDir folder;
   WriteStudio(folder / "data", 3, 4);
   Split split;

@@ -40,7 +40,7 @@ inline geometry::Rig StudioRig(int cameras, int width_px, int height_px) {
   return rig;
 }
 
-/// A dataset with smooth pictures, masks and one or two standing people; frames from 5.
+/// A dataset with smooth images, masks and one or two standing people; frames from 5.
 inline void WriteStudio(const std::string& root, int cameras, int frames, int people = 1, int width_px = 96,
                         int height_px = 72) {
   const geometry::Rig rig = StudioRig(cameras, width_px, height_px);

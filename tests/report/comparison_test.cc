@@ -8,7 +8,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 #include "tests/report/markup.h"
 #include "tests/report/run_fixture.h"
 #include "tests/support/temp_dir.h"

@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 #include "report/page/format.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 #include "report/page/table_file.h"
 #include "report/page/value.h"
 #include "tests/report/markup.h"
@@ -190,11 +190,11 @@ TEST(Base64, VectorsOfRfc4648) {
   EXPECT_EQ(Base64("\xff\xfe\xfd"), "//79");
 }
 
-TEST(Picture, TypeByContentAlone) {
-  EXPECT_EQ(PictureType(std::string("\x89PNG\r\n\x1a\n") + "rest"), "image/png");
-  EXPECT_EQ(PictureType("\xff\xd8\xff\xe0"), "image/jpeg");
-  EXPECT_EQ(PictureType("<svg onload=alert(1)>"), "");
-  EXPECT_EQ(PictureType(""), "");
+TEST(Image, TypeByContentAlone) {
+  EXPECT_EQ(ImageType(std::string("\x89PNG\r\n\x1a\n") + "rest"), "image/png");
+  EXPECT_EQ(ImageType("\xff\xd8\xff\xe0"), "image/jpeg");
+  EXPECT_EQ(ImageType("<svg onload=alert(1)>"), "");
+  EXPECT_EQ(ImageType(""), "");
   int width = 0, height = 0;
   EXPECT_FALSE(PngSize("\x89PNG\r\n\x1a\n", &width, &height));
 }

@@ -6,7 +6,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 #include "report/report.h"
 #include "tests/support/temp_dir.h"
 
@@ -23,7 +23,7 @@ class MethodsTest : public ::testing::Test {
  protected:
   /// A scored run with renders and truth of two frames.
   void SaveRun(const std::string& folder, const std::string& method, double ssim, const std::string& protocol) {
-    const auto picture = [&](int frame) {
+    const auto image = [&](int frame) {
       return Json{
           {"path", folder + "/eval/c_" + std::to_string(frame) + ".png"}, {"camera", "c"}, {"frame", frame}, {"ssim", ssim}};
     };
@@ -32,7 +32,7 @@ class MethodsTest : public ::testing::Test {
                           {"holdout", {{"n", 8}, {"ssim", ssim}, {"psnr_db", 20 + ssim}, {"fd", {{"value", 9 * ssim}}}}},
                           {"baselines", {{"mean_image", {{"n", 8}, {"ssim", 0.5}}}}},
                           {"seconds_per_frame", 0.25},
-                          {"pictures", {picture(4), picture(6)}}};
+                          {"pictures", {image(4), image(6)}}};
     const Json result = {
         {"schema", "mvstudio.result/1"}, {"command", "avatar eval"}, {"status", "ok"}, {"exit", 0}, {"metrics", metrics}};
     WriteFileAtomic(folder + "/avatar_eval.result.json", result.dump());

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/disk/files.h"
-#include "report/page/picture.h"
+#include "report/page/image.h"
 #include "report/report.h"
 #include "report/svg/svg.h"
 #include "tests/report/markup.h"
@@ -21,19 +21,19 @@ using ::testing::Not;
 
 const std::string kJpeg = std::string("\xff\xd8\xff", 3) + "data";
 
-PictureOverlaySpec HundredPixels() {
-  PictureOverlaySpec spec;
+ImageOverlaySpec HundredPixels() {
+  ImageOverlaySpec spec;
   spec.title = "left <0>";
   spec.width_px = 100, spec.height_px = 50, spec.width = 400;
   return spec;
 }
 
-TEST(PictureOverlay, RingsAndEnlargedArrowsInPixelsOfTheFrame) {
-  PictureOverlaySpec spec = HundredPixels();
+TEST(ImageOverlay, RingsAndEnlargedArrowsInPixelsOfTheFrame) {
+  ImageOverlaySpec spec = HundredPixels();
   spec.points = {{9.5, 19.5, 0.25, 0}};  // 10, 20 px from the edges of the image
   spec.enlarge = true;
-  spec.picture = kJpeg;
-  const std::string svg = PictureOverlay(spec);
+  spec.image = kJpeg;
+  const std::string svg = ImageOverlay(spec);
   EXPECT_EQ(MarkupChecker(svg).Run(), "");
   EXPECT_THAT(svg, HasSubstr("M35 102a5 5")) << "a ring about 4 * 10, 22 + 4 * 20";
   EXPECT_THAT(svg, HasSubstr("M40 102L60 102")) << "5 px of 100 at most: the factor is 20, the arrow 0.25 * 20 * 4 long";
@@ -42,33 +42,33 @@ TEST(PictureOverlay, RingsAndEnlargedArrowsInPixelsOfTheFrame) {
   EXPECT_THAT(svg, HasSubstr("left &lt;0&gt;"));
 }
 
-TEST(PictureOverlay, APartOfTheFrameAndLinesFromProjectionToKeypoint) {
-  PictureOverlaySpec spec = HundredPixels();
+TEST(ImageOverlay, APartOfTheFrameAndLinesFromProjectionToKeypoint) {
+  ImageOverlaySpec spec = HundredPixels();
   spec.left_px = 49.5, spec.top_px = 9.5, spec.width_px = 40, spec.height_px = 20;
   spec.points = {{59.5, 19.5, 1, -2}};
   spec.bones = {{{49.5, 9.5}, {51.5, 10.5}}, {{std::nan(""), 3}, {4, 5}}};
-  const std::string svg = PictureOverlay(spec);
+  const std::string svg = ImageOverlay(spec);
   EXPECT_THAT(svg, HasSubstr("M90 142L100 122")) << "ten pixels a pixel, unenlarged, ending at the keypoint";
   EXPECT_THAT(svg, HasSubstr("\"M0 22L20 32\"")) << "one bone; the other has no end";
   EXPECT_THAT(svg, Not(HasSubstr("enlarged")));
   EXPECT_THAT(svg, Not(HasSubstr("<image")));
 }
 
-TEST(PictureOverlay, ExtremesAreLeftOut) {
+TEST(ImageOverlay, ExtremesAreLeftOut) {
   const double infinity = std::numeric_limits<double>::infinity();
   for (const double size : {0.0, -1.0, std::nan(""), infinity}) {
-    PictureOverlaySpec spec = HundredPixels();
+    ImageOverlaySpec spec = HundredPixels();
     spec.width_px = size;
-    const std::string svg = PictureOverlay(spec);
+    const std::string svg = ImageOverlay(spec);
     EXPECT_TRUE(svg.empty() || MarkupChecker(svg).Run().empty()) << size;
     EXPECT_THAT(svg, Not(HasSubstr("nan")));
   }
-  PictureOverlaySpec spec = HundredPixels();
+  ImageOverlaySpec spec = HundredPixels();
   spec.points = {{std::nan(""), 2, 0, 0}, {1e300, -1e300, infinity, 0}};
   spec.rejected = {{infinity, 0, 0, 0}};
-  spec.picture = "no image";
+  spec.image = "no image";
   spec.enlarge = true;
-  const std::string svg = PictureOverlay(spec);
+  const std::string svg = ImageOverlay(spec);
   EXPECT_EQ(MarkupChecker(svg).Run(), "");
   for (const char* wrong : {"nan", "inf", "<image"}) EXPECT_THAT(svg, Not(HasSubstr(wrong)));
 }
@@ -86,16 +86,16 @@ class OverlaySectionTest : public ::testing::Test {
                          {"errors", Json::array()}};
     WriteFileAtomic(run_ / file, result.dump());
   }
-  static Json BoardView(const Json& picture) {
+  static Json BoardView(const Json& image) {
     return {{"camera", "left"},
             {"frame", 12},
             {"kind", "worst"},
             {"rms_px", 0.25},
             {"box_px", {90, 40, 320, 240}},
-            {"picture", picture},
+            {"picture", image},
             {"corners", {{100, 50, 0.1, 0, 0}, {200, 60, 0, 0.2, 0}, {300, 60, 9, 9, 1}}}};
   }
-  static Json JointView(const Json& frame, const Json& picture) {
+  static Json JointView(const Json& frame, const Json& image) {
     return {{"camera", "left"},
             {"instant", 3},
             {"frame", frame},
@@ -103,7 +103,7 @@ class OverlaySectionTest : public ::testing::Test {
             {"max_px", 2},
             {"num_points", 2},
             {"box_px", {10, 20, 100, 200}},
-            {"picture", picture},
+            {"picture", image},
             {"joints", {{30, 40, 31, 40}, {50, 60, 50, 62}, {70, 80, nullptr, nullptr}}}};
   }
 

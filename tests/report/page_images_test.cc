@@ -9,7 +9,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::Not;
 
-TEST_F(ReportTest, KeyPointsAndMasksShowTheirPictures) {
+TEST_F(ReportTest, KeyPointsAndMasksShowTheirImages) {
   for (const char* command : {"pose2d", "mask"}) {
     SavePng(std::string(command) + "/left.png");
     Json result = Result(command, {{"backend", "background"}, {"per_camera", {{{"name", "left"}, {"flicker", 0.0125}}}}});
@@ -18,10 +18,10 @@ TEST_F(ReportTest, KeyPointsAndMasksShowTheirPictures) {
   }
   const Report report = Build();
   EXPECT_THAT(report.html, AllOf(HasSubstr("Footage, keypoints and masks"), HasSubstr("0.0125"), HasSubstr("background")));
-  size_t pictures = 0;
+  size_t images = 0;
   for (size_t at = report.html.find("data:image/png"); at != std::string::npos; at = report.html.find("data:image/png", at + 1))
-    ++pictures;
-  EXPECT_EQ(pictures, 2u);
+    ++images;
+  EXPECT_EQ(images, 2u);
   EXPECT_THAT(report.warnings, IsEmpty());
 }
 
@@ -85,7 +85,7 @@ TEST_F(ReportTest, CaptionsAreWordsAndNotPaths) {
 /// Three strips, named so that the worst is neither first nor last, of 4 x 1 and one of 1 x 1 px.
 TEST_F(ReportTest, HeldOutImagesComeFirstTheWorstBeforeOthersWithASlider) {
   const double ssim[] = {0.9, 0.7, 0.8};
-  Json pictures = Json::array(), outputs = Json::array();
+  Json images = Json::array(), outputs = Json::array();
   for (int i = 0; i < 3; ++i) {
     const std::string file = "left_0000000" + std::to_string(i) + ".png";
     SavePng(file);
@@ -94,10 +94,10 @@ TEST_F(ReportTest, HeldOutImagesComeFirstTheWorstBeforeOthersWithASlider) {
       png[19] = 4;  // the width that its header states
       SaveText(file, png);
     }
-    pictures.push_back({{"path", file}, {"camera", "left"}, {"frame", i}, {"ssim", ssim[i]}});
+    images.push_back({{"path", file}, {"camera", "left"}, {"frame", i}, {"ssim", ssim[i]}});
     outputs.push_back({{"path", file}, {"role", "heldout-picture"}});
   }
-  Json result = Result("avatar eval", {{"holdout", {{"n", 3}, {"ssim", 0.8}}}, {"pictures", pictures}});
+  Json result = Result("avatar eval", {{"holdout", {{"n", 3}, {"ssim", 0.8}}}, {"pictures", images}});
   result["outputs"] = outputs;
   Save("avatar_eval.result.json", result);
   const std::string html = Build().html;

@@ -23,14 +23,14 @@ void Add(const std::vector<T>& values, std::string* out) {
   out->append(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
 }
 
-/// One wide Gaussian of this colour and opacity on a triangle, at two instants.
+/// One wide Gaussian of this colour and opacity on a triangle, at two time steps.
 std::string OneGaussian(uint8_t r, uint8_t g, uint8_t b, uint8_t opacity) {
   std::string bytes = "MVGPLAY1";
   Add<uint32_t>({1, 1, 3, 2, 1}, &bytes);
   Add<float>({-1, -1, -1, 1, 1, 1, 0, 0, 1}, &bytes);
   Add<int32_t>({7, 9}, &bytes);
   Add<uint32_t>({0, 1, 2, 0}, &bytes);
-  for (int instant = 0; instant < 2; ++instant)
+  for (int time_step = 0; time_step < 2; ++time_step)
     Add<uint16_t>({32768, 32768, 32768, 65535, 32768, 32768, 32768, 65535, 32768}, &bytes);
   Add<uint16_t>({16384, 16384, 32768}, &bytes);
   Add<uint8_t>({230, 230, 230, 128, 128, 128, 255, opacity, r, g, b}, &bytes);
@@ -73,7 +73,7 @@ TEST(PlayerFile, IsInsideTheReportWithItsScriptAlone) {
   ASSERT_EQ(damaged.warnings.size(), 1u);
   EXPECT_THAT(damaged.warnings[0].text, HasSubstr("no file of Gaussians in motion"));
   ReportOptions none;
-  none.max_picture_mb = 0;
+  none.max_image_mb = 0;
   EXPECT_THAT(ReportOf(folder, OneGaussian(255, 0, 0, 255), none).html, Not(HasSubstr("<script")));
 }
 

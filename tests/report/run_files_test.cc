@@ -12,7 +12,7 @@ using ::testing::Field;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-TEST_F(ReportTest, AMovedRunStillShowsItsPicturesAndAMissingOneIsNamed) {
+TEST_F(ReportTest, AMovedRunStillShowsItsImagesAndAMissingOneIsNamed) {
   SaveWholeRun();
   const Report report = Build();
   EXPECT_THAT(report.warnings,
@@ -137,10 +137,10 @@ TEST_F(ReportTest, TheRunsOwnReportAndTheTruthAreNotStages) {
   EXPECT_THAT(report.html, Not(HasSubstr("Other calibration files")));
 }
 
-TEST_F(ReportTest, PicturesBeyondTheLimitAreNamed) {
+TEST_F(ReportTest, ImagesBeyondTheLimitAreNamed) {
   SaveAvatar();
   ReportOptions options;
-  options.max_pictures_total_mb = 0;
+  options.max_images_total_mb = 0;
   const Report report = Build(options);
   EXPECT_THAT(report.html, Not(HasSubstr("data:image/png")));
   EXPECT_THAT(report.warnings, Contains(Field(&Notice::text, HasSubstr("left_00000084.png"))));

@@ -38,7 +38,7 @@ StudySpec Spec(int count, uint64_t seed) {
   spec.seed = seed;
   for (int i = 0; i < count; ++i) {
     const std::string name = "00_03_" + std::to_string(i);
-    spec.pictures.push_back({name, Png("truth" + name), Png("first" + name), Png("second" + name)});
+    spec.images.push_back({name, Png("truth" + name), Png("first" + name), Png("second" + name)});
   }
   return spec;
 }
@@ -71,14 +71,14 @@ TEST(Study, EachMethodIsOnTheLeftInHalfOfTheQuestionsAndTheSeedShuffles) {
   EXPECT_NE(one.sha256, other.sha256);
   const Value key = Value::Parse(one.json, "key");
   int left = 0;
-  std::set<std::string> pictures;
+  std::set<std::string> images;
   for (const Value& question : key["questions"].items()) {
     left += question["left"].Text() == "our way";
     EXPECT_NE(question["left"].Text(), question["right"].Text());
-    pictures.insert(question["picture"].Text());
+    images.insert(question["picture"].Text());
   }
   EXPECT_EQ(left, 6);
-  EXPECT_EQ(pictures.size(), 12u);
+  EXPECT_EQ(images.size(), 12u);
 }
 
 TEST(Study, ThePageIsWholeAndDoesNotTellTheSides) {
@@ -92,7 +92,7 @@ TEST(Study, ThePageIsWholeAndDoesNotTellTheSides) {
   for (const std::string name : {"our way", "their way"}) EXPECT_EQ(study.html.find(name), study.html.rfind(name)) << name;
 }
 
-TEST(Study, PicturesArePairedByName) {
+TEST(Study, ImagesArePairedByName) {
   const TempDir folder;
   for (const char* side : {"truth", "a", "b"}) {
     for (int i = 0; i < 3; ++i) {
@@ -101,26 +101,26 @@ TEST(Study, PicturesArePairedByName) {
     }
   }
   std::vector<std::string> unmatched;
-  const auto pictures = ReadStudyPictures(folder / "truth", folder / "a", folder / "b", &unmatched);
-  ASSERT_EQ(pictures.size(), 2u);
-  EXPECT_EQ(pictures[1].name, "p1");
-  EXPECT_EQ(pictures[1].b, Png("b"));
+  const auto images = ReadStudyImages(folder / "truth", folder / "a", folder / "b", &unmatched);
+  ASSERT_EQ(images.size(), 2u);
+  EXPECT_EQ(images[1].name, "p1");
+  EXPECT_EQ(images[1].b, Png("b"));
   EXPECT_EQ(unmatched, std::vector<std::string>({"p2"}));
-  EXPECT_EQ(ThinStudy(pictures, 1).size(), 1u);
+  EXPECT_EQ(ThinStudy(images, 1).size(), 1u);
   WriteFileAtomic(folder / "a/p1.png", Png("a", 9));
-  EXPECT_THAT(MessageOf<FormatError>([&] { ReadStudyPictures(folder / "truth", folder / "a", folder / "b", &unmatched); }),
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadStudyImages(folder / "truth", folder / "a", folder / "b", &unmatched); }),
               HasSubstr("9x9"));
   WriteFileAtomic(folder / "a/p1.png", std::string("no picture"));
-  EXPECT_THAT(MessageOf<FormatError>([&] { ReadStudyPictures(folder / "truth", folder / "a", folder / "b", &unmatched); }),
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadStudyImages(folder / "truth", folder / "a", folder / "b", &unmatched); }),
               HasSubstr("neither PNG nor JPEG"));
-  EXPECT_THAT(MessageOf<IoError>([&] { ReadStudyPictures(folder / "none", folder / "a", folder / "b", &unmatched); }),
+  EXPECT_THAT(MessageOf<IoError>([&] { ReadStudyImages(folder / "none", folder / "a", folder / "b", &unmatched); }),
               HasSubstr("none"));
   WriteFileAtomic(folder / "private.png", Png("b"));
   std::filesystem::remove(folder / "a/p1.png");
   std::filesystem::create_symlink(folder / "private.png", folder / "a/p1.png");
-  EXPECT_THAT(MessageOf<FormatError>([&] { ReadStudyPictures(folder / "truth", folder / "a", folder / "b", &unmatched); }),
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadStudyImages(folder / "truth", folder / "a", folder / "b", &unmatched); }),
               HasSubstr("leads out of the folder"));
-  EXPECT_EQ(ReadStudyPictures(folder / "truth", folder / "a", folder / "b", &unmatched, true).size(), 2u);
+  EXPECT_EQ(ReadStudyImages(folder / "truth", folder / "a", folder / "b", &unmatched, true).size(), 2u);
   StudySpec same = Spec(2, 1);
   same.methods = {"x", "x"};
   EXPECT_THROW(MakeStudy(same), UsageError);
@@ -238,7 +238,7 @@ TEST_F(StudyInBrowser, AnswersByButtonsAndKeysAreSavedAndCounted) {
   const bool left[] = {true, true, true, false, false};
   for (size_t i = 0; i < 5; ++i) {
     const Value& question = key["questions"].At(i);
-    EXPECT_EQ(answers.answers[i].picture, question["picture"].Text());
+    EXPECT_EQ(answers.answers[i].image, question["picture"].Text());
     EXPECT_EQ(answers.answers[i].chose_left, left[i]);
     EXPECT_EQ(answers.answers[i].chose_a, (question["left"].Text() == "our way") == left[i]);
   }

@@ -308,7 +308,7 @@ TEST(Histogram, CountsEveryFiniteValue) {
 }
 
 TEST(ResidualField, EqualAspectAndYDown) {
-  // A dot in the lower right quarter of a 4:3 picture and one in the upper left.
+  // A dot in the lower right quarter of a 4:3 image and one in the upper left.
   const std::string svg = ResidualField("r", 640, 480, {{480, 360, 1, 0}, {160, 120, 0, 1}}, 400);
   EXPECT_EQ(CheckMarkup(svg), "");
   const double frame_width = Attributes(svg, "rect", "width")[0], frame_height = Attributes(svg, "rect", "height")[0];
@@ -366,7 +366,7 @@ TEST(HeatMap, RunsAreMerged) {
 }
 
 TEST(SetPose, CentreAndAxesOfAKnownPose) {
-  // Camera at (1, 2, 3) that looks along world +x with the picture's down along world -z: right is world -y.
+  // Camera at (1, 2, 3) that looks along world +x with the image's down along world -z: right is world -y.
   ViewCamera camera;
   const double h = 0.5;  // quaternion of rows (0,-1,0), (0,0,-1), (1,0,0)
   SetPose({h, -h, h, h}, {2, 3, -1}, &camera);

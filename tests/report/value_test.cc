@@ -77,8 +77,8 @@ TEST(StudyAnswers, TenMegabytesAreAnsweredAtOnce) {
   const std::string head =
       std::string(R"({"schema":")") + kStudyAnswersSchema + R"(","study":"s","rater":"r","methods":["a","b"],"answers":[)";
   const auto answer = [](int i) {
-    const std::string picture = "p" + std::to_string(i);
-    return R"({"picture":")" + picture + R"(","choice":"left","seal":")" + StudySeal("s", picture, "a") + R"("})";
+    const std::string image = "p" + std::to_string(i);
+    return R"({"picture":")" + image + R"(","choice":"left","seal":")" + StudySeal("s", image, "a") + R"("})";
   };
   std::string text = TenMegabytes(head, answer, "]");
   for (int i = 0; i < 300000; ++i) text += ",\"" + Key(i) + "\":0";

@@ -86,9 +86,9 @@ struct BendingScene {
   }
   Bending<double> bending() const { return {bones, turns}; }
   double LossOf(const Truth<double>& truth) const {
-    Picture<double> unused;
+    RasterImage<double> unused;
     const auto drawn = testing::Draw<double>(Bent(scene.cloud, bending()), scene.surface(), scene.view(), {});
-    return Loss(drawn.picture, truth, {1, 0.5, 1}, &unused).total;
+    return Loss(drawn.image, truth, {1, 0.5, 1}, &unused).total;
   }
 };
 
@@ -97,11 +97,11 @@ TEST(Bend, GradientIsTheDifference) {
   Image image(26, 21, 3, 90), mask(26, 21, 1);
   for (size_t i = 0; i < mask.pixels.size(); ++i) mask.pixels[i] = i % 26 > 5 && i % 26 < 20 ? 255 : 0;
   const Truth<double> truth = TruthOf<double>(image, mask);
-  Picture<double> by_picture;
+  RasterImage<double> by_image;
   const BasicCloud<double> bent = Bent(s.scene.cloud, s.bending());
   const auto drawn = testing::Draw<double>(bent, s.scene.surface(), s.scene.view(), {});
-  Loss(drawn.picture, truth, {1, 0.5, 1}, &by_picture);
-  const auto by_splat = RasteriseBackward(drawn.projected.splats, drawn.tiles, drawn.picture, by_picture, 1);
+  Loss(drawn.image, truth, {1, 0.5, 1}, &by_image);
+  const auto by_splat = RasteriseBackward(drawn.projected.splats, drawn.tiles, drawn.image, by_image, 1);
   Parameters<double> by_bent = ZeroParameters<double>(9, 1), gradient = ZeroParameters<double>(9, 1, true);
   AddGradients<double>(bent, s.scene.surface(), s.scene.view(), {}, drawn.projected.splats, by_splat, &by_bent, nullptr);
   AddBendGradient(s.scene.cloud, s.bending(), by_bent, &gradient);
@@ -141,20 +141,20 @@ TEST(Bend, RenderingBendsByThePosedMeshAlone) {
   Cloud cloud = CoverBody(posed.body, body::MannequinTextures(16, 2), 2000, 0, 1);
   geometry::RigCamera camera = testing::CameraOf(64, 64, 60);
   camera.cam_from_world = {geometry::RotationExp({-M_PI / 2, 0, 0}), {0, 0.9, 2.5}};
-  const auto picture = [&](const Eigen::Matrix3Xf& vertices) {
+  const auto image = [&](const Eigen::Matrix3Xf& vertices) {
     return RenderGaussians(cloud, posed.body, vertices, camera, {}).image.pixels;
   };
   const Eigen::Matrix3Xf rest = posed.body.vertices;
   const int thigh = posed.Bone(body::BoneRole::kRightThigh);
   posed.local[static_cast<size_t>(thigh)] = Eigen::AngleAxisd(0.6, Eigen::Vector3d::UnitX());
   const Eigen::Matrix3Xf lifted = body::SkinVertices(posed.body, body::PoseFromAngles(posed.body, {}, posed.local));
-  const auto rest_before = picture(rest), lifted_before = picture(lifted);
+  const auto rest_before = image(rest), lifted_before = image(lifted);
   cloud.values.bends = true, cloud.values.bend.assign(cloud.size() * kBendSize, 0.f);
-  EXPECT_EQ(picture(lifted), lifted_before) << "coefficients of 0";
+  EXPECT_EQ(image(lifted), lifted_before) << "coefficients of 0";
   for (size_t k = 2; k < cloud.values.bend.size(); k += kBendKinds) cloud.values.bend[k] = 2;  // red with every turn
-  EXPECT_NE(picture(lifted), lifted_before);
+  EXPECT_NE(image(lifted), lifted_before);
   size_t different = 0;
-  const auto rest_after = picture(rest);
+  const auto rest_after = image(rest);
   for (size_t k = 0; k < rest_after.size(); ++k) different += std::abs(rest_after[k] - rest_before[k]) > 1;
   EXPECT_LT(different, rest_after.size() / 100) << "at rest no bone is turned";
   EXPECT_THROW(RenderSplats(cloud, posed.body.faces, rest, camera, {}), ContractViolation);

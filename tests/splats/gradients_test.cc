@@ -26,16 +26,16 @@ Truth<double> RandomTruth(int width, int height, uint64_t seed) {
 }
 
 double LossOf(const Scene& scene, const Truth<double>& truth, const LossWeights& weights, const RenderSettings& settings) {
-  Picture<double> unused;
-  return Loss(Draw(scene, settings).picture, truth, weights, &unused).total;
+  RasterImage<double> unused;
+  return Loss(Draw(scene, settings).image, truth, weights, &unused).total;
 }
 
 Parameters<double> GradientOf(const Scene& scene, const Truth<double>& truth, const LossWeights& weights,
                               const RenderSettings& settings) {
   const testing::Drawn<double> drawn = Draw(scene, settings);
-  Picture<double> by_picture;
-  Loss(drawn.picture, truth, weights, &by_picture);
-  const auto by_splat = RasteriseBackward(drawn.projected.splats, drawn.tiles, drawn.picture, by_picture, 1);
+  RasterImage<double> by_image;
+  Loss(drawn.image, truth, weights, &by_image);
+  const auto by_splat = RasteriseBackward(drawn.projected.splats, drawn.tiles, drawn.image, by_image, 1);
   Parameters<double> out = ZeroParameters<double>(scene.cloud.size(), scene.cloud.values.degree);
   AddGradients(scene.cloud, scene.surface(), scene.view(), settings, drawn.projected.splats, by_splat, &out);
   return out;
@@ -107,9 +107,9 @@ TEST(Gradients, InFloat) {
   const auto drawn = Draw<float>(cloud, {scene.faces, vertices}, ViewOf<float>(scene.camera), {true, 1});
   Truth<float> truth_float{
       truth.width, truth.height, {truth.rgb.begin(), truth.rgb.end()}, {truth.mask.begin(), truth.mask.end()}, truth.box};
-  Picture<float> by_picture;
-  Loss(drawn.picture, truth_float, {}, &by_picture);
-  const auto by_splat = RasteriseBackward(drawn.projected.splats, drawn.tiles, drawn.picture, by_picture, 1);
+  RasterImage<float> by_image;
+  Loss(drawn.image, truth_float, {}, &by_image);
+  const auto by_splat = RasteriseBackward(drawn.projected.splats, drawn.tiles, drawn.image, by_image, 1);
   Parameters<float> got = ZeroParameters<float>(cloud.size(), 1);
   AddGradients<float>(cloud, {scene.faces, vertices}, ViewOf<float>(scene.camera), {true, 1}, drawn.projected.splats, by_splat,
                       &got);
@@ -125,53 +125,53 @@ TEST(Gradients, InFloat) {
   });
 }
 
-TEST(Loss, GradientByEachValueOfThePicture) {
+TEST(Loss, GradientByEachValueOfTheImage) {
   const Truth<double> truth = RandomTruth(19, 17, 3);
   Rng rng(4);
-  Picture<double> picture{19, 17, std::vector<double>(4 * 19 * 17)};
-  for (double& value : picture.values) value = rng.Uniform();
+  RasterImage<double> image{19, 17, std::vector<double>(4 * 19 * 17)};
+  for (double& value : image.values) value = rng.Uniform();
   const LossWeights weights{0.7, 1.3, 0.9};
-  Picture<double> by_picture, unused;
-  const LossTerms terms = Loss(picture, truth, weights, &by_picture);
+  RasterImage<double> by_image, unused;
+  const LossTerms terms = Loss(image, truth, weights, &by_image);
   EXPECT_NEAR(terms.total, 0.7 * terms.l1 + 1.3 * terms.ssim + 0.9 * terms.mask, 1e-12);
-  for (size_t i = 0; i < picture.values.size(); ++i) {
+  for (size_t i = 0; i < image.values.size(); ++i) {
     constexpr double kStep = 1e-6;
-    Picture<double> moved = picture;
+    RasterImage<double> moved = image;
     moved.values[i] += kStep;
     const double above = Loss(moved, truth, weights, &unused).total;
     moved.values[i] -= 2 * kStep;
     const double below = Loss(moved, truth, weights, &unused).total;
-    EXPECT_NEAR(by_picture.values[i], (above - below) / (2 * kStep), 1e-8);
+    EXPECT_NEAR(by_image.values[i], (above - below) / (2 * kStep), 1e-8);
   }
 }
 
 TEST(Loss, IsNothingForTheTruth) {
   const Truth<double> truth = RandomTruth(24, 20, 9);
-  Picture<double> picture{24, 20, truth.rgb};
-  picture.values.insert(picture.values.end(), truth.mask.begin(), truth.mask.end());
-  Picture<double> by_picture;
-  const LossTerms terms = Loss(picture, truth, {}, &by_picture);
+  RasterImage<double> image{24, 20, truth.rgb};
+  image.values.insert(image.values.end(), truth.mask.begin(), truth.mask.end());
+  RasterImage<double> by_image;
+  const LossTerms terms = Loss(image, truth, {}, &by_image);
   EXPECT_NEAR(terms.total, 0, 1e-12);
-  for (const double value : by_picture.values) EXPECT_NEAR(value, 0, 1e-12);
+  for (const double value : by_image.values) EXPECT_NEAR(value, 0, 1e-12);
 }
 
 TEST(Loss, SsimIsThatOfTheMetrics) {
   const Truth<double> truth = RandomTruth(30, 28, 11);
   Rng rng(12);
-  Picture<double> picture{30, 28, std::vector<double>(4 * 30 * 28)};
-  metrics::Picture a{truth.box.x1 - truth.box.x0, truth.box.y1 - truth.box.y0, 3, 1, {}}, b = a;
-  for (double& value : picture.values) value = rng.Uniform();
+  RasterImage<double> image{30, 28, std::vector<double>(4 * 30 * 28)};
+  metrics::RasterImage a{truth.box.x1 - truth.box.x0, truth.box.y1 - truth.box.y0, 3, 1, {}}, b = a;
+  for (double& value : image.values) value = rng.Uniform();
   for (int c = 0; c < 3; ++c)
     for (int y = truth.box.y0; y < truth.box.y1; ++y)
       for (int x = truth.box.x0; x < truth.box.x1; ++x) {
         const size_t at = static_cast<size_t>(y) * 30 + x;
-        a.samples.push_back(picture.Plane(c)[at]), b.samples.push_back(truth.rgb[static_cast<size_t>(c) * 30 * 28 + at]);
+        a.samples.push_back(image.Plane(c)[at]), b.samples.push_back(truth.rgb[static_cast<size_t>(c) * 30 * 28 + at]);
       }
   const metrics::SsimMap map = metrics::ComputeSsimMap(a, b);
   double mean = 0;
   for (const double value : map.values) mean += value / static_cast<double>(map.values.size());
-  Picture<double> unused;
-  EXPECT_NEAR(Loss(picture, truth, {}, &unused).ssim, 1 - mean, 1e-10);
+  RasterImage<double> unused;
+  EXPECT_NEAR(Loss(image, truth, {}, &unused).ssim, 1 - mean, 1e-10);
 }
 
 TEST(Colour, BasisGradientIsItsDifference) {
@@ -205,7 +205,7 @@ TEST(Colour, BasisIsOrthonormalOnTheSphere) {
     for (int k = 0; k < 9; ++k) EXPECT_NEAR(products[i][k], i == k ? 1 : 0, 1e-12) << i << ", " << k;
 }
 
-TEST(Colour, TurnedCoefficientsGiveTheSameColours) {
+TEST(Colour, RotatedCoefficientsGiveTheSameColours) {
   Rng rng(2);
   for (int degree = 0; degree <= 2; ++degree) {
     const Eigen::Matrix3d b_from_a = geometry::RotationExp({rng.Normal(), rng.Normal(), rng.Normal()}).toRotationMatrix();

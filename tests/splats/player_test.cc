@@ -13,7 +13,7 @@
 namespace mvstudio::splats {
 namespace {
 
-/// A small mannequin with Gaussians, at instants in which it moves along x.
+/// A small mannequin with Gaussians, at time steps in which it moves along x.
 struct Moving {
   body::BodyTemplate body = body::MakeMannequin(1.75, 0.25);
   Cloud cloud = CoverBody(body, body::MannequinTextures(16, 2), 300, 1, 3);
@@ -25,17 +25,17 @@ struct Moving {
       posed.back().row(0).array() += 0.01f * static_cast<float>(t);
     }
   }
-  std::vector<PlayerInstant> instants() const {
-    std::vector<PlayerInstant> out;
+  std::vector<PlayerTimeStep> time_steps() const {
+    std::vector<PlayerTimeStep> out;
     for (size_t t = 0; t < posed.size(); ++t) out.push_back({static_cast<int>(10 + 2 * t), &posed[t]});
     return out;
   }
-  std::string Bytes(const PlayerLimits& limits = {}) const { return PlayerBytes(cloud, true, body, instants(), limits); }
+  std::string Bytes(const PlayerLimits& limits = {}) const { return PlayerBytes(cloud, true, body, time_steps(), limits); }
 };
 
 /// The file's arrays, by the table of docs/formats.md.
 struct Decoded {
-  uint32_t n, faces, vertices, instants, mip;
+  uint32_t n, faces, vertices, time_steps, mip;
   float low[3], high[3], up[3];
   std::vector<int32_t> frames;
   std::vector<uint32_t> corner, face;
@@ -50,17 +50,17 @@ struct Decoded {
       std::memcpy(to, bytes.data() + at, size), at += size;
     };
     const auto array = [&](auto* to, size_t count) { to->resize(count), take(to->data(), count * sizeof((*to)[0])); };
-    for (uint32_t* number : {&n, &faces, &vertices, &instants, &mip}) take(number, 4);
+    for (uint32_t* number : {&n, &faces, &vertices, &time_steps, &mip}) take(number, 4);
     for (float* vector : {low, high, up}) take(vector, 12);
-    array(&frames, instants), array(&corner, 3 * faces), array(&face, n), array(&mesh, 3 * vertices * instants);
+    array(&frames, time_steps), array(&corner, 3 * faces), array(&face, n), array(&mesh, 3 * vertices * time_steps);
     array(&place, 2 * n), array(&offset, n), array(&looks, 11 * n);
     EXPECT_EQ(at, bytes.size());
   }
-  Eigen::Vector3f Vertex(uint32_t instant, uint32_t i) const {
+  Eigen::Vector3f Vertex(uint32_t time_step, uint32_t i) const {
     Eigen::Vector3f x;
     for (int k = 0; k < 3; ++k)
       x[k] = low[k] +
-             (high[k] - low[k]) * static_cast<float>(mesh[3 * (instant * vertices + i) + static_cast<uint32_t>(k)]) / 65535;
+             (high[k] - low[k]) * static_cast<float>(mesh[3 * (time_step * vertices + i) + static_cast<uint32_t>(k)]) / 65535;
     return x;
   }
 };
@@ -97,8 +97,8 @@ TEST(Player, HoldsTheGaussiansToATenthOfAMillimetre) {
 TEST(Player, KeepsItsLimits) {
   const Moving moving(20);
   const size_t all = moving.Bytes().size(), one = 6 * static_cast<size_t>(moving.body.vertices.cols()) + 4;
-  EXPECT_EQ(Decoded(moving.Bytes({all, 60})).instants, 20u);
-  EXPECT_EQ(Decoded(moving.Bytes({all - 1, 60})).instants, 19u);
+  EXPECT_EQ(Decoded(moving.Bytes({all, 60})).time_steps, 20u);
+  EXPECT_EQ(Decoded(moving.Bytes({all - 1, 60})).time_steps, 19u);
   const Decoded few(moving.Bytes({all, 3}));
   EXPECT_EQ(few.frames, (std::vector<int32_t>{10, 28, 48})) << "the first and the last among them";
   EXPECT_EQ(Decoded(moving.Bytes({all - 19 * one, 60})).frames, (std::vector<int32_t>{10}));
@@ -119,10 +119,10 @@ TEST(Player, UpIsThatOfTheBody) {
   Moving moving(1);
   const Eigen::Matrix3f lying = Eigen::AngleAxisf(1.5f, Eigen::Vector3f::UnitX()).toRotationMatrix();
   moving.posed[0] = lying * moving.body.vertices;
-  EXPECT_EQ(UpOf(moving.body, moving.instants()), Eigen::Vector3f(0, -1, 0)) << "of a world whose y points down";
+  EXPECT_EQ(UpOf(moving.body, moving.time_steps()), Eigen::Vector3f(0, -1, 0)) << "of a world whose y points down";
   const Eigen::Matrix3f half = Eigen::AngleAxisf(0.7f, Eigen::Vector3f::UnitX()).toRotationMatrix();
   moving.posed[0] = half * moving.body.vertices;
-  EXPECT_LT((UpOf(moving.body, moving.instants()) - half.col(2)).norm(), 0.2f);
+  EXPECT_LT((UpOf(moving.body, moving.time_steps()) - half.col(2)).norm(), 0.2f);
 }
 
 }  // namespace

@@ -40,9 +40,9 @@ TEST(Raster, OneGaussianIsItsFormula) {
       double alpha = opacity * std::exp(-square / (2 * variance));
       if (alpha < kLeastAlpha) alpha = 0;
       const size_t at = static_cast<size_t>(y) * 41 + x;
-      EXPECT_NEAR(drawn.picture.Plane(3)[at], alpha, 1e-3 * alpha);  // the linearised lens: 1e-3 off the axis
-      EXPECT_NEAR(drawn.picture.Plane(0)[at], 0.9 * drawn.picture.Plane(3)[at], 1e-12);
-      EXPECT_NEAR(drawn.picture.Plane(2)[at], 0.1 * drawn.picture.Plane(3)[at], 1e-12);
+      EXPECT_NEAR(drawn.image.Plane(3)[at], alpha, 1e-3 * alpha);  // the linearised lens: 1e-3 off the axis
+      EXPECT_NEAR(drawn.image.Plane(0)[at], 0.9 * drawn.image.Plane(3)[at], 1e-12);
+      EXPECT_NEAR(drawn.image.Plane(2)[at], 0.1 * drawn.image.Plane(3)[at], 1e-12);
     }
 }
 
@@ -53,7 +53,7 @@ TEST(Raster, TheMipFilterKeepsTheLightOfAGaussian) {
     scene.cloud.values.opacity[0] = 8;
     const auto drawn = Draw(scene);
     double sum = 0;
-    for (size_t i = 0; i < drawn.picture.area(); ++i) sum += drawn.picture.Plane(3)[i];
+    for (size_t i = 0; i < drawn.image.area(); ++i) sum += drawn.image.Plane(3)[i];
     const double before = sigma_px * sigma_px, after = before + 0.1, opacity = Sigmoid(8) * before / after;
     const double light = 2 * kPi * after * (opacity - kLeastAlpha);
     // A Gaussian of 0.37 px is sampled by few pixels; those above 0.99 are clamped.
@@ -69,13 +69,13 @@ TEST(Raster, TheNearerGaussianCoversTheFarther) {
   const size_t middle = 16 * 33 + 16;
   const double kept0 = 100 / 100.1, kept1 = (400.0 / 9) / (400.0 / 9 + 0.1);
   const double a0 = Sigmoid(0.4) * kept0, a1 = Sigmoid(1.2) * kept1;
-  EXPECT_NEAR(near_first.picture.Plane(0)[middle], a0, 1e-6);
-  EXPECT_NEAR(near_first.picture.Plane(1)[middle], (1 - a0) * a1, 1e-6);
-  EXPECT_NEAR(near_first.picture.Plane(3)[middle], 1 - (1 - a0) * (1 - a1), 1e-6);
+  EXPECT_NEAR(near_first.image.Plane(0)[middle], a0, 1e-6);
+  EXPECT_NEAR(near_first.image.Plane(1)[middle], (1 - a0) * a1, 1e-6);
+  EXPECT_NEAR(near_first.image.Plane(3)[middle], 1 - (1 - a0) * (1 - a1), 1e-6);
   for (int k = 0; k < 3; ++k) scene.vertices.col(k)[2] = 3.5;  // on the axis: the same pixel
   const auto swapped = Draw(scene);
-  EXPECT_NEAR(swapped.picture.Plane(1)[middle], a1, 1e-6);
-  EXPECT_LT(swapped.picture.Plane(0)[middle], 1 - a1);
+  EXPECT_NEAR(swapped.image.Plane(1)[middle], a1, 1e-6);
+  EXPECT_LT(swapped.image.Plane(0)[middle], 1 - a1);
 }
 
 TEST(Raster, EqualDepthsKeepTheOrderOfTheCloud) {
@@ -83,9 +83,9 @@ TEST(Raster, EqualDepthsKeepTheOrderOfTheCloud) {
   SetColour(&scene, 0, 1, 0, 0), SetColour(&scene, 1, 0, 1, 0);
   const size_t middle = 16 * 33 + 16;
   const auto drawn = Draw(scene);
-  EXPECT_GT(drawn.picture.Plane(0)[middle], drawn.picture.Plane(1)[middle] * 1.5);
+  EXPECT_GT(drawn.image.Plane(0)[middle], drawn.image.Plane(1)[middle] * 1.5);
   std::swap(scene.cloud.face[0], scene.cloud.face[1]);
-  EXPECT_EQ(Draw(scene).picture.values, drawn.picture.values);
+  EXPECT_EQ(Draw(scene).image.values, drawn.image.values);
 }
 
 TEST(Raster, OpacityEndsBelowOne) {
@@ -93,7 +93,7 @@ TEST(Raster, OpacityEndsBelowOne) {
   for (const double logit : {50.0, 700.0, 1e300}) {
     scene.cloud.values.opacity[0] = logit;
     const auto drawn = Draw(scene);
-    EXPECT_DOUBLE_EQ(*std::max_element(drawn.picture.Plane(3), drawn.picture.Plane(3) + 33 * 33), kMostAlpha) << logit;
+    EXPECT_DOUBLE_EQ(*std::max_element(drawn.image.Plane(3), drawn.image.Plane(3) + 33 * 33), kMostAlpha) << logit;
   }
   scene.cloud.values.opacity[0] = -1e300;
   EXPECT_TRUE(Draw(scene).projected.splats.empty());
@@ -108,10 +108,10 @@ TEST(Raster, TinyGaussiansVanishAndHugeOnesCoverEverything) {
   scene.cloud.values.opacity[0] = 2;
   const auto drawn = Draw(scene);
   ASSERT_EQ(drawn.projected.splats.size(), 1u);
-  for (size_t i = 0; i < drawn.picture.area(); ++i) EXPECT_NEAR(drawn.picture.Plane(3)[i], Sigmoid(2), 1e-3);
+  for (size_t i = 0; i < drawn.image.area(); ++i) EXPECT_NEAR(drawn.image.Plane(3)[i], Sigmoid(2), 1e-3);
   const auto in_float = Draw<float>(CloudCast<float>(scene.cloud), {scene.faces, scene.vertices.cast<float>().eval()},
                                     ViewOf<float>(scene.camera), {});
-  for (size_t i = 0; i < drawn.picture.area(); ++i) EXPECT_NEAR(in_float.picture.Plane(3)[i], Sigmoid(2), 1e-3);
+  for (size_t i = 0; i < drawn.image.area(); ++i) EXPECT_NEAR(in_float.image.Plane(3)[i], Sigmoid(2), 1e-3);
 }
 
 TEST(Raster, WhatCannotBeShownIsCounted) {
@@ -140,7 +140,7 @@ TEST(Raster, WhatCannotBeShownIsCounted) {
       const auto drawn = Draw(scene);
       array[static_cast<size_t>(width)] = before;
       EXPECT_EQ(drawn.projected.skipped.not_finite, 1) << static_cast<int>(group) << " " << bad;
-      for (const double value : drawn.picture.values) ASSERT_TRUE(std::isfinite(value));
+      for (const double value : drawn.image.values) ASSERT_TRUE(std::isfinite(value));
     }
   });
   scene = good;
@@ -154,9 +154,9 @@ TEST(Raster, JustBeyondTheNearPlaneIsFinite) {
   const auto drawn = Draw<float>(CloudCast<float>(scene.cloud), {scene.faces, scene.vertices.cast<float>().eval()},
                                  ViewOf<float>(scene.camera), {});
   ASSERT_EQ(drawn.projected.splats.size(), 1u);
-  for (const float value : drawn.picture.values) ASSERT_TRUE(std::isfinite(value));
+  for (const float value : drawn.image.values) ASSERT_TRUE(std::isfinite(value));
   // 400 px wide, seen 16 px off in both directions.
-  EXPECT_NEAR(drawn.picture.Plane(3)[0], Sigmoid(3) * std::exp(-2 * 16 * 16 / (2 * 400.0 * 400.0)), 1e-4);
+  EXPECT_NEAR(drawn.image.Plane(3)[0], Sigmoid(3) * std::exp(-2 * 16 * 16 / (2 * 400.0 * 400.0)), 1e-4);
 }
 
 TEST(Raster, ASheetOfManyGaussiansIsOpaque) {
@@ -166,16 +166,16 @@ TEST(Raster, ASheetOfManyGaussiansIsOpaque) {
   Scene scene = FacingScene(40, places, 0.7 * 0.02);  // a Gaussian of 0.7 px on each pixel
   for (size_t i = 0; i < places.size(); ++i) scene.cloud.values.opacity[i] = 3, SetColour(&scene, i, 0.2, 0.6, 0.8);
   const auto drawn = Draw(scene);
-  for (size_t i = 0; i < drawn.picture.area(); ++i) {
-    EXPECT_GT(drawn.picture.Plane(3)[i], 0.97);
-    EXPECT_NEAR(drawn.picture.Plane(1)[i], 0.6 * drawn.picture.Plane(3)[i], 1e-9);
+  for (size_t i = 0; i < drawn.image.area(); ++i) {
+    EXPECT_GT(drawn.image.Plane(3)[i], 0.97);
+    EXPECT_NEAR(drawn.image.Plane(1)[i], 0.6 * drawn.image.Plane(3)[i], 1e-9);
   }
 }
 
 /// The definition: every pixel looks at every Gaussian.
-Picture<double> BruteForce(std::vector<Splat<double>> splats, int width, int height) {
+RasterImage<double> BruteForce(std::vector<Splat<double>> splats, int width, int height) {
   std::stable_sort(splats.begin(), splats.end(), [](const auto& a, const auto& b) { return a.depth < b.depth; });
-  Picture<double> out{width, height, std::vector<double>(4 * static_cast<size_t>(width) * height)};
+  RasterImage<double> out{width, height, std::vector<double>(4 * static_cast<size_t>(width) * height)};
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x) {
       double through = 1;
@@ -198,14 +198,14 @@ TEST(Raster, TilesGiveWhatEveryPixelBySelfGives) {
     Scene scene = RandomScene(300, 1, seed, 61, 43);  // no multiples of a tile; many pixels become full
     for (double& value : scene.cloud.values.opacity) value += 2;
     const auto drawn = Draw(scene);
-    const Picture<double> expected = BruteForce(drawn.projected.splats, 61, 43);
-    for (size_t i = 0; i < expected.values.size(); ++i) EXPECT_NEAR(drawn.picture.values[i], expected.values[i], 1e-12);
+    const RasterImage<double> expected = BruteForce(drawn.projected.splats, 61, 43);
+    for (size_t i = 0; i < expected.values.size(); ++i) EXPECT_NEAR(drawn.image.values[i], expected.values[i], 1e-12);
     EXPECT_GT(*std::max_element(expected.Plane(3), expected.Plane(3) + expected.area()), 1 - kFullPixel);
     const auto in_float = Draw<float>(CloudCast<float>(scene.cloud), {scene.faces, scene.vertices.cast<float>().eval()},
                                       ViewOf<float>(scene.camera), {});
     int far_off = 0;  // a rounding decides whether 1/255 counts
     for (size_t i = 0; i < expected.values.size(); ++i)
-      far_off += std::abs(in_float.picture.values[i] - expected.values[i]) > 1e-4;
+      far_off += std::abs(in_float.image.values[i] - expected.values[i]) > 1e-4;
     EXPECT_LT(far_off, 40);
   }
 }
@@ -217,11 +217,11 @@ TEST(Raster, DoesNotDependOnTheNumberOfThreads) {
   const Rendered one = RenderSplats(cloud, scene.faces, vertices, scene.camera, {true, 1});
   const auto drawn = Draw<float>(cloud, {scene.faces, vertices}, ViewOf<float>(scene.camera), {true, 1});
   const auto gradient_of = [&](int threads) {
-    return RasteriseBackward(drawn.projected.splats, drawn.tiles, drawn.picture, drawn.picture, threads);
+    return RasteriseBackward(drawn.projected.splats, drawn.tiles, drawn.image, drawn.image, threads);
   };
   const auto by_one = gradient_of(1);
   for (const int threads : {2, 3, 7}) {
-    EXPECT_EQ(RenderSplats(cloud, scene.faces, vertices, scene.camera, {true, threads}).picture.values, one.picture.values);
+    EXPECT_EQ(RenderSplats(cloud, scene.faces, vertices, scene.camera, {true, threads}).image.values, one.image.values);
     const auto by_many = gradient_of(threads);
     for (size_t i = 0; i < by_one.size(); ++i) {
       EXPECT_EQ(by_one[i].x, by_many[i].x);

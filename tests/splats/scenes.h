@@ -83,7 +83,7 @@ template <class S>
 struct Drawn {
   Projected<S> projected;
   Tiles tiles;
-  Picture<S> picture;
+  RasterImage<S> image;
 };
 
 template <class S>
@@ -92,7 +92,7 @@ Drawn<S> Draw(const BasicCloud<S>& cloud, const Surface<S>& surface, const Pinho
   Drawn<S> out;
   out.projected = ProjectSplats(cloud, surface, view, settings);
   out.tiles = BinSplats(out.projected.splats, view.width, view.height);
-  out.picture = Rasterise(out.projected.splats, out.tiles, view.width, view.height, settings.num_threads);
+  out.image = Rasterise(out.projected.splats, out.tiles, view.width, view.height, settings.num_threads);
   return out;
 }
 

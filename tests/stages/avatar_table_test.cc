@@ -22,7 +22,7 @@ struct RunSpec {
   std::string folder, method = "tna", seed = "1";
   double ssim = 0.5;
   std::vector<std::string> cameras{"00_00", "00_01"};
-  std::string width = "8", device = "cpu", pictures = "digest", label = {};
+  std::string width = "8", device = "cpu", images = "digest", label = {};
 };
 
 Value SplitOf(double ssim) { return Value::Object().Set("ssim", ssim); }
@@ -43,7 +43,7 @@ ScoredRun MakeRun(const RunSpec& spec) {
                     .Set("holdout", SplitOf(spec.ssim).Set("kind", kBoth).Set("fd", distance).Set("psnr_db", 20.0))
                     .Set("other_splits", Value::Object().Set(kMotion, SplitOf(0.75)))
                     .Set("baselines", Value::Object().Set("mean_image", SplitOf(0.25)));
-  run.protocol.splits = Value::Object().Set(kMotion, Value::Object().Set("sha256", spec.pictures));
+  run.protocol.splits = Value::Object().Set(kMotion, Value::Object().Set("sha256", spec.images));
   return run;
 }
 
@@ -172,14 +172,14 @@ TEST(AvatarTable, NamesTellRowsOfOneMethodApart) {
   EXPECT_THAT(NamesOf(CompareRuns({MakeRun(unknown)}, true)), ElementsAre("mine", "mean image"));
 }
 
-TEST(AvatarTable, SplitsOfOtherPicturesAreMarked) {
+TEST(AvatarTable, SplitsOfOtherImagesAreMarked) {
   RunSpec first{"a"}, second{"b", "direct"};
-  second.pictures = "others";
+  second.images = "others";
   const Comparison comparison = CompareRuns({MakeRun(first), MakeRun(second)}, false);
   EXPECT_THAT(comparison.mixed_splits, ElementsAre(kMotion));
-  EXPECT_TRUE(comparison.rows[0].splits.at(kMotion).same_pictures);
-  EXPECT_FALSE(comparison.rows[1].splits.at(kMotion).same_pictures);
-  EXPECT_TRUE(comparison.rows[1].splits.at(kBoth).same_pictures);
+  EXPECT_TRUE(comparison.rows[0].splits.at(kMotion).same_images);
+  EXPECT_FALSE(comparison.rows[1].splits.at(kMotion).same_images);
+  EXPECT_TRUE(comparison.rows[1].splits.at(kBoth).same_images);
   const std::string marked = MarkdownTable(comparison), plain = MarkdownTable(CompareRuns({MakeRun(first)}, false));
   EXPECT_THAT(marked, HasSubstr("| Direct | 1 | 0.7500 \u2020 |"));
   EXPECT_THAT(plain, Not(HasSubstr("\u2020")));

@@ -19,13 +19,13 @@ using mvstudio::testing::TempDir;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-/// Blank pictures 0003.png and 0010.png; the word for the option.
+/// Blank images 0003.png and 0010.png; the word for the option.
 NamedPath PutFootage(const TempDir& folder, const std::string& camera) {
   for (const char* name : {"/0003.png", "/0010.png"}) dataset::WriteImage(Image(64, 48, 3, 200), folder / camera + name);
   return {camera, folder / camera};
 }
 
-TEST(BoardFootage, PicturesAreNumberedByTheirNames) {
+TEST(BoardFootage, ImagesAreNumberedByTheirNames) {
   const TempDir folder;
   CommandResult result;
   const std::vector<calib::Footage> footage = OpenFootage({PutFootage(folder, "b"), PutFootage(folder, "a")}, &result);
@@ -127,8 +127,8 @@ TEST(CornerInputs, ATableOfTimesPairsFootage) {
   CommandResult result;
   FillTimeline(&arguments, &result);
   ASSERT_TRUE(arguments.timeline);
-  const auto later = dataset::InstantOfEachFrame(*arguments.timeline->Find("a")).at(10);
-  EXPECT_EQ(dataset::InstantOfEachFrame(*arguments.timeline->Find("b")).at(3), later) << "both at 10.5 s";
+  const auto later = dataset::TimeStepOfEachFrame(*arguments.timeline->Find("a")).at(10);
+  EXPECT_EQ(dataset::TimeStepOfEachFrame(*arguments.timeline->Find("b")).at(3), later) << "both at 10.5 s";
   EXPECT_THAT(result.inputs, ElementsAre(arguments.timestamps));
   arguments.cameras.clear();
   EXPECT_THAT(MessageOf<UsageError>([&] { FillTimeline(&arguments, &result); }), HasSubstr("option 'timestamps'"));

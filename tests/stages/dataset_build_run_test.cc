@@ -112,7 +112,7 @@ TEST(DatasetBuildStage, AnImageThatIsNotThereMakesItPartial) {
   EXPECT_EQ(report.built.images, 3 * kSteps - 1);
   ASSERT_EQ(report.built.gaps.size(), 1u);
   EXPECT_EQ(report.built.gaps[0].camera, "cam_b");
-  EXPECT_THAT(report.built.gaps[0].instants, ElementsAre(2));
+  EXPECT_THAT(report.built.gaps[0].time_steps, ElementsAre(2));
   EXPECT_EQ(Describe(report).exit, kExitPartial);
 }
 

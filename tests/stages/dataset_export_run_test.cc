@@ -72,14 +72,14 @@ TEST(DatasetExportStage, WithoutImagesTheJointsAreEnough) {
 TEST(DatasetExportStage, WhatIsLackingDecidesTheExitCode) {
   DatasetExportReport report;
   report.options.out = "out", report.options.to = "colmap";
-  report.written.people = 1, report.written.missing_pictures = 2;
+  report.written.people = 1, report.written.missing_images = 2;
   EXPECT_EQ(Describe(report).exit, kExitPartial);
   report.written.people = 0;
   const CommandResult nobody = Describe(report);
   EXPECT_EQ(nobody.exit, kExitQualityGate);
   ASSERT_EQ(nobody.errors.size(), 1u);
   EXPECT_EQ(nobody.errors[0].code, "EXP-NOBODY");
-  report.written.pictures = 1;
+  report.written.images = 1;
   EXPECT_THAT(Describe(report).errors, IsEmpty());
 }
 

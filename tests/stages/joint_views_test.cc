@@ -41,9 +41,9 @@ TEST(JointViews, OneTimeStepForAllCamerasThatSeeSomebody) {
   AddPoint(rig, 9, 0, 1, 1.0, {1, 2}, &take);
   const auto views = ChooseJointViews(rig, take, kNumJoints, {});
   ASSERT_EQ(views.size(), 3u);
-  EXPECT_EQ(views[0].instant, 5) << "the median of the rich ones";
-  EXPECT_EQ(views[1].instant, 5);
-  EXPECT_EQ(views[2].instant, 9) << "the third camera sees nobody in step 5";
+  EXPECT_EQ(views[0].time_step, 5) << "the median of the rich ones";
+  EXPECT_EQ(views[1].time_step, 5);
+  EXPECT_EQ(views[2].time_step, 9) << "the third camera sees nobody in step 5";
   EXPECT_EQ(views[0].frame, -1) << "no footage";
   ASSERT_EQ(views[0].keypoint_px.size(), size_t{kNumJoints});
   for (int joint = 0; joint < kNumJoints; ++joint) {

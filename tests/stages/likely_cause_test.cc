@@ -59,13 +59,13 @@ TEST(LikelyCause, WithoutAClearCauseItSaysWhatEachWouldLeave) {
 
 TEST(LikelyCause, OfOneCameraAmongGoodOnesItIsAnErrorUnlessTheCameraMoved) {
   triangulate::CauseReport report = Report();
-  CommandResult unclear, turned, moved;
+  CommandResult unclear, rotated, moved;
   EXPECT_FALSE(Said(CauseInCamera(report, false), &unclear).clear);
   report.message = "with cameras a and b exchanged 88 % fit";
-  EXPECT_TRUE(Said(CauseInCamera(report, false), &turned).clear);
-  EXPECT_EQ(turned.exit, kExitQualityGate);
-  ASSERT_EQ(turned.errors.size(), 1u);
-  EXPECT_EQ(turned.errors[0].hint, "exchange the names");
+  EXPECT_TRUE(Said(CauseInCamera(report, false), &rotated).clear);
+  EXPECT_EQ(rotated.exit, kExitQualityGate);
+  ASSERT_EQ(rotated.errors.size(), 1u);
+  EXPECT_EQ(rotated.errors[0].hint, "exchange the names");
   report.trials[0].cause = Cause::kMoved;
   EXPECT_FALSE(Said(CauseInCamera(report, false), &moved).clear);
   EXPECT_EQ(moved.exit, kExitOk);

@@ -56,7 +56,7 @@ TEST(AvatarTrainData, FramesThatWereNotAskedForAreOnNoSide) {
   EXPECT_THAT(split.holdout_frames, ElementsAre(3));
   InputNotes notes;
   arguments.frames = "1-30", arguments.holdout_frames = "3-9";
-  TellSplitFrames(Data(), arguments, &notes);
+  ReportSplitFrames(Data(), arguments, &notes);
   ASSERT_EQ(notes.warnings.size(), 2u);
   EXPECT_THAT(notes.warnings[0].text,
               HasSubstr("option 'frames': somewhere has no frames 5 to 30; it has 5 frames from 0 to 4"));

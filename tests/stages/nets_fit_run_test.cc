@@ -106,7 +106,7 @@ TEST(AvatarFitStage, FilesScalesAndDoubtsAreSaid) {
   report.folder = "body", report.dataset = "data";
   report.fit.fit.cameras = {{"00_00", 20, 0, 0.85, 0.95, {0, 0}, 0.1}};
   report.fit.missing = {"camera 00_00, frame 3"};
-  report.doubts = {{"DAT-COVER", "masks: of another take", ""}};
+  report.conflicts = {{"DAT-COVER", "masks: of another take", ""}};
   report.notes.warnings = {{"CLI-FRAMES", "frames 5 to 9", ""}};
   const CommandResult plain = Describe(report);
   EXPECT_THAT(RolesOf(plain), ElementsAre("body", "body-glb", "texture"));

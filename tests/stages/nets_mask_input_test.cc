@@ -37,11 +37,11 @@ TEST(MaskTruth, ScoresOfHandMadeMasks) {
   dataset::WriteImage(Image(4, 4, 1), truth + "/cam_0005.png");
   dataset::WriteImage(Image(4, 4, 1), truth + "/cam_0006.png");  // without a mask of ours
   const TruthScore score = CompareWithTruth(truth, masks, "a");
-  EXPECT_EQ(score.pictures, 3);
+  EXPECT_EQ(score.images, 3);
   EXPECT_EQ(score.missing, 1);
   EXPECT_NEAR(score.iou_sum, 4.0 / 12 + 12.0 / 16 + 1, 1e-12);
   EXPECT_NEAR(score.worst, 4.0 / 12, 1e-12);
-  EXPECT_EQ(score.worst_picture, masks + "/a/00000003.png");
+  EXPECT_EQ(score.worst_image, masks + "/a/00000003.png");
   EXPECT_EQ(score.too_much_px, 4);
   EXPECT_EQ(score.too_little_px, 4 + 4);
 }
@@ -66,7 +66,7 @@ TEST(MaskTruth, ExactMasksFromOneAreComparedWithFramesFromZero) {
   }
   const TruthScore score = CompareWithTruth(folder / "truth", folder / "masks", "a");
   EXPECT_TRUE(score.from_one);
-  EXPECT_EQ(score.pictures, 2);
+  EXPECT_EQ(score.images, 2);
   EXPECT_EQ(score.worst, 1);
 }
 
@@ -98,7 +98,7 @@ TEST(MaskFrames, ThoseThatWereAskedForGetMasks) {
   const MaskTrial trial = TryBackend(job, {"background", nullptr}, false, {});
   ASSERT_EQ(trial.failed_camera, "");
   const MaskRunResult masks = MakeMasks(job, {"background", nullptr}, trial.models, folder / "masks", {});
-  EXPECT_EQ(masks.cameras[0].take.pictures, 4);
+  EXPECT_EQ(masks.cameras[0].take.images, 4);
   EXPECT_FALSE(std::filesystem::exists(MaskPath(folder / "masks", "a", 7)));
   EXPECT_TRUE(std::filesystem::exists(MaskPath(folder / "masks", "a", 8)));
   EXPECT_THAT(MessageOf<NothingLeftError>([&] { job_of("50-60", &notes); }), HasSubstr("no frames 50 to 60; it has 12"));

@@ -66,10 +66,10 @@ TEST(MaskStage, ABlockThatWalksIsMaskedExactly) {
   EXPECT_EQ(report.outcome, MaskOutcome::kMade);
   ASSERT_THAT(report.trials, SizeIs(1));
   EXPECT_THAT(report.trials[0].models, IsEmpty());
-  EXPECT_EQ(report.masks.cameras[0].take.pictures, kBlockFrames);
+  EXPECT_EQ(report.masks.cameras[0].take.images, kBlockFrames);
   EXPECT_FALSE(report.AllEmpty());
   ASSERT_THAT(report.truth, SizeIs(1));
-  EXPECT_EQ(report.truth[0].pictures, kBlockFrames);
+  EXPECT_EQ(report.truth[0].images, kBlockFrames);
   EXPECT_EQ(report.truth[0].worst, 1);
   EXPECT_TRUE(std::filesystem::exists(folder / "out/a/00000011.png"));
   EXPECT_TRUE(std::filesystem::exists(folder / "out/a.sheet.png"));
@@ -131,7 +131,7 @@ MaskStageReport TwoCameras() {
   report.trials = {{"background", Status::kOk, "", 0.02, NAN, {}}, {"selfie", Status::kOk, "", 0.03, NAN, {}}};
   report.cameras = {{"a", {}}, {"b", {}}};
   report.masks.cameras.resize(2);
-  for (MaskCameraResult& camera : report.masks.cameras) camera.take.pictures = 10, camera.background_known = 1;
+  for (MaskCameraResult& camera : report.masks.cameras) camera.take.images = 10, camera.background_known = 1;
   return report;
 }
 
@@ -154,7 +154,7 @@ TEST(MaskStage, WhatIsDoubtfulIsSaidByCamera) {
 /// The two halves of the disagreement, of which one alone should be near 0.
 TEST(MaskStage, TheHullSaysWhichWayMasksDisagree) {
   MaskStageReport report = TwoCameras();
-  report.masks.hull.instants = 2;
+  report.masks.hull.time_steps = 2;
   report.masks.hull.sums = {{200, 0.02, 0.30, 0}, {200, 0.04, 0.10, 0}};
   const CommandResult said = Describe(report);
   EXPECT_THAT(said.text, HasSubstr("hull: 1.5 % of the masks outside it (best: 0 %), 10.0 % of it in no mask"));

@@ -35,7 +35,7 @@ std::string Json(const std::vector<Joint>& joints) {
 
 const geometry::Skeleton& Body25() { return geometry::SkeletonByName("body25"); }
 
-/// Pictures of 100 x 80 px.
+/// Images of 100 x 80 px.
 dataset::CameraFootage PutFootage(const TempDir& folder, const std::string& camera) {
   for (const char* name : {"/0.png", "/1.png", "/2.png"})
     dataset::WriteImage(Image(100, 80, 3), folder / "raw/" + camera + name);

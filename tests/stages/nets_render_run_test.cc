@@ -52,7 +52,7 @@ TEST(AvatarRenderStage, HeldOutCamerasAreRenderedAndScored) {
   EXPECT_THAT(MessageOf<UsageError>([&] { RunAvatarRender(options, run); }), HasSubstr("option 'video'"));
 
   AvatarEvalOptions eval;
-  eval.run_folder = folder / "run", eval.scores.features = "gabor", eval.scores.other_pictures = 0;
+  eval.run_folder = folder / "run", eval.scores.features = "gabor", eval.scores.other_images = 0;
   const avatar::Evaluation evaluation = RunAvatarEval(eval, run).evaluation;
   EXPECT_EQ(evaluation.holdout_kind, "held-out cameras in held-out frames");
   EXPECT_EQ(evaluation.checkpoint_step, 3);

@@ -108,7 +108,7 @@ TEST(AvatarTrainStage, TheSummaryComesFirstAndTheGainAfterIt) {
 TEST(AvatarTrainStage, WhatIsWrongDecidesTheExit) {
   AvatarTrainReport report = Made();
   report.packs.skipped = {"00_00 frame 2"};
-  report.doubts = {{"DAT-COVER", "masks: of another take", ""}};
+  report.conflicts = {{"DAT-COVER", "masks: of another take", ""}};
   const CommandResult skipped = Describe(report);
   EXPECT_TRUE(skipped.partial);
   ASSERT_THAT(skipped.warnings, SizeIs(2));

@@ -1,5 +1,3 @@
-#include "stages/pack_speed/measure.h"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "stages/pack_speed/measure.h"
 #include "tests/support/message_of.h"
 
 namespace mvstudio::stages {
@@ -28,7 +27,7 @@ PackSpeedTrial Trial(const std::string& way, const std::string& codec, int crop_
 
 PackSpeedReport Report() {
   PackSpeedReport report;
-  report.pictures = 24, report.width_px = 640, report.height_px = 480;
+  report.images = 24, report.width_px = 640, report.height_px = 480;
   report.trials = {Trial("folder", "jpeg:95", 128, 100, 41.25), Trial("pack", "png", 128, 2500, kInfinity),
                    Trial("folder", "jpeg:95", 0, 50, 41.25), Trial("pack", "png", 0, 75, kInfinity)};
   report.builds = {{"png", 128, 2, 320, 640, 0.5}};

@@ -42,7 +42,7 @@ std::pair<double, double> Changed(const PoseChanges& changes, double x, double y
   return {key.x_px, key.y_px};
 }
 
-PoseChanges Turned(const std::string& text) {
+PoseChanges Rotated(const std::string& text) {
   PoseChanges changes;
   FromString(text, "rotate", &changes.rotate.emplace_back());
   return changes;
@@ -58,10 +58,10 @@ TEST(PoseChanges, PixelsBecomeThoseOfTheCalibratedImage) {
   EXPECT_EQ(Changed(normalized, 30.0 / kWidth, 50.0 / kHeight), pixel);
   EXPECT_EQ(Changed(below, 30, kHeight - 50), pixel);
   EXPECT_EQ(Changed(mirrored, kWidth - 1 - 30, 50), pixel);
-  EXPECT_EQ(Changed(Turned("90"), kHeight - 1 - 50, 30), pixel);
-  EXPECT_EQ(Changed(Turned("a=180"), kWidth - 1 - 30, kHeight - 1 - 50), pixel);
-  EXPECT_EQ(Changed(Turned("270"), 50, kWidth - 1 - 30), pixel);
-  EXPECT_EQ(Changed(Turned("b=90"), 30, 50), pixel) << "another camera's";
+  EXPECT_EQ(Changed(Rotated("90"), kHeight - 1 - 50, 30), pixel);
+  EXPECT_EQ(Changed(Rotated("a=180"), kWidth - 1 - 30, kHeight - 1 - 50), pixel);
+  EXPECT_EQ(Changed(Rotated("270"), 50, kWidth - 1 - 30), pixel);
+  EXPECT_EQ(Changed(Rotated("b=90"), 30, 50), pixel) << "another camera's";
   EXPECT_EQ(Changed(half, 30.5 / 2 - 0.5, 50.5 / 2 - 0.5), pixel);
 }
 
@@ -127,8 +127,8 @@ TEST(PoseChanges, WhatMakesNoSenseIsRefused) {
   unknown.flip_y.names = {"c"};
   one_rate.rate = {{"a", "60"}}, no_rate.rate = {{"", "-1"}};
   EXPECT_THAT(message(unknown), HasSubstr("camera c, which has no 2D joints; there are a, b"));
-  EXPECT_THAT(message(Turned("45")), HasSubstr("90, 180 or 270"));
-  EXPECT_THAT(message(Turned("a=90degrees")), HasSubstr("is not a number"));
+  EXPECT_THAT(message(Rotated("45")), HasSubstr("90, 180 or 270"));
+  EXPECT_THAT(message(Rotated("a=90degrees")), HasSubstr("is not a number"));
   EXPECT_THAT(message(one_rate), HasSubstr("says nothing of camera b"));
   EXPECT_THAT(message(no_rate), HasSubstr("above 0"));
 }

@@ -22,7 +22,7 @@ using mvstudio::testing::TempDir;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-constexpr double kTurnedRad = 0.01;
+constexpr double kRotatedRad = 0.01;
 
 /// Three markers that fly through what four cameras see, and a calibration whose last camera is turned by kTurnedRad.
 RefineOptions MarkersToFit(const TempDir& folder, int num_frames = 120) {
@@ -41,7 +41,7 @@ RefineOptions MarkersToFit(const TempDir& folder, int num_frames = 120) {
   }
   WriteFileAtomic(folder / "points2d.csv", table);
   geometry::Rigid3 turn;
-  turn.rotation = geometry::RotationExp({0, kTurnedRad, 0});
+  turn.rotation = geometry::RotationExp({0, kRotatedRad, 0});
   rig.cameras.back().cam_from_world = turn * rig.cameras.back().cam_from_world;
   geometry::WriteRig(rig, folder / "calibration.json");
   RefineOptions options;
@@ -50,7 +50,7 @@ RefineOptions MarkersToFit(const TempDir& folder, int num_frames = 120) {
   return options;
 }
 
-TEST(RefineStage, ATurnedCameraIsTurnedBack) {
+TEST(RefineStage, ARotatedCameraIsRotatedBack) {
   const TempDir folder;
   const RefineReport report = RunRefine(MarkersToFit(folder));
   ASSERT_EQ(report.refined.status, Status::kOk) << report.refined.message;
@@ -62,7 +62,7 @@ TEST(RefineStage, ATurnedCameraIsTurnedBack) {
   const auto between = [](const geometry::Rig& rig) {
     return rig.cameras[3].cam_from_world.rotation * rig.cameras[0].cam_from_world.rotation.conjugate();
   };
-  EXPECT_LT(between(written).angularDistance(between(truth)), 0.2 * kTurnedRad);
+  EXPECT_LT(between(written).angularDistance(between(truth)), 0.2 * kRotatedRad);
   const CommandResult said = Describe(report);
   EXPECT_EQ(said.folder, folder / "refined");
   EXPECT_EQ(said.outputs.at(0).path, report.path);

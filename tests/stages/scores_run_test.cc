@@ -39,7 +39,7 @@ ScoresOptions TwoFolders(const TempDir& folder) {
 TEST(ScoresStage, PsnrIsThatOfTheDifference) {
   const TempDir folder;
   ScoresOptions options = TwoFolders(folder);
-  options.per_picture = true;
+  options.per_image = true;
   const CommandResult said = Describe(RunPairScores(options));
   const double wanted_db = 20 * std::log10(255.0 / 10);
   EXPECT_NEAR(said.metrics["psnr_db"].get<double>(), wanted_db, 1e-6);

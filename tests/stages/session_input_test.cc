@@ -51,10 +51,10 @@ std::vector<std::pair<int, int>> Numbers(const dataset::Pose2dTrack& track) {
   return numbers;
 }
 
-TEST(SessionInput, FramesGetTheInstantsThatTheyShow) {
+TEST(SessionInput, FramesGetTheTimeStepsThatTheyShow) {
   dataset::Timeline timeline;
   dataset::CameraTimeline a, b;
-  a.name = "a", a.frame_at = {0, 2, -1, 3};  // frame 1 shows no instant, instant 2 has no frame
+  a.name = "a", a.frame_at = {0, 2, -1, 3};  // frame 1 shows no time step, time step 2 has no frame
   b.name = "b", b.frame_at = {5, 5, 6};      // frame 5 shows two
   timeline.cameras = {a, b};
   PoseInput input;
@@ -76,7 +76,7 @@ TEST(SessionInput, ATimelineThatMovesNothingChangesNothing) {
   EXPECT_THAT(Numbers(input.tracks[0]), ElementsAre(std::pair(0, 0), std::pair(1, 1), std::pair(3, 3)));
 }
 
-/// A session with one take of people, filmed by cameras a (a video), b and c (pictures).
+/// A session with one take of people, filmed by cameras a (a video), b and c (images).
 FoundTake PeopleTake(const TempDir& folder) {
   FoundTake found;
   found.session.folder = folder.path(), found.session.units = "m";

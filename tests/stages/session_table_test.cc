@@ -20,7 +20,7 @@ dataset::InspectedFootage Footage(const std::string& camera, bool sound, bool vi
   return footage;
 }
 
-/// A sound video, damaged pictures with a gap, and what cannot be opened.
+/// A sound video, damaged images with a gap, and what cannot be opened.
 dataset::SessionReport Report() {
   dataset::SessionReport report;
   report.footage = {Footage("left", true, true), Footage("right", false, false), {}};
@@ -69,7 +69,7 @@ TEST(SessionTable, TheExitCodeTellsHowMuchIsSound) {
 
 dataset::Timeline Timeline() {
   dataset::Timeline timeline;
-  timeline.take = "walk", timeline.reference = "left", timeline.fps_hz = 25, timeline.num_instants = 5;
+  timeline.take = "walk", timeline.reference = "left", timeline.fps_hz = 25, timeline.num_time_steps = 5;
   timeline.clock = dataset::TimelineClock::kCommon;
   dataset::CameraTimeline left, right;
   left.name = "left", left.num_frames = 5, left.fps_hz = 25, left.frame_at = {0, 1, 2, 3, 4};

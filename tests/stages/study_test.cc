@@ -23,8 +23,8 @@ using mvstudio::testing::TempDir;
 using report::Value;
 using ::testing::HasSubstr;
 
-/// Folders truth, a and b with pictures p0.png … of their own grey.
-void PutPictures(const TempDir& folder, int count) {
+/// Folders truth, a and b with images p0.png … of their own grey.
+void PutImages(const TempDir& folder, int count) {
   for (const char* side : {"truth", "a", "b"}) {
     for (int i = 0; i < count; ++i) {
       dataset::WriteImage(Image(16, 16, 3, static_cast<uint8_t>(side[0] + i)),
@@ -43,7 +43,7 @@ StudyArguments Arguments(const TempDir& folder) {
 
 TEST(Study, PageAndKeyOfTwoFolders) {
   const TempDir folder;
-  PutPictures(folder, 3);
+  PutImages(folder, 3);
   const CommandResult result = RunStudy(Arguments(folder), folder / "out/study.html", 1);
   EXPECT_EQ(result.exit, kExitOk);
   EXPECT_TRUE(result.warnings.empty());
@@ -55,13 +55,13 @@ TEST(Study, PageAndKeyOfTwoFolders) {
   EXPECT_EQ(key["sha256"].Text(), result.metrics["study"].get<std::string>());
   EXPECT_EQ(key["questions"].items().size(), 3u);
   StudyArguments fewer = Arguments(folder);
-  fewer.pictures = 2;
+  fewer.images = 2;
   EXPECT_EQ(RunStudy(fewer, folder / "out/fewer.html", 1).metrics["questions"], 2);
 }
 
-TEST(Study, PicturesThatAreNotInAllFoldersAreCounted) {
+TEST(Study, ImagesThatAreNotInAllFoldersAreCounted) {
   const TempDir folder;
-  PutPictures(folder, 3);
+  PutImages(folder, 3);
   std::filesystem::remove(folder / "b/p1.png");
   dataset::WriteImage(Image(16, 16, 3), folder / "a/q.png");
   const CommandResult result = RunStudy(Arguments(folder), folder / "study.html", 1);
@@ -74,14 +74,14 @@ TEST(Study, PicturesThatAreNotInAllFoldersAreCounted) {
 
 TEST(Study, WhatIsMissingIsNamedAndOthersFilesStay) {
   const TempDir folder;
-  PutPictures(folder, 1);
+  PutImages(folder, 1);
   const StudyArguments good = Arguments(folder);
   const auto refused = [&](const StudyArguments& arguments, const std::string& out) {
     return MessageOf<UsageError>([&] { RunStudy(arguments, out, 1); });
   };
   EXPECT_THAT(refused(good, ""), HasSubstr("option 'out'"));
   StudyArguments bad = good;
-  bad.pictures = 0;
+  bad.images = 0;
   EXPECT_THAT(refused(bad, folder / "s.html"), HasSubstr("option 'study-pictures'"));
   bad = good;
   bad.truth.clear();
@@ -101,10 +101,10 @@ void PutAnswers(const std::string& path, const std::vector<std::string>& methods
                 int count) {
   Value answers = Value::Array();
   for (int i = 0; i < count; ++i) {
-    const std::string picture = "p" + std::to_string(i);
+    const std::string image = "p" + std::to_string(i);
     answers.Append(Value::Object()
-                       .Set("picture", picture)
-                       .Set("seal", report::StudySeal("study", picture, "ours"))
+                       .Set("picture", image)
+                       .Set("seal", report::StudySeal("study", image, "ours"))
                        .Set("choice", i < ours ? "left" : "right"));
   }
   Put(path, Value::Object()

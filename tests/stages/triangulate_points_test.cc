@@ -84,8 +84,8 @@ TEST(TriangulatePoints, CamerasThatHardlyEverSeeAnybodyAreNamed) {
   for (int f = 0; f < 4; ++f) rare.AddFrames({Frame(f, f == 2)}, {}), half.AddFrames({Frame(f, f % 2 == 0)}, {});
   const geometry::Skeleton skeleton = geometry::PointsSkeleton({"x", "y"});
   const PointFigures few = rare.Figures(rig, {"a", "b"}, skeleton), enough = half.Figures(rig, {"a", "b"}, skeleton);
-  EXPECT_EQ(few.num_carriable, 1);
-  EXPECT_EQ(enough.num_carriable, 2);
+  EXPECT_EQ(few.num_triangulable, 1);
+  EXPECT_EQ(enough.num_triangulable, 2);
   const std::vector<Notice> warned = DetectionNotices(few, 1);
   ASSERT_EQ(warned.size(), 1u);
   EXPECT_EQ(warned[0].code, "TRI-FEW-DETECTIONS");

@@ -142,8 +142,8 @@ inline std::string HollowJpeg(uint16_t width, uint16_t height) {
   return jpeg + std::string(16, '\0') + "\xff\xd9";
 }
 
-/// Small files of pictures that need gigabytes.
-inline std::vector<NamedText> PictureBombs() {
+/// Small files of images that need gigabytes.
+inline std::vector<NamedText> ImageBombs() {
   return {{"grey-40000.png", ZeroPng(40000, 40000, false)},
           {"rgb-30000.png", ZeroPng(30000, 30000, true)},
           {"header-only.png", PngOf(0x7fffffff, 0x7fffffff, true, "")},

@@ -65,9 +65,9 @@ Errors CornerErrors(const std::string& lens) {
       const geometry::Rigid3 pose = BoardPose(board, f, 60, 2);
       const Eigen::Vector3d view = (pose * Eigen::Vector3d(corners.col(0)) - camera.CenterInWorld()).normalized();
       if (view.dot(pose.rotation * Eigen::Vector3d::UnitZ()) < 0.7) continue;
-      Image picture(640, 480, 3, 110), grey(640, 480, 1);
-      painter.Draw(pose, camera, rays, 5, &picture);
-      for (size_t i = 0; i < grey.pixels.size(); ++i) grey.pixels[i] = picture.pixels[3 * i];
+      Image image(640, 480, 3, 110), grey(640, 480, 1);
+      painter.Draw(pose, camera, rays, 5, &image);
+      for (size_t i = 0; i < grey.pixels.size(); ++i) grey.pixels[i] = image.pixels[3 * i];
       for (int i = 0; i < corners.cols(); ++i) {
         const geometry::Projection truth = projector.Project(camera.cam_from_world * (pose * Eigen::Vector3d(corners.col(i))));
         Eigen::Vector2d found;
@@ -102,9 +102,9 @@ TEST(BoardPainter, TheBackIsPlainAndTheBoardBehindTheCameraUnseen) {
   const Eigen::Matrix3d towards = camera.cam_from_world.rotation.conjugate().toRotationMatrix();
   const Image empty(640, 480, 3, 7);
   Image back = empty;
-  Eigen::Matrix3d turned = towards;
-  turned.col(1) *= -1, turned.col(2) *= -1;
-  painter.Draw({Eigen::Quaterniond(turned), Eigen::Vector3d(0, 0, 1)}, camera, rays, 3, &back);
+  Eigen::Matrix3d rotated = towards;
+  rotated.col(1) *= -1, rotated.col(2) *= -1;
+  painter.Draw({Eigen::Quaterniond(rotated), Eigen::Vector3d(0, 0, 1)}, camera, rays, 3, &back);
   int card = 0;
   for (size_t i = 0; i < back.pixels.size(); i += 3) {
     EXPECT_LE(back.pixels[i], 121);

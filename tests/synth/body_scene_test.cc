@@ -28,8 +28,8 @@ TEST(BodyScene, RayCastingAgreesWithRasterisation) {
   const BodyScene scene(world.body, world.textures, vertices);
   for (int c : {0, 3}) {
     const geometry::RigCamera& camera = world.rig.cameras[c];
-    Image picture(640, 480, 3, 100);
-    const BodyScene::Truth truth = scene.Draw(camera, LensRays(camera), 1, &picture);
+    Image image(640, 480, 3, 100);
+    const BodyScene::Truth truth = scene.Draw(camera, LensRays(camera), 1, &image);
     const body::PartUvMap map = body::RasterizeBody(world.body, vertices, camera);
     int both = 0, either = 0, same_part = 0, same_uv = 0;
     for (size_t i = 0; i < truth.part.size(); ++i) {
@@ -56,8 +56,8 @@ TEST(BodyScene, JointsProjectIntoTheMask) {
     const Eigen::Matrix3Xd joints = PersonJoints(world.body, pose, skeleton);
     for (int c : {1, 4}) {
       const geometry::RigCamera& camera = world.rig.cameras[c];
-      Image picture(640, 480, 3, 100);
-      const BodyScene::Truth truth = scene.Draw(camera, LensRays(camera), 1, &picture);
+      Image image(640, 480, 3, 100);
+      const BodyScene::Truth truth = scene.Draw(camera, LensRays(camera), 1, &image);
       for (int j = 0; j < joints.cols(); ++j) {
         const geometry::Projection p = geometry::Project(camera.camera, camera.cam_from_world * Eigen::Vector3d(joints.col(j)));
         if (p.status != Status::kOk || !geometry::InImage(camera.camera, p.px)) continue;

@@ -9,7 +9,7 @@
 namespace mvstudio::synth {
 namespace {
 
-TEST(MakeStudio, EveryLensCanBeInvertedOverTheWholePicture) {
+TEST(MakeStudio, EveryLensCanBeInvertedOverTheWholeImage) {
   for (geometry::LensModel model : geometry::ModelsSimplestFirst()) {
     for (const Arrangement arrangement : {Arrangement::kRing, Arrangement::kDome}) {
       SynthOptions options;

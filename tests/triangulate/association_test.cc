@@ -131,12 +131,12 @@ TEST(AssociateFrame, DoesNotDependOnTheOrderOfDetections) {
   Rng rng(5);
   for (int f = 0; f < 10; ++f) {
     const SeenPeople seen = Detect(rig, RandomWalkers(4, 1.5, 0.6, &rng), f, {}, &rng);
-    SeenPeople turned = seen;
-    for (auto& people : turned.frame.people) std::reverse(people.begin(), people.end());
-    for (auto& truth : turned.truth) std::reverse(truth.begin(), truth.end());
+    SeenPeople rotated = seen;
+    for (auto& people : rotated.frame.people) std::reverse(people.begin(), people.end());
+    for (auto& truth : rotated.truth) std::reverse(truth.begin(), truth.end());
     PairScore a, b;
     Score(seen, AssociateFrame(prepared, seen.frame, {}), 4, &a);
-    Score(turned, AssociateFrame(prepared, turned.frame, {}), 4, &b);
+    Score(rotated, AssociateFrame(prepared, rotated.frame, {}), 4, &b);
     EXPECT_EQ(a.right, b.right);
     EXPECT_EQ(a.wrong, b.wrong);
   }

@@ -96,8 +96,8 @@ TEST(Cause, NorDoesOneThatNoAssumptionExplains) {
   EXPECT_LT(report.as_given.carried, 0.1);
 }
 
-/// As in a file found in the wild: the pictures are undistorted, the file still lists terms, one of them absurd.
-TEST(Cause, DistortionThatThePicturesDoNotHave) {
+/// As in a file found in the wild: the images are undistorted, the file still lists terms, one of them absurd.
+TEST(Cause, DistortionThatTheImagesDoNotHave) {
   geometry::Rig pinholes = MakeStudio();
   for (geometry::RigCamera& camera : pinholes.cameras) camera.camera = PinholeOf(camera.camera);
   const std::vector<DetectedFrame> frames = Film(pinholes, 2);
@@ -125,7 +125,7 @@ TEST(Cause, TermsInAnotherOrder) {
   ExpectFound(Search(read, Film(rig)), Cause::kTermOrder, "k1 k2 k3 p1 p2");
 }
 
-TEST(Cause, PicturesOfHalfTheSize) {
+TEST(Cause, ImagesOfHalfTheSize) {
   const geometry::Rig rig = MakeStudio();
   std::vector<DetectedFrame> frames = Film(rig);
   for (DetectedFrame& frame : frames) {
@@ -138,7 +138,7 @@ TEST(Cause, PicturesOfHalfTheSize) {
   ExpectFound(Search(rig, frames), Cause::kImageSize, "the images half the calibrated size");
 }
 
-TEST(Cause, PicturesCroppedFrom1088To1080) {
+TEST(Cause, ImagesCroppedFrom1088To1080) {
   const geometry::Rig rig = MakeStudio();
   DetectorOptions sharp;
   sharp.noise_px = 0.5, sharp.outlier_joints = 0, sharp.false_people = 0;
@@ -234,19 +234,19 @@ TEST(Cause, CoordinatesThatAreNoPixelsFromTheTopLeft) {
   const std::vector<DetectedFrame> good = Film(rig);
   const auto parts = [](Eigen::Vector2d* px) { *px = px->cwiseQuotient(Eigen::Vector2d(1920, 1088)); };
   const auto below = [](Eigen::Vector2d* px) { px->y() = 1088 - px->y(); };
-  const auto turned = [](Eigen::Vector2d* px) { *px = Eigen::Vector2d(1087 - px->y(), px->x()); };
+  const auto rotated = [](Eigen::Vector2d* px) { *px = Eigen::Vector2d(1087 - px->y(), px->x()); };
   ExpectRemedy(Search(rig, Changed(good, -1, parts)), Cause::kNormalized, "option 'normalized'");
   const auto centred = [&](Eigen::Vector2d* px) { parts(px), *px = (2 * *px).array() - 1; };
   const auto percent = [&](Eigen::Vector2d* px) { parts(px), *px *= 100; };
   const auto rows_first = [](Eigen::Vector2d* px) { std::swap(px->x(), px->y()); };
   ExpectRemedy(Search(rig, Changed(good, -1, centred)), Cause::kNormalized, "option 'normalized'");
   ExpectRemedy(Search(rig, Changed(good, -1, percent)), Cause::kNormalized, "option 'normalized'");
-  ExpectRemedy(Search(rig, Changed(good, -1, rows_first)), Cause::kTurned, "option 'rotate' 90 option 'flip-x'");
+  ExpectRemedy(Search(rig, Changed(good, -1, rows_first)), Cause::kRotated, "option 'rotate' 90 option 'flip-x'");
   ExpectRemedy(Search(rig, Changed(good, 2, parts)), Cause::kNormalized, "option 'normalized' cam_2");
   ExpectRemedy(Search(rig, Changed(good, -1, below)), Cause::kFlippedY, "option 'flip-y'");
   ExpectRemedy(Search(rig, Changed(good, 1, below)), Cause::kFlippedY, "option 'flip-y' cam_1");
-  ExpectRemedy(Search(rig, Changed(good, -1, turned)), Cause::kTurned, "option 'rotate' 90");
-  ExpectRemedy(Search(rig, Changed(good, 3, turned)), Cause::kTurned, "option 'rotate' cam_3=90");
+  ExpectRemedy(Search(rig, Changed(good, -1, rotated)), Cause::kRotated, "option 'rotate' 90");
+  ExpectRemedy(Search(rig, Changed(good, 3, rotated)), Cause::kRotated, "option 'rotate' cam_3=90");
 }
 
 TEST(Cause, PosesThatAreInvertedOrMirrored) {
@@ -300,14 +300,14 @@ TEST(Cause, TwoViewsAPoint) {
   EXPECT_EQ(FitAsGiven(rig, {}, {}).num_detections, 0);
 }
 
-TEST(NumCarriable, CountsJointsThatEnoughCamerasSee) {
+TEST(NumTriangulable, CountsJointsThatEnoughCamerasSee) {
   const Keypoint seen{{1, 1}, 0.9}, weak{{1, 1}, 0.1};
   DetectedFrame frame;
   frame.people = {{{seen, seen}, {seen, seen}}, {{seen, weak}, {seen, weak}, {seen, weak}}, {}};
-  EXPECT_EQ(NumCarriable(frame, 0.3, 9), 2);  // two people's first joint; the posters of one camera do not count
-  EXPECT_EQ(NumCarriable(frame, 0.3, 1), 1);
-  EXPECT_EQ(NumCarriable(frame, 0.05, 9), 4);
-  EXPECT_EQ(NumCarriable(frame, 0.3, 9, 3), 0);
+  EXPECT_EQ(NumTriangulable(frame, 0.3, 9), 2);  // two people's first joint; the posters of one camera do not count
+  EXPECT_EQ(NumTriangulable(frame, 0.3, 1), 1);
+  EXPECT_EQ(NumTriangulable(frame, 0.05, 9), 4);
+  EXPECT_EQ(NumTriangulable(frame, 0.3, 9, 3), 0);
 }
 
 }  // namespace

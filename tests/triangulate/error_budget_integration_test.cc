@@ -162,10 +162,10 @@ TEST(ErrorBudget, EightSpoiledStagesAreNamedAndMendingBringsWhatWasSaid) {
 }
 
 TEST(ErrorBudget, SaysWhichPartOfACalibrationIsWrong) {
-  BudgetStudio turned = MakeBudgetStudio(6, kBudgetNoisePx), longer = MakeBudgetStudio(6, kBudgetNoisePx);
-  TurnCamera(&turned.take, 2, 0.2);
+  BudgetStudio rotated = MakeBudgetStudio(6, kBudgetNoisePx), longer = MakeBudgetStudio(6, kBudgetNoisePx);
+  TurnCamera(&rotated.take, 2, 0.2);
   longer.take.rig.cameras[4].camera.params.head<2>() *= 1.01;
-  const ErrorBudget pose = MeasureBudget(turned.take, turned.truth), lens = MeasureBudget(longer.take, longer.truth);
+  const ErrorBudget pose = MeasureBudget(rotated.take, rotated.truth), lens = MeasureBudget(longer.take, longer.truth);
   EXPECT_GT(pose.pose_alone, 3 * pose.lens_alone);
   EXPECT_GT(lens.lens_alone, 3 * lens.pose_alone);
   EXPECT_NEAR(pose.cameras[2].rotation_deg, 0.2, 0.05);  // a little goes into the best motion of the rig

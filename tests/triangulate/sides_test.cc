@@ -104,7 +104,7 @@ TEST(FixSides, NamesTheCameraThatSwapsThroughout) {
     EXPECT_GE(report.cameras[2].num_swapped, 0.85 * num_swapped);
     EXPECT_THAT(report.cameras[2].message, ::testing::StartsWith("cam_2: left and right swapped in "));
     EXPECT_EQ(report.num_swapped, report.cameras[2].num_swapped) << num_cameras;
-    // Where left and right are well apart in the picture, all is as it was.
+    // Where left and right are well apart in the image, all is as it was.
     EXPECT_LE(WrongPairs(frames, truth, Flatten(Body25Groups()), 40), num_cameras == 3 ? 0.03 : 0.02) << num_cameras;
   }
 }

@@ -136,7 +136,7 @@ TEST(Sync, TwoCameras) {
   ExpectOffsets(Sync(take, Lively), take, 0.1);
 }
 
-/// An image that lies 8 px off everywhere, as with a bumped camera or cropped pictures.
+/// An image that lies 8 px off everywhere, as with a bumped camera or cropped images.
 TEST(Sync, ShiftedImageDoesNotPassAsTime) {
   Take take;
   std::vector<DetectedFrame> frames = Film(take, Lively);

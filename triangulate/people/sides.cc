@@ -15,35 +15,35 @@ using internal::Candidate;
 using Pairs = std::vector<std::pair<int, int>>;
 
 /// One person in one frame.
-struct Sighting {
+struct PersonObservation {
   size_t frame_idx = 0;
   std::vector<Candidate> views;
 };
 
-/// Labels of a sighting's views: +1, or -1 for mirrored.
+/// Labels of a observation's views: +1, or -1 for mirrored.
 struct Labels {
   Eigen::VectorXd label;
   std::vector<size_t> small, large;  // the two groups, without the views whose label has almost no effect
   bool is_tie = false;
 };
 
-std::vector<Sighting> CollectSightings(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
-                                       const std::vector<std::vector<std::vector<int>>>& assignment,
-                                       const AssociationOptions& options, int num_threads) {
-  std::vector<std::vector<Sighting>> by_frame(frames.size());
+std::vector<PersonObservation> CollectObservations(const PreparedRig& rig, const std::vector<DetectedFrame>& frames,
+                                                   const std::vector<std::vector<std::vector<int>>>& assignment,
+                                                   const AssociationOptions& options, int num_threads) {
+  std::vector<std::vector<PersonObservation>> by_frame(frames.size());
   ParallelFor(static_cast<int64_t>(frames.size()), num_threads, [&](int64_t f) {
     const std::vector<Candidate> all = internal::MakeCandidates(rig, frames[f], options);
     for (size_t p = 0; p < assignment[f].size(); ++p) {
-      Sighting sighting{static_cast<size_t>(f), {}};
+      PersonObservation observation{static_cast<size_t>(f), {}};
       for (const Candidate& view : all) {
-        if (assignment[f][p][view.camera_idx] == view.person_idx) sighting.views.push_back(view);
+        if (assignment[f][p][view.camera_idx] == view.person_idx) observation.views.push_back(view);
       }
-      if (sighting.views.size() >= 2) by_frame[f].push_back(std::move(sighting));
+      if (observation.views.size() >= 2) by_frame[f].push_back(std::move(observation));
     }
   });
-  std::vector<Sighting> sightings;
-  for (auto& each : by_frame) std::move(each.begin(), each.end(), std::back_inserter(sightings));
-  return sightings;
+  std::vector<PersonObservation> observations;
+  for (auto& each : by_frame) std::move(each.begin(), each.end(), std::back_inserter(observations));
+  return observations;
 }
 
 /// Evidence, in joints, for the current labels over the swapped ones, for each view.
@@ -94,8 +94,8 @@ SideFit FitLabels(const std::vector<Candidate>& views, const MirrorGroups& group
         const size_t view = static_cast<size_t>(i);
         const int own_left = label[i] > 0 ? l : r, own_right = label[i] > 0 ? r : l;
         const double as_is = left.Evidence(view, own_left, sigma_px) + right.Evidence(view, own_right, sigma_px);
-        const double turned = left.Evidence(view, own_right, sigma_px) + right.Evidence(view, own_left, sigma_px);
-        fit.gain(static_cast<Eigen::Index>(g), i) += as_is - turned;
+        const double rotated = left.Evidence(view, own_right, sigma_px) + right.Evidence(view, own_left, sigma_px);
+        fit.gain(static_cast<Eigen::Index>(g), i) += as_is - rotated;
         fit.evidence += as_is;
       }
     }
@@ -175,10 +175,10 @@ struct Rates {
 
   explicit Rates(size_t num_cameras) : swapped(num_cameras, 0), judged(num_cameras, 0) {}
   /// Mean over a group.
-  double Of(const std::vector<size_t>& party, const Sighting& sighting) const {
+  double Of(const std::vector<size_t>& party, const PersonObservation& observation) const {
     double sum = 0;
     for (const size_t view : party) {
-      const int camera = sighting.views[view].camera_idx;
+      const int camera = observation.views[view].camera_idx;
       sum += judged[camera] > 0 ? swapped[camera] / judged[camera] : 0;
     }
     return party.empty() ? 0 : sum / static_cast<double>(party.size());
@@ -186,9 +186,9 @@ struct Rates {
 };
 
 /// Settles a tie by the cameras' records: false when they say nothing.
-bool SettleTie(const Sighting& sighting, const Rates& rates, Labels* labels) {
+bool SettleTie(const PersonObservation& observation, const Rates& rates, Labels* labels) {
   constexpr double kClear = 0.25;  // difference of two rates of being swapped
-  const double small = rates.Of(labels->small, sighting), large = rates.Of(labels->large, sighting);
+  const double small = rates.Of(labels->small, observation), large = rates.Of(labels->large, observation);
   if (std::abs(small - large) < kClear) return false;
   if (large > small) std::swap(labels->small, labels->large), labels->label *= -1;
   return true;
@@ -224,36 +224,37 @@ std::vector<Verdict> JudgeViews(const std::vector<Candidate>& views, const Mirro
   return verdicts;
 }
 
-/// Verdicts on all sightings. [sighting][view]
-std::vector<std::vector<Verdict>> Judge(const std::vector<Sighting>& sightings, const MirrorGroups& groups, size_t num_cameras,
-                                        double sigma_px, double min_gain_joints, int num_threads, int* num_undecided) {
-  std::vector<Labels> labels(sightings.size());
-  ParallelFor(static_cast<int64_t>(sightings.size()), num_threads,
-              [&](int64_t i) { labels[i] = LabelViews(sightings[i].views, groups, sigma_px, min_gain_joints); });
+/// Verdicts on all observations. [observation][view]
+std::vector<std::vector<Verdict>> Judge(const std::vector<PersonObservation>& observations, const MirrorGroups& groups,
+                                        size_t num_cameras, double sigma_px, double min_gain_joints, int num_threads,
+                                        int* num_undecided) {
+  std::vector<Labels> labels(observations.size());
+  ParallelFor(static_cast<int64_t>(observations.size()), num_threads,
+              [&](int64_t i) { labels[i] = LabelViews(observations[i].views, groups, sigma_px, min_gain_joints); });
   Rates rates(num_cameras);
   for (size_t i = 0; i < labels.size(); ++i) {
     if (labels[i].is_tie) continue;
-    for (const size_t view : labels[i].small) ++rates.swapped[sightings[i].views[view].camera_idx];
+    for (const size_t view : labels[i].small) ++rates.swapped[observations[i].views[view].camera_idx];
     for (const auto* party : {&labels[i].small, &labels[i].large}) {
-      for (const size_t view : *party) ++rates.judged[sightings[i].views[view].camera_idx];
+      for (const size_t view : *party) ++rates.judged[observations[i].views[view].camera_idx];
     }
   }
-  std::vector<std::vector<Verdict>> verdicts(sightings.size());
+  std::vector<std::vector<Verdict>> verdicts(observations.size());
   for (size_t i = 0; i < labels.size(); ++i) {
-    if (labels[i].is_tie && !SettleTie(sightings[i], rates, &labels[i])) {
+    if (labels[i].is_tie && !SettleTie(observations[i], rates, &labels[i])) {
       ++*num_undecided;
-      verdicts[i].resize(sightings[i].views.size());
+      verdicts[i].resize(observations[i].views.size());
     } else {
-      verdicts[i] = JudgeViews(sightings[i].views, groups, labels[i], sigma_px, min_gain_joints);
+      verdicts[i] = JudgeViews(observations[i].views, groups, labels[i], sigma_px, min_gain_joints);
     }
   }
   return verdicts;
 }
 
-void CheckGroups(const MirrorGroups& groups, const std::vector<Sighting>& sightings) {
+void CheckGroups(const MirrorGroups& groups, const std::vector<PersonObservation>& observations) {
   MVS_CHECK(groups.size() <= 32, groups.size() << " groups");
-  for (const Sighting& sighting : sightings) {
-    for (const Candidate& view : sighting.views) {
+  for (const PersonObservation& observation : observations) {
+    for (const Candidate& view : observation.views) {
       const int num_joints = static_cast<int>(view.rays.size());
       for (const Pairs& pairs : groups) {
         for (const auto& [l, r] : pairs) {
@@ -278,12 +279,12 @@ bool SwapGroups(const MirrorGroups& groups, uint32_t mask, DetectedPerson* perso
 }
 
 /// Writes what was found into the frames and the report.
-void Apply(const std::vector<Sighting>& sightings, const std::vector<std::vector<Verdict>>& verdicts,
+void Apply(const std::vector<PersonObservation>& observations, const std::vector<std::vector<Verdict>>& verdicts,
            const MirrorGroups& groups, std::vector<DetectedFrame>* frames, SideReport* report) {
-  for (size_t i = 0; i < sightings.size(); ++i) {
-    DetectedFrame& frame = (*frames)[sightings[i].frame_idx];
-    for (size_t v = 0; v < sightings[i].views.size(); ++v) {
-      const Candidate& view = sightings[i].views[v];
+  for (size_t i = 0; i < observations.size(); ++i) {
+    DetectedFrame& frame = (*frames)[observations[i].frame_idx];
+    for (size_t v = 0; v < observations[i].views.size(); ++v) {
+      const Candidate& view = observations[i].views[v];
       CameraSides& camera = report->cameras[view.camera_idx];
       camera.num_frames += verdicts[i][v].is_judged;
       if (verdicts[i][v].swapped == 0) continue;
@@ -304,11 +305,11 @@ void Finish(SideReport* report) {
   }
 }
 
-double SampleSigma(const std::vector<Sighting>& sightings, const AssociationOptions& options) {
-  constexpr size_t kMaxSightings = 200;
+double SampleSigma(const std::vector<PersonObservation>& observations, const AssociationOptions& options) {
+  constexpr size_t kMaxObservations = 200;
   std::vector<std::vector<Candidate>> sample;
-  const size_t step = std::max<size_t>(1, sightings.size() / kMaxSightings);
-  for (size_t i = 0; i < sightings.size(); i += step) sample.push_back(sightings[i].views);
+  const size_t step = std::max<size_t>(1, observations.size() / kMaxObservations);
+  for (size_t i = 0; i < observations.size(); i += step) sample.push_back(observations[i].views);
   return internal::AssociationSigma(sample, options);
 }
 
@@ -322,15 +323,15 @@ SideReport FixSides(const PreparedRig& rig, const std::vector<std::vector<std::v
   for (const PreparedCamera& camera : rig.cameras) report.cameras.push_back({camera.name, 0, 0, 0, {}, {}});
   AssociationOptions reading;
   reading.min_score = options.min_score;
-  std::vector<Sighting> sightings = CollectSightings(rig, *frames, assignment, reading, run.num_threads);
-  CheckGroups(groups, sightings);
+  std::vector<PersonObservation> observations = CollectObservations(rig, *frames, assignment, reading, run.num_threads);
+  CheckGroups(groups, observations);
   report.sigma_px = options.sigma_px;
-  if (!(report.sigma_px > 0)) report.sigma_px = SampleSigma(sightings, reading);
+  if (!(report.sigma_px > 0)) report.sigma_px = SampleSigma(observations, reading);
   if (!(report.sigma_px > 0)) return report;
 
-  const auto verdicts = Judge(sightings, groups, rig.cameras.size(), report.sigma_px, options.min_gain_joints, run.num_threads,
-                              &report.num_undecided);
-  Apply(sightings, verdicts, groups, frames, &report);
+  const auto verdicts = Judge(observations, groups, rig.cameras.size(), report.sigma_px, options.min_gain_joints,
+                              run.num_threads, &report.num_undecided);
+  Apply(observations, verdicts, groups, frames, &report);
   Finish(&report);
   return report;
 }

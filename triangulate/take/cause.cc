@@ -100,7 +100,7 @@ struct Sample {
 Sample Draw(const std::vector<DetectedFrame>& frames, const Judge& judge) {
   std::vector<const DetectedFrame*> useful;
   for (const DetectedFrame& frame : frames) {
-    if (NumCarriable(frame, judge.options.min_score, 1, judge.min_views) > 0) useful.push_back(&frame);
+    if (NumTriangulable(frame, judge.options.min_score, 1, judge.min_views) > 0) useful.push_back(&frame);
   }
   const size_t count = std::min(useful.size(), static_cast<size_t>(judge.options.max_frames));
   Sample sample;
@@ -114,7 +114,7 @@ Sample Draw(const std::vector<DetectedFrame>& frames, const Judge& judge) {
 int ViewsNeeded(const Take& take, double min_score) {
   int64_t by_two = 0, by_three = 0;
   for (const DetectedFrame& frame : take.frames) {
-    by_two += NumCarriable(frame, min_score, 1, 2) > 0, by_three += NumCarriable(frame, min_score, 1, 3) > 0;
+    by_two += NumTriangulable(frame, min_score, 1, 2) > 0, by_three += NumTriangulable(frame, min_score, 1, 3) > 0;
   }
   return 2 * by_three >= by_two ? 3 : 2;
 }
@@ -243,7 +243,7 @@ std::string_view ToString(Cause cause) {
   return kNames[static_cast<int>(cause)];
 }
 
-int NumCarriable(const DetectedFrame& frame, double min_score, int max_persons, int min_views) {
+int NumTriangulable(const DetectedFrame& frame, double min_score, int max_persons, int min_views) {
   int count = 0;
   for (const std::vector<int>& of_joint : internal::CountSeen(frame, min_score, max_persons))
     count += internal::PersonsOf(of_joint, min_views);

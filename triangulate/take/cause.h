@@ -17,7 +17,7 @@ enum class Cause {
   kNone,           ///< "as-given"
   kNormalized,     ///< "normalized": coordinates are 0 to 1
   kFlippedY,       ///< "y-from-below": y counts from the lower edge
-  kTurned,         ///< "turned": the images are turned by 90, 180 or 270 degrees
+  kRotated,        ///< "turned": the images are turned by 90, 180 or 270 degrees
   kInverted,       ///< "poses-inverted": the calibration's poses go the other way
   kMirroredPoses,  ///< "poses-mirrored": the calibration is left-handed
   kRates,          ///< "rates": the cameras' frame rates differ
@@ -93,6 +93,6 @@ CauseTrial FitAsGiven(const geometry::Rig& rig, const std::vector<DetectedFrame>
 
 /// Number of joints that `min_views` cameras see in a frame, of at most `max_persons` persons: an upper bound for
 /// triangulation.
-int NumCarriable(const DetectedFrame& frame, double min_score, int max_persons, int min_views = 2);
+int NumTriangulable(const DetectedFrame& frame, double min_score, int max_persons, int min_views = 2);
 
 }  // namespace mvstudio::triangulate

@@ -248,7 +248,7 @@ void AddNormalized(const Rig& rig, const std::vector<DetectedFrame>& frames, std
 
 /// Row and column for x and y, as arrays are indexed: mirrored images rotated by 90 degrees.
 void AddRowsFirst(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vector<Assumption>* list) {
-  Assumption other{Cause::kTurned, "with y before x in all cameras", "option 'rotate' 90 option 'flip-x'", rig, frames};
+  Assumption other{Cause::kRotated, "with y before x in all cameras", "option 'rotate' 90 option 'flip-x'", rig, frames};
   for (DetectedFrame& frame : other.frames) {
     for (std::vector<DetectedPerson>& people : frame.people) {
       for (DetectedPerson& person : people) {
@@ -267,11 +267,11 @@ std::vector<Detected> DetectedChanges(const MirrorGroups& mirror) {
   list.push_back({Cause::kFlippedY, "y counted from the lower edge@", "option 'flip-y'@", " ",
                   EachKey([](const Camera& camera, Px* px) { px->y() = camera.height_px - px->y(); })});
   // Turned back: the images are turned clockwise.
-  list.push_back({Cause::kTurned, "the images@ turned by 90 degrees", "option 'rotate' @90", "",
+  list.push_back({Cause::kRotated, "the images@ turned by 90 degrees", "option 'rotate' @90", "",
                   EachKey([](const Camera& camera, Px* px) { *px = Px(px->y(), camera.height_px - 1 - px->x()); })});
-  list.push_back({Cause::kTurned, "the images@ turned by 180 degrees", "option 'rotate' @180", "",
+  list.push_back({Cause::kRotated, "the images@ turned by 180 degrees", "option 'rotate' @180", "",
                   EachKey([](const Camera& camera, Px* px) { *px = Px(camera.width_px - 1, camera.height_px - 1) - *px; })});
-  list.push_back({Cause::kTurned, "the images@ turned by 270 degrees", "option 'rotate' @270", "",
+  list.push_back({Cause::kRotated, "the images@ turned by 270 degrees", "option 'rotate' @270", "",
                   EachKey([](const Camera& camera, Px* px) { *px = Px(camera.width_px - 1 - px->y(), px->x()); })});
   list.push_back({Cause::kMirrored, "the images@ mirrored", "option 'flip-x'@", " ", EachKey(mirrored)});
   if (mirror.empty()) return list;
@@ -302,7 +302,7 @@ void AddPoses(const Rig& rig, const std::vector<DetectedFrame>& frames, std::vec
   const char* const inverted = "with the calibration's poses inverted";
   list->push_back({Cause::kInverted, inverted, "option 'invert'", geometry::WithPosesInverted(rig), frames});
   list->push_back(
-      {Cause::kInverted, inverted, "option 'invert'", geometry::WithAxesTurned(geometry::WithPosesInverted(rig)), frames});
+      {Cause::kInverted, inverted, "option 'invert'", geometry::WithAxesRotated(geometry::WithPosesInverted(rig)), frames});
   list->push_back({Cause::kMirroredPoses, "with the calibration's poses mirrored", "option 'mirror'",
                    geometry::WithAxesMirrored(rig), frames});
 }

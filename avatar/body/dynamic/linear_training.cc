@@ -12,7 +12,7 @@ std::vector<OffsetPull> PullsOf(const BodyTemplate& moved, const PosedStep& step
   const StepPoser poser(moved, joint_sigma_m, nullptr);
   const PosedBones bones(moved, step.seen);
   std::vector<OffsetPull> pulls;
-  for (const SurfaceResidual& rim : poser.LookAtOutlines(*step.step, step.used, step.seen, reach_px)) {
+  for (const SurfaceResidual& rim : poser.MeasureOutlines(*step.step, step.used, step.seen, reach_px)) {
     const Eigen::Vector3d direction = bones.VertexRotation(rim.vertex).transpose() * rim.direction;
     pulls.push_back({rim.vertex, direction, rim.gap, 1 / kOutlineSigmaPx});
   }
@@ -31,7 +31,7 @@ std::vector<std::vector<OffsetPull>> LinearTraining::Look(const std::vector<int>
   return pulls;
 }
 
-std::vector<std::vector<OffsetPull>> LinearTraining::LookAtStill(const std::vector<int>& indices, double reach_px) {
+std::vector<std::vector<OffsetPull>> LinearTraining::MeasureStill(const std::vector<int>& indices, double reach_px) {
   if (still_reach_px_ != reach_px) {
     still_.assign(take_.steps.size(), {}), still_reach_px_ = reach_px;
     ParallelFor(static_cast<int64_t>(still_.size()), run_.num_threads,
@@ -52,7 +52,7 @@ std::optional<LinearOffsets> LinearTraining::Train(const std::vector<int>& indic
   for (const ArticulatedPose& pose : poses) values.push_back(out.basis.Values(pose));
   const Eigen::SparseMatrix<double> stiffness = StiffnessMatrix(take_.body.vertices, take_.body.faces, options.stiffness);
   for (int look = 0; look < options.looks; ++look) {
-    const auto pulls = look == 0 ? LookAtStill(indices, options.reach_px) : Look(indices, out, options.reach_px);
+    const auto pulls = look == 0 ? MeasureStill(indices, options.reach_px) : Look(indices, out, options.reach_px);
     if (StepWeights(stiffness, pulls, values, &out.weights) != Status::kOk) return std::nullopt;
     LimitOffsets(values, options.most_m, &out.weights);
   }

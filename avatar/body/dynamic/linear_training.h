@@ -23,7 +23,7 @@ class LinearTraining {
 
  private:
   std::vector<std::vector<OffsetPull>> Look(const std::vector<int>& indices, const LinearOffsets& at, double reach_px) const;
-  std::vector<std::vector<OffsetPull>> LookAtStill(const std::vector<int>& indices, double reach_px);
+  std::vector<std::vector<OffsetPull>> MeasureStill(const std::vector<int>& indices, double reach_px);
 
   const TakeOutlines& take_;
   RunContext run_;

@@ -11,10 +11,10 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-constexpr const char *kSigma = "joint_sigma_m", *kPoses = "poses", *kTextures = "textures", *kHabitSigma = "habit_sigma_rad",
+constexpr const char *kSigma = "joint_sigma_m", *kPoses = "poses", *kTextures = "textures", *kPriorSigma = "habit_sigma_rad",
                      *kCameras = "cameras", *kFrames = "frames", *kOffsets = "offset_m", *kOffsetSigma = "offset_sigma_m";
 
-std::string HabitName(size_t bone) { return "habit_" + std::to_string(bone); }
+std::string PriorName(size_t bone) { return "habit_" + std::to_string(bone); }
 
 /// A row a pose: frame, shift, then a quaternion x, y, z, w a bone.
 MatrixXd PoseRows(const std::map<int, ArticulatedPose>& poses, size_t bones) {
@@ -101,19 +101,19 @@ std::map<int, ArticulatedPose> ReadPoses(const Extras& extras, size_t bones) {
   return poses;
 }
 
-RotationHabits ReadHabits(const Extras& extras, const BodyTemplate& body) {
-  RotationHabits habits;
-  if (!extras.Has(kHabitSigma)) return habits;
+LearnedRotationPrior ReadPriors(const Extras& extras, const BodyTemplate& body) {
+  LearnedRotationPrior priors;
+  if (!extras.Has(kPriorSigma)) return priors;
   const size_t bones = body.bone_names.size();
-  const MatrixXd& sigma = extras.Get(kHabitSigma, static_cast<Index>(bones), 1);
+  const MatrixXd& sigma = extras.Get(kPriorSigma, static_cast<Index>(bones), 1);
   for (size_t b = 0; b < bones; ++b) {
-    RotationHabits::Bone bone;
+    LearnedRotationPrior::Bone bone;
     bone.sigma_rad = sigma(static_cast<Index>(b), 0);
-    const Index features = RotationHabits::NumFeatures(body, static_cast<int>(b));
-    if (extras.Has(HabitName(b))) bone.weights = extras.Get(HabitName(b), 3, features);
-    habits.bones.push_back(bone);
+    const Index features = LearnedRotationPrior::NumFeatures(body, static_cast<int>(b));
+    if (extras.Has(PriorName(b))) bone.weights = extras.Get(PriorName(b), 3, features);
+    priors.bones.push_back(bone);
   }
-  return habits;
+  return priors;
 }
 
 Textures ReadTextures(const Extras& extras) {
@@ -141,11 +141,11 @@ void WritePerson(const TexturedPerson& person, const std::string& path) {
   file.extras[kFrames] = FrameRows(person.frames);
   if (person.offset_m.size() > 0) file.extras[kOffsets] = person.offset_m;
   if (person.offset_sigma_m.size() > 0) file.extras[kOffsetSigma] = person.offset_sigma_m;
-  const std::vector<RotationHabits::Bone>& habits = fitted.habits.bones;
-  if (!habits.empty()) file.extras[kHabitSigma] = MatrixXd(static_cast<Index>(habits.size()), 1);
-  for (size_t b = 0; b < habits.size(); ++b) {
-    file.extras[kHabitSigma](static_cast<Index>(b), 0) = habits[b].sigma_rad;
-    if (habits[b].weights.size() > 0) file.extras[HabitName(b)] = habits[b].weights;
+  const std::vector<LearnedRotationPrior::Bone>& priors = fitted.priors.bones;
+  if (!priors.empty()) file.extras[kPriorSigma] = MatrixXd(static_cast<Index>(priors.size()), 1);
+  for (size_t b = 0; b < priors.size(); ++b) {
+    file.extras[kPriorSigma](static_cast<Index>(b), 0) = priors[b].sigma_rad;
+    if (priors[b].weights.size() > 0) file.extras[PriorName(b)] = priors[b].weights;
   }
   WritePersonFile(path, file);
 }
@@ -158,7 +158,7 @@ TexturedPerson ReadPerson(const std::string& path) {
   fitted.joint_sigma_m = extras.Get(kSigma, 1, 1)(0, 0);
   if (!(fitted.joint_sigma_m > 0)) extras.Refuse(kSigma, "must be positive");
   fitted.seen = ReadPoses(extras, file.body.bone_names.size());
-  fitted.habits = ReadHabits(extras, file.body);
+  fitted.priors = ReadPriors(extras, file.body);
   person.textures = ReadTextures(extras);
   const Eigen::MatrixXi cameras = extras.Whole(kCameras, 2), frames = extras.Whole(kFrames, 1);
   for (Index i = 0; i < cameras.rows(); ++i) person.cameras.push_back({cameras(i, 0), cameras(i, 1)});

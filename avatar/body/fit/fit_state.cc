@@ -88,14 +88,14 @@ BodyTemplate FitState::Shaped() const {
   return shaped;
 }
 
-std::vector<std::vector<OffsetObservation>> FitState::LookAtSteps(double max_px) const {
+std::vector<std::vector<OffsetObservation>> FitState::MeasureSteps(double max_px) const {
   const BodyTemplate shaped = Shaped();
   const StepPoser poser(shaped, joint_sigma_m_, nullptr);
   std::vector<std::vector<OffsetObservation>> seen(steps_->size());
   ParallelFor(static_cast<int64_t>(steps_->size()), run_.num_threads, [&](int64_t i) {
     if (!IsFitted(static_cast<int>(i))) return;
     const PosedBones bones(shaped, poses_[i]);
-    for (const SurfaceResidual& rim : poser.LookAtOutlines((*steps_)[i], used_[i], poses_[i], max_px)) {
+    for (const SurfaceResidual& rim : poser.MeasureOutlines((*steps_)[i], used_[i], poses_[i], max_px)) {
       const Eigen::Vector3d along = bones.VertexRotation(rim.vertex) * normals_.col(rim.vertex).cast<double>();
       seen[i].push_back({rim.vertex, rim.direction.dot(along), rim.gap, 1 / kShapeSigmaPx});
     }
@@ -103,18 +103,18 @@ std::vector<std::vector<OffsetObservation>> FitState::LookAtSteps(double max_px)
   return seen;
 }
 
-std::vector<OffsetObservation> FitState::LookAtShape(double max_px) const {
+std::vector<OffsetObservation> FitState::MeasureShape(double max_px) const {
   std::vector<OffsetObservation> all;
-  for (const auto& some : LookAtSteps(max_px)) all.insert(all.end(), some.begin(), some.end());
+  for (const auto& some : MeasureSteps(max_px)) all.insert(all.end(), some.begin(), some.end());
   return all;
 }
 
 Status FitState::FitShapes(double max_px) {
-  return StepCoefficients(shape_offsets_, LookAtShape(max_px), base_.shapes.sigma, &coefficients_);
+  return StepCoefficients(shape_offsets_, MeasureShape(max_px), base_.shapes.sigma, &coefficients_);
 }
 
 Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
-  const Status status = StepOffsets(laplacian_, LookAtShape(max_px), {laplacian_sigma_m, kOffsetSigmaM}, &offsets_);
+  const Status status = StepOffsets(laplacian_, MeasureShape(max_px), {laplacian_sigma_m, kOffsetSigmaM}, &offsets_);
   const Eigen::VectorXd shapes = shape_offsets_ * coefficients_;
   Eigen::VectorXd all = shapes + offsets_;
   UnfoldOffsets(base_.vertices, base_.faces, normals_, laplacian_, &all);
@@ -123,7 +123,7 @@ Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
 }
 
 Eigen::VectorXd FitState::OffsetSigma(double laplacian_sigma_m, double max_px) const {
-  return body::OffsetSigma(laplacian_, LookAtSteps(max_px), {laplacian_sigma_m, kOffsetSigmaM});
+  return body::OffsetSigma(laplacian_, MeasureSteps(max_px), {laplacian_sigma_m, kOffsetSigmaM});
 }
 
 void FitState::FitPoses(double max_px) {
@@ -137,7 +137,7 @@ void FitState::FitPoses(double max_px) {
 MeanBrightness FitState::Brightness(const StepPoser& poser, double sigma_px) const {
   std::vector<std::vector<std::vector<SeenVertex>>> seen(steps_->size());
   ParallelFor(static_cast<int64_t>(steps_->size()), run_.num_threads, [&](int64_t i) {
-    if (IsFitted(static_cast<int>(i))) seen[i] = poser.LookAtBrightness((*steps_)[i], used_[i], poses_[i], sigma_px);
+    if (IsFitted(static_cast<int>(i))) seen[i] = poser.MeasureBrightness((*steps_)[i], used_[i], poses_[i], sigma_px);
   });
   return MeanOf(offsets_.size(), seen);
 }
@@ -169,7 +169,7 @@ PersonBody FitState::Person() const {
     seen[k] = poses_[fitted[k]];
     by_joints[k] = PoseByJoints(person, joints.x_in_world, joints.valid).value_or(seen[k]);
   });
-  person.habits = RotationHabits::Learn(person.body, by_joints, seen);
+  person.priors = LearnedRotationPrior::Learn(person.body, by_joints, seen);
   for (size_t k = 0; k < fitted.size(); ++k) person.seen[(*steps_)[fitted[k]].frame] = seen[k];
   return person;
 }

@@ -28,7 +28,7 @@ class FitState {
   /// Poses by joints, outlines, and the brightness that a vertex has in the mean over all images. Gaussian of `sigma_px`.
   void FitBrightness(double sigma_px, double max_px);
 
-  /// The body as it is, with habits learned from the poses of the time steps in use.
+  /// The body as it is, with a prior learned from the poses of the time steps in use.
   PersonBody Person() const;
   /// What vertices look like in the images in use.
   MeanBrightness Brightness(double sigma_px) const;
@@ -55,8 +55,8 @@ class FitState {
   void FitSkeleton();
   void PoseAllByJoints();
   /// (steps) where the surface should move along its normals.
-  std::vector<std::vector<OffsetObservation>> LookAtSteps(double max_px) const;
-  std::vector<OffsetObservation> LookAtShape(double max_px) const;
+  std::vector<std::vector<OffsetObservation>> MeasureSteps(double max_px) const;
+  std::vector<OffsetObservation> MeasureShape(double max_px) const;
   MeanBrightness Brightness(const StepPoser& poser, double sigma_px) const;
 
   const std::vector<FitStep>* steps_;

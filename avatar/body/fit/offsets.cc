@@ -130,18 +130,18 @@ Status StepCoefficients(const Eigen::MatrixXd& shape_offsets, const std::vector<
   return Status::kOk;
 }
 
-std::vector<int> TurnedFaces(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,
-                             const Eigen::VectorXd& offsets) {
+std::vector<int> RotatedFaces(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,
+                              const Eigen::VectorXd& offsets) {
   const Eigen::Matrix3Xf moved = vertices + normals * offsets.cast<float>().asDiagonal();
   const auto normal = [&](const Eigen::Matrix3Xf& x, Eigen::Index f) -> Eigen::Vector3f {
     const Eigen::Vector3f a = x.col(faces(0, f)), b = x.col(faces(1, f)), c = x.col(faces(2, f));
     return (b - a).cross(c - a);
   };
-  std::vector<int> turned;
+  std::vector<int> rotated;
   for (Eigen::Index f = 0; f < faces.cols(); ++f) {
-    if (normal(moved, f).dot(normal(vertices, f)) < 0) turned.push_back(static_cast<int>(f));
+    if (normal(moved, f).dot(normal(vertices, f)) < 0) rotated.push_back(static_cast<int>(f));
   }
-  return turned;
+  return rotated;
 }
 
 void UnfoldOffsets(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,
@@ -149,10 +149,10 @@ void UnfoldOffsets(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& fac
   constexpr int kSmoothings = 20, kShrinkings = 100;
   constexpr double kShrink = 0.8;
   for (int round = 0; round < kSmoothings + kShrinkings; ++round) {
-    const std::vector<int> turned = TurnedFaces(vertices, faces, normals, *offsets);
-    if (turned.empty()) return;
+    const std::vector<int> rotated = RotatedFaces(vertices, faces, normals, *offsets);
+    if (rotated.empty()) return;
     const Eigen::VectorXd mean = *offsets - laplacian * *offsets;
-    for (const int f : turned) {
+    for (const int f : rotated) {
       for (int k = 0; k < 3; ++k) {
         const int v = faces(k, f);
         (*offsets)[v] = round < kSmoothings ? mean[v] : kShrink * (*offsets)[v];

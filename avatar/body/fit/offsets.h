@@ -39,8 +39,8 @@ Eigen::VectorXd OffsetSigma(const Eigen::SparseMatrix<double>& laplacian,
                             const OffsetSmoothness& smoothness);
 
 /// Faces whose normals turn over when `vertices` (3, V) move by `offsets` (V) along `normals` (3, V).
-std::vector<int> TurnedFaces(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,
-                             const Eigen::VectorXd& offsets);
+std::vector<int> RotatedFaces(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,
+                              const Eigen::VectorXd& offsets);
 
 /// Smooths, then shrinks offsets about turned faces until none is turned.
 void UnfoldOffsets(const Eigen::Matrix3Xf& vertices, const Eigen::Matrix3Xi& faces, const Eigen::Matrix3Xf& normals,

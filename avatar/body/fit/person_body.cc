@@ -12,8 +12,8 @@ std::optional<ExpectedPose> ExpectByJoints(const PersonBody& person, const Eigen
   input.priors.push_back(AnatomicalPrior(person.body));
   input.joints.sigma_m.fill(person.joint_sigma_m);
   ArticulatedPose pose = SolvePose(person.body, input, FromBodyPose(person.body, start), kMaxIterations).pose;
-  if (person.habits.bones.empty()) return ExpectedPose{pose, input.priors[0]};
-  input.priors = {person.habits.Expect(person.body, pose)};
+  if (person.priors.bones.empty()) return ExpectedPose{pose, input.priors[0]};
+  input.priors = {person.priors.Expect(person.body, pose)};
   pose.local_rotations = input.priors[0].mean;
   return ExpectedPose{SolvePose(person.body, input, pose, kMaxIterations).pose, input.priors[0]};
 }

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "avatar/body/body_template.h"
-#include "avatar/body/fit/rotation_habits.h"
+#include "avatar/body/fit/rotation_prior.h"
 
 namespace mvstudio::body {
 
@@ -13,7 +13,7 @@ namespace mvstudio::body {
 struct PersonBody {
   BodyTemplate body;             ///< lengths, joints and surface of the person, in the template's rest pose
   double joint_sigma_m = 0.005;  ///< of the joints that it was fitted to
-  RotationHabits habits;
+  LearnedRotationPrior priors;
   std::map<int, ArticulatedPose> seen;  ///< by frame: poses by joints and images
 };
 
@@ -23,7 +23,7 @@ struct ExpectedPose {
   RotationPrior prior;
 };
 
-/// As below, with the habits' expectation (without habits: that of people in general).
+/// As below, with the learned prior's expectation (without a prior: that of people in general).
 std::optional<ExpectedPose> ExpectByJoints(const PersonBody& person, const Eigen::Matrix3Xd& coco19_in_world,
                                            const std::array<bool, 19>& valid);
 

@@ -40,8 +40,8 @@ ArticulatedPose FromJoints(const StepPoser& poser, bool brightness, const FitSte
 StepPoser::StepPoser(const BodyTemplate& body, double joint_sigma_m, const MeanBrightness* brightness)
     : body_(&body), brightness_(brightness), joint_sigma_m_(joint_sigma_m) {}
 
-std::vector<SurfaceResidual> StepPoser::LookAtOutlines(const FitStep& step, const std::vector<uint8_t>& used,
-                                                       const ArticulatedPose& pose, double max_px) const {
+std::vector<SurfaceResidual> StepPoser::MeasureOutlines(const FitStep& step, const std::vector<uint8_t>& used,
+                                                        const ArticulatedPose& pose, double max_px) const {
   std::vector<SurfaceResidual> seen;
   const PosedBones bones(*body_, pose);
   const Eigen::Matrix3Xf vertices = SkinVertices(*body_, bones.pose());
@@ -56,8 +56,8 @@ std::vector<SurfaceResidual> StepPoser::LookAtOutlines(const FitStep& step, cons
   return seen;
 }
 
-std::vector<std::vector<SeenVertex>> StepPoser::LookAtBrightness(const FitStep& step, const std::vector<uint8_t>& used,
-                                                                 const ArticulatedPose& pose, double sigma_px) const {
+std::vector<std::vector<SeenVertex>> StepPoser::MeasureBrightness(const FitStep& step, const std::vector<uint8_t>& used,
+                                                                  const ArticulatedPose& pose, double sigma_px) const {
   const Eigen::Matrix3Xf vertices = SkinVertices(*body_, ToBodyPose(*body_, pose));
   std::vector<std::vector<SeenVertex>> seen;
   for (size_t k = 0; k < step.views.size(); ++k) {
@@ -70,7 +70,7 @@ std::vector<std::vector<SeenVertex>> StepPoser::LookAtBrightness(const FitStep& 
 
 PoseProblemInput StepPoser::Outlines(const FitStep& step, const std::vector<uint8_t>& used, const RotationPrior& prior,
                                      double max_px, const ArticulatedPose& pose) const {
-  PoseProblemInput input{step.joints, {prior}, LookAtOutlines(step, used, pose, max_px)};
+  PoseProblemInput input{step.joints, {prior}, MeasureOutlines(step, used, pose, max_px)};
   input.joints.sigma_m.fill(joint_sigma_m_);
   return input;
 }
@@ -79,7 +79,7 @@ void StepPoser::AddBrightness(const FitStep& step, const std::vector<uint8_t>& u
                               const ArticulatedPose& pose, std::vector<SurfaceResidual>* residuals) const {
   constexpr double kFewest = 3;  // views that a mean needs
   const PosedBones bones(*body_, pose);
-  for (const auto& view : LookAtBrightness(step, used, pose, sigma_px)) {
+  for (const auto& view : MeasureBrightness(step, used, pose, sigma_px)) {
     for (const SeenVertex& one : view) {
       if (brightness_->weight[one.vertex] < kFewest) continue;
       residuals->push_back({one.vertex, one.d_value_d_x.transpose(), bones.Vertex(one.vertex),

@@ -17,11 +17,11 @@ class StepPoser {
   StepPoser(const BodyTemplate& body, double joint_sigma_m, const MeanBrightness* brightness);
 
   /// Where the body's outline should move in the views that are `used` (views), as residuals of the pose.
-  std::vector<SurfaceResidual> LookAtOutlines(const FitStep& step, const std::vector<uint8_t>& used,
-                                              const ArticulatedPose& pose, double max_px) const;
+  std::vector<SurfaceResidual> MeasureOutlines(const FitStep& step, const std::vector<uint8_t>& used,
+                                               const ArticulatedPose& pose, double max_px) const;
   /// A view each.
-  std::vector<std::vector<SeenVertex>> LookAtBrightness(const FitStep& step, const std::vector<uint8_t>& used,
-                                                        const ArticulatedPose& pose, double sigma_px) const;
+  std::vector<std::vector<SeenVertex>> MeasureBrightness(const FitStep& step, const std::vector<uint8_t>& used,
+                                                         const ArticulatedPose& pose, double sigma_px) const;
 
   /// Joints, `prior` and outlines within `max_px`: a few steps from `pose`.
   ArticulatedPose ByOutlines(const FitStep& step, const std::vector<uint8_t>& used, const RotationPrior& prior, double max_px,
@@ -48,8 +48,8 @@ struct StepPoses {
   std::vector<double> iou_before, iou;   ///< mean over the silhouettes of each time step: by joints alone, by images too
 };
 
-/// Poses by joints, habits, silhouettes and, with `brightness`, the surface's brightness. A pose that covers the silhouettes
-/// less well than the one by joints alone is not taken.
+/// Poses by joints, learned priors, silhouettes and, with `brightness`, the surface's brightness. A pose that covers the
+/// silhouettes less well than the one by joints alone is not taken.
 StepPoses PoseByImages(const PersonBody& person, const MeanBrightness* brightness, const std::vector<FitStep>& steps,
                        const RunContext& run);
 

@@ -21,11 +21,11 @@ constexpr size_t kMaxTargetBytes = 64 << 20;
 
 /// Decimetres, y up, the person faces z -> body.
 Eigen::Matrix3Xd ToBody(const Eigen::Matrix3Xd& x) {
-  Eigen::Matrix3Xd turned(3, x.cols());
-  turned.row(0) = 0.1 * x.row(0);
-  turned.row(1) = -0.1 * x.row(2);
-  turned.row(2) = 0.1 * x.row(1);
-  return turned;
+  Eigen::Matrix3Xd rotated(3, x.cols());
+  rotated.row(0) = 0.1 * x.row(0);
+  rotated.row(1) = -0.1 * x.row(2);
+  rotated.row(2) = 0.1 * x.row(1);
+  return rotated;
 }
 
 struct Targets {

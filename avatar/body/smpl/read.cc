@@ -38,16 +38,16 @@ Eigen::MatrixXf Directions(const NpyArray& array) {
 /// is A R A^T here, so entry (r, c) goes to the place where A has the axes r and c, with the product of their signs.
 Eigen::MatrixXf TurnColumns(const Eigen::MatrixXf& directions) {
   static constexpr int kAxis[] = {0, 2, 1}, kSign[] = {1, 1, -1};
-  Eigen::MatrixXf turned(directions.rows(), directions.cols());
+  Eigen::MatrixXf rotated(directions.rows(), directions.cols());
   for (Eigen::Index first = 0; first < directions.cols(); first += 9) {
     for (int r = 0; r < 3; ++r) {
       for (int c = 0; c < 3; ++c) {
-        turned.col(first + 3 * kAxis[r] + kAxis[c]) =
+        rotated.col(first + 3 * kAxis[r] + kAxis[c]) =
             static_cast<float>(kSign[r] * kSign[c]) * directions.col(first + 3 * r + c);
       }
     }
   }
-  return turned;
+  return rotated;
 }
 
 void SetSmplSkin(const SmplLayout& layout, BodyTemplate* body) {

@@ -42,7 +42,7 @@ int64_t NearestPose(const AvatarPack& candidates, const AvatarPack& truth, int64
 }
 
 /// Training cameras of which the dataset has no image are none to choose from, but may be scored.
-DatasetSplit WithPictures(const dataset::PanopticDataset& data, DatasetSplit split) {
+DatasetSplit WithImages(const dataset::PanopticDataset& data, DatasetSplit split) {
   const std::vector<std::string> without = dataset::FindMissing(data, split.train_cameras, split.train_frames).CamerasWithout();
   if (without.size() == split.train_cameras.size())
     throw FormatError(data.root, "", "holds no image that the run was trained on: the baselines are made of them");
@@ -107,9 +107,9 @@ at::Tensor OnBlack(const AvatarPack& pack) {
 Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const PackOptions& crop,
                         const AvatarPack& truth, const RunContext& run) {
   Baselines baselines;
-  baselines.nearest_camera = NearestTrainingCameras(data, WithPictures(data, split), ChoosePerson(data, crop.person));
-  BaselinePictures& mean = baselines.mean_image;
-  BaselinePictures& pose = baselines.nearest_pose;
+  baselines.nearest_camera = NearestTrainingCameras(data, WithImages(data, split), ChoosePerson(data, crop.person));
+  BaselineImages& mean = baselines.mean_image;
+  BaselineImages& pose = baselines.nearest_pose;
   mean.images = at::zeros(truth.images.sizes(), at::kDouble), mean.masks = at::zeros(truth.masks.sizes(), at::kDouble);
   pose.images = at::zeros_like(mean.images), pose.masks = at::zeros_like(mean.masks);
   for (size_t c = 0; c < truth.cameras.size(); ++c) {
@@ -119,13 +119,13 @@ Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit
     options.cameras = {baselines.nearest_camera.at(truth.cameras[c])};
     options.frames = split.train_frames;
     const AvatarPack train = BuildPack(data, options, run).pack;
-    const at::Tensor pictures = OnBlack(train), masks = train.masks.gt(0).to(at::kDouble);
-    const at::Tensor mean_picture = pictures.mean(0), mean_mask = masks.mean(0);
+    const at::Tensor images = OnBlack(train), masks = train.masks.gt(0).to(at::kDouble);
+    const at::Tensor mean_image = images.mean(0), mean_mask = masks.mean(0);
     for (int64_t i = 0; i < truth.size(); ++i) {
       if (truth.camera_idx[i].item<int64_t>() != static_cast<int64_t>(c)) continue;
       const int64_t k = NearestPose(train, truth, i);
-      mean.images[i].copy_(mean_picture), mean.masks[i].copy_(mean_mask);
-      pose.images[i].copy_(pictures[k]), pose.masks[i].copy_(masks[k]);
+      mean.images[i].copy_(mean_image), mean.masks[i].copy_(mean_mask);
+      pose.images[i].copy_(images[k]), pose.masks[i].copy_(masks[k]);
     }
   }
   return baselines;

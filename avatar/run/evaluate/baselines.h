@@ -16,15 +16,15 @@ std::map<std::string, std::string> NearestTrainingCameras(const dataset::Panopti
                                                           int person);
 
 /// Baseline images for a truth of N images.
-struct BaselinePictures {
+struct BaselineImages {
   at::Tensor images;  ///< (N, 3, H, W) float64 in [0, 1], on black
   at::Tensor masks;   ///< (N, H, W) float64 in [0, 1]
 };
 
 struct Baselines {
-  BaselinePictures mean_image;    ///< mean of the nearest training camera's crops on black; its mask is the mean of the masks
-  BaselinePictures nearest_pose;  ///< that camera's training image with the nearest joints, seen from the crop's camera and
-                                  ///< relative to the middle of the body (mean squared distance over joints known in both)
+  BaselineImages mean_image;    ///< mean of the nearest training camera's crops on black; its mask is the mean of the masks
+  BaselineImages nearest_pose;  ///< that camera's training image with the nearest joints, seen from the crop's camera and
+                                ///< relative to the middle of the body (mean squared distance over joints known in both)
   std::map<std::string, std::string> nearest_camera;
 };
 

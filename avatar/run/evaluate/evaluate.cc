@@ -20,7 +20,7 @@
 #include "avatar/run/evaluate/subject.h"
 #include "avatar/run/pack/frame_runs.h"
 #include "avatar/run/pack/split_side.h"
-#include "avatar/scores/picture_scores.h"
+#include "avatar/scores/image_scores.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
@@ -33,7 +33,7 @@
 namespace mvstudio::avatar {
 namespace {
 
-using metrics::PictureScore;
+using metrics::ImageScore;
 
 namespace fs = std::filesystem;
 
@@ -53,7 +53,7 @@ struct Session {
   const EvaluateOptions& options;
   const RunContext& run;
   std::shared_ptr<const FeatureNet> net;
-  std::shared_ptr<const PictureDistance> lpips;  // may be null
+  std::shared_ptr<const ImageDistance> lpips;  // may be null
 };
 
 SplitSide Holdout(const DatasetSplit& split, const std::string& folder) {
@@ -105,8 +105,9 @@ std::vector<double> FlickerOf(const AvatarPack& pack, const at::Tensor& truth, c
   for (int64_t i = 0; i < pack.size(); ++i) {
     const int64_t before = previous[i];
     if (before < 0) continue;
-    const metrics::Score score = metrics::Flicker(ToPicture(truth[before]), ToPicture(truth[i]), ToPicture(images[before]),
-                                                  ToPicture(images[i]), ToMask(pack.masks[before]), ToMask(pack.masks[i]));
+    const metrics::Score score =
+        metrics::Flicker(ToPlanarImage(truth[before]), ToPlanarImage(truth[i]), ToPlanarImage(images[before]),
+                         ToPlanarImage(images[i]), ToMask(pack.masks[before]), ToMask(pack.masks[i]));
     if (score.status == metrics::Status::kOk) values[i] = score.value;
   }
   return values;
@@ -125,15 +126,15 @@ std::vector<double> LpipsOf(const Session& session, const at::Tensor& truth, con
 }
 
 Scored Summary(const Session& session, const RowScores& rows, const at::Tensor& truth, const at::Tensor& images) {
-  return {metrics::Mean(rows.pictures), CompareSets(truth, images, *session.net, session.run.seed), FiniteMean(rows.lpips)};
+  return {metrics::Mean(rows.images), CompareSets(truth, images, *session.net, session.run.seed), FiniteMean(rows.lpips)};
 }
 
 RowScores ScoreRows(const Session& session, const AvatarPack& pack, const at::Tensor& truth, const RenderedRows& rendered) {
-  return {ScorePictures(truth, pack.masks, rendered.images, rendered.masks), LpipsOf(session, truth, rendered.images), {}};
+  return {ScoreImages(truth, pack.masks, rendered.images, rendered.masks), LpipsOf(session, truth, rendered.images), {}};
 }
 
-Image ToImage(const at::Tensor& picture) {
-  const at::Tensor bytes = (picture * 255).round().to(at::kByte).permute({1, 2, 0}).contiguous();
+Image ToImage(const at::Tensor& values) {
+  const at::Tensor bytes = (values * 255).round().to(at::kByte).permute({1, 2, 0}).contiguous();
   Image image(static_cast<int>(bytes.size(1)), static_cast<int>(bytes.size(0)), 3);
   std::copy_n(bytes.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
   return image;
@@ -157,16 +158,16 @@ void WriteRenders(const dataset::PanopticDataset& data, const std::string& work,
   }
 }
 
-std::vector<PictureStrip> WritePictures(const dataset::PanopticDataset& data, const std::string& folder,
-                                        const EvaluateOptions& options, const AvatarPack& pack, const at::Tensor& truth,
-                                        const RenderedRows& rendered, const Baselines& baselines, const RowScores& scores) {
-  std::vector<PictureStrip> strips;
+std::vector<ImageStrip> WriteImages(const dataset::PanopticDataset& data, const std::string& folder,
+                                    const EvaluateOptions& options, const AvatarPack& pack, const at::Tensor& truth,
+                                    const RenderedRows& rendered, const Baselines& baselines, const RowScores& scores) {
+  std::vector<ImageStrip> strips;
   AtomicFolder out(folder, true);
-  for (const int64_t i : Examples(pack, std::max(0, options.pictures))) {
-    PictureStrip strip;
+  for (const int64_t i : Examples(pack, std::max(0, options.images))) {
+    ImageStrip strip;
     strip.camera = pack.cameras[pack.camera_idx[i].item<int64_t>()];
     strip.frame = static_cast<int>(pack.frame[i].item<int64_t>());
-    strip.ssim = scores.pictures[i].bbox.ssim, strip.psnr_db = scores.pictures[i].bbox.psnr_db;
+    strip.ssim = scores.images[i].bbox.ssim, strip.psnr_db = scores.images[i].bbox.psnr_db;
     const std::string name = "/" + CameraAndFrame(data, pack, i) + ".png";
     dataset::WriteImage(MakeStrip(truth[i], rendered.images[i], baselines.nearest_pose.images[i]), out.work_path() + name);
     strip.path = folder + name;
@@ -180,7 +181,7 @@ std::vector<PictureStrip> WritePictures(const dataset::PanopticDataset& data, co
 // The frames of a selection that have images, thinned evenly so that at most `limit` images remain.
 SplitSide Thinned(const dataset::PanopticDataset& data, SplitSide selection, int limit) {
   const size_t count = std::max<size_t>(1, static_cast<size_t>(limit) / selection.cameras.size());
-  selection.frames = FramesWithPictures(data, selection);
+  selection.frames = FramesWithImages(data, selection);
   if (selection.frames.size() <= count) return selection;
   std::vector<int> frames;
   for (size_t k = 0; k < count; ++k) frames.push_back(selection.frames[(2 * k + 1) * selection.frames.size() / (2 * count)]);
@@ -218,11 +219,11 @@ RenderedRows RenderSome(Subject& subject, const PackResult& some, const SplitSid
   return {rendered.images.index_select(0, index), rendered.masks.index_select(0, index)};
 }
 
-ProtocolSplit PicturesOf(const std::string& kind, const AvatarPack& pack) {
+ProtocolSplit ImagesOf(const std::string& kind, const AvatarPack& pack) {
   ProtocolSplit split{kind, {}};
   for (int64_t i = 0; i < pack.size(); ++i) {
-    split.pictures.emplace_back(pack.cameras[pack.camera_idx[i].item<int64_t>()],
-                                static_cast<int>(pack.frame[i].item<int64_t>()));
+    split.images.emplace_back(pack.cameras[pack.camera_idx[i].item<int64_t>()],
+                              static_cast<int>(pack.frame[i].item<int64_t>()));
   }
   return split;
 }
@@ -234,25 +235,25 @@ std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, Subject& sub
                                          {"training cameras in held-out frames", split.train_cameras, split.holdout_frames}};
   std::vector<ProtocolSplit> scored;
   for (const SplitSide& selection : others) {
-    if (session.options.other_pictures <= 0 || selection.cameras.empty() || selection.frames.empty() ||
+    if (session.options.other_images <= 0 || selection.cameras.empty() || selection.frames.empty() ||
         selection.kind == result->holdout_kind)
       continue;
-    const SplitSide thinned = Thinned(session.data, selection, session.options.other_pictures);
+    const SplitSide thinned = Thinned(session.data, selection, session.options.other_images);
     if (thinned.frames.empty()) continue;  // the dataset has no image of this split
     const PackResult built = Build(session, result->config, result->size_px, thinned, selection.frames);
     const AvatarPack& pack = built.pack;
     const RenderedRows rendered = RenderSome(subject, built, thinned, selection.frames, result->config, session);
     const at::Tensor truth = EightBit(OnBlack(pack));
     result->other_splits[selection.kind] = Summary(session, ScoreRows(session, pack, truth, rendered), truth, rendered.images);
-    scored.push_back(PicturesOf(selection.kind, pack));
+    scored.push_back(ImagesOf(selection.kind, pack));
   }
   return scored;
 }
 
 void ScoreBaselines(const Session& session, const AvatarPack& pack, const at::Tensor& truth, const Baselines& baselines,
                     Evaluation* result) {
-  const auto score = [&](const BaselinePictures& pictures) {
-    const RenderedRows shown{EightBit(pictures.images), pictures.masks};
+  const auto score = [&](const BaselineImages& images) {
+    const RenderedRows shown{EightBit(images.images), images.masks};
     return Summary(session, ScoreRows(session, pack, truth, shown), truth, shown.images);
   };
   result->mean_image = score(baselines.mean_image);
@@ -294,7 +295,7 @@ void ScoreBodyAlone(const Session& session, const SplitSide& selection, const Av
 
 Session MakeSession(const dataset::PanopticDataset& data, const EvaluateOptions& options, const RunContext& run) {
   const std::shared_ptr<const FeatureNet> net = options.features == "gabor" ? nullptr : FeatureNetByName(options.features);
-  return {data, options, run, net ? net : GaborNet(), options.lpips.empty() ? nullptr : LoadPictureDistance(options.lpips)};
+  return {data, options, run, net ? net : GaborNet(), options.lpips.empty() ? nullptr : LoadImageDistance(options.lpips)};
 }
 
 void DescribeNets(const Session& session, Evaluation* result) {
@@ -316,10 +317,10 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   UseCameras(data, options.cameras, &result.config.split);
   RequireSplit(data, result.config);
   const SplitSide selection = Holdout(result.config.split, run_folder);
-  result.missing = RequirePictures(data, selection);
+  result.missing = RequireImages(data, selection);
   result.frames_without_person = FramesWithout(data, result.config.pack.person);
   const std::vector<MotionFrames> motions =
-      ParseMotions(options.motions, options.motions.empty() ? selection.frames : FramesWithPictures(data, selection),
+      ParseMotions(options.motions, options.motions.empty() ? selection.frames : FramesWithImages(data, selection),
                    CutsOf(data, result.config.pack.person));
   result.holdout_kind = selection.kind;
   const Session session = MakeSession(data, options, run);
@@ -333,7 +334,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   result.skipped = built.skipped;
   const double start_s = clock_s ? clock_s() : std::nan("");
   const RenderedRows rendered = RenderRows(subject, result.config, built, options.batch, run);
-  result.seconds_per_picture = ((clock_s ? clock_s() : std::nan("")) - start_s) / static_cast<double>(pack.size());
+  result.seconds_per_image = ((clock_s ? clock_s() : std::nan("")) - start_s) / static_cast<double>(pack.size());
 
   const at::Tensor truth = EightBit(OnBlack(pack));
   RowScores rows = ScoreRows(session, pack, truth, rendered);
@@ -349,10 +350,10 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   ScoreBaselines(session, pack, truth, baselines, &result);
   ScoreBodyAlone(session, selection, pack, truth, &result);
   ScoreTemplateAlone(session, subject, built, truth, &result);
-  result.strips = WritePictures(data, run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
+  result.strips = WriteImages(data, run_folder + "/eval", options, pack, truth, rendered, baselines, rows);
   const std::vector<ProtocolSplit> others = ScoreOtherSplits(session, subject, &result);
   result.protocol = MakeProtocol(
-      {&data, result.config, result.size_px, PicturesOf(selection.kind, pack), others, result.features, result.lpips});
+      {&data, result.config, result.size_px, ImagesOf(selection.kind, pack), others, result.features, result.lpips});
   WriteFileAtomic(run_folder + "/" + kProtocolFile, result.protocol.json_text);
   return result;
 }

@@ -20,8 +20,8 @@ namespace mvstudio::avatar {
 struct EvaluateOptions {
   std::string dataset;
   std::string cameras;
-  int pictures = 4;
-  int other_pictures = 24;
+  int images = 4;
+  int other_images = 24;
   int renders = 40;
   int batch = 8;
   int score_size = 0;
@@ -36,8 +36,8 @@ void VisitFields(Visitor&& visit, EvaluateOptions& o) {
   visit("cameras", o.cameras,
         "cameras scored instead of those that the run held out, e.g. cam_02,cam_03: for a run that was trained on another "
         "dataset of the same take");
-  visit("pictures", o.pictures, "image strips kept for each held-out camera");
-  visit("other-pictures", o.other_pictures,
+  visit("pictures", o.images, "image strips kept for each held-out camera");
+  visit("other-pictures", o.other_images,
         "images scored of each other split (held-out cameras in training frames and the reverse); 0: none");
   visit("renders", o.renders,
         "held-out renders kept as PNG in eval/render beside their truths in eval/truth, evenly over the frames, for "
@@ -70,7 +70,7 @@ struct GroupScore {
 };
 
 /// A strip truth | render | error | nearest pose, PNG.
-struct PictureStrip {
+struct ImageStrip {
   std::string path, camera;
   int frame = 0;
   double ssim = 0, psnr_db = 0;
@@ -92,13 +92,13 @@ struct Evaluation {
   std::vector<GroupScore> per_camera, per_motion;
   double flicker = 0;  ///< mean over neighbouring frames of each camera; NaN when there are none (avatar/metrics/masks.h)
   std::map<std::string, Scored> other_splits;
-  std::vector<PictureStrip> strips;
+  std::vector<ImageStrip> strips;
   std::vector<std::string> skipped;                 ///< images that could not be used, with the reason
-  dataset::MissingPictures missing;                 ///< of the held-out images: those that the dataset does not hold
+  dataset::MissingImages missing;                   ///< of the held-out images: those that the dataset does not hold
   int frames_without_person = 0;                    ///< of the dataset; they are in no split
   std::map<std::string, std::string> training;      ///< fields of the checkpoint: "seed", "model.width", "train.steps", …
   int64_t checkpoint_step = 0, num_parameters = 0;  ///< 0 and 0: no network was trained
-  double seconds_per_picture = 0;                   ///< rendering alone; NaN without a clock
+  double seconds_per_image = 0;                     ///< rendering alone; NaN without a clock
   std::string convention;                           ///< explanation of the numbers
   ProtocolNet features, lpips;
   std::string distance_name;  ///< "FID", or "FD (posenet)"

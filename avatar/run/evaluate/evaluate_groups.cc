@@ -51,11 +51,11 @@ MotionFrames ParseMotion(const std::string& text) {
 
 GroupScore ScoreOf(const std::string& name, const std::vector<int64_t>& rows, const AvatarPack& pack, const RowScores& scores,
                    uint64_t seed) {
-  std::vector<metrics::PictureScore> own;
+  std::vector<metrics::ImageScore> own;
   std::vector<double> lpips, flicker, ssim;
   std::vector<int64_t> frames;
   for (const int64_t row : rows) {
-    own.push_back(scores.pictures[row]);
+    own.push_back(scores.images[row]);
     if (!scores.lpips.empty()) lpips.push_back(scores.lpips[row]);
     flicker.push_back(scores.flicker[row]);
     ssim.push_back(own.back().bbox.ssim);
@@ -111,7 +111,7 @@ std::map<std::string, metrics::Interval> Intervals(const AvatarPack& pack, const
   std::map<std::string, std::vector<double>> values;
   std::vector<int64_t> frames;
   for (int64_t i = 0; i < pack.size(); ++i) {
-    const metrics::PictureScore& score = scores.pictures[i];
+    const metrics::ImageScore& score = scores.images[i];
     const std::pair<const char*, const metrics::RegionScore*> regions[] = {
         {"", &score.bbox}, {"full.", &score.full}, {"masked.", &score.masked}};
     for (const auto& [prefix, region] : regions) {

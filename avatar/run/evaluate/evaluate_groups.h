@@ -22,7 +22,7 @@ std::vector<MotionFrames> ParseMotions(const std::string& text, const std::vecto
 
 /// Scores of every row of a pack; `lpips` is empty without a net, `flicker` is NaN in rows without a previous frame.
 struct RowScores {
-  std::vector<metrics::PictureScore> pictures;
+  std::vector<metrics::ImageScore> images;
   std::vector<double> lpips, flicker;
 };
 

@@ -16,9 +16,9 @@ namespace fs = std::filesystem;
 std::string NameAndDigest(const std::string& path) { return fs::path(path).filename().string() + " " + Sha256File(path); }
 
 /// Of the list of images with the names and contents of their files.
-std::string DigestOfPictures(const dataset::PanopticDataset& data, const ProtocolSplit& split) {
+std::string DigestOfImages(const dataset::PanopticDataset& data, const ProtocolSplit& split) {
   Sha256 digest;
-  for (const auto& [camera, frame] : split.pictures) {
+  for (const auto& [camera, frame] : split.images) {
     const std::string line =
         NameAndDigest(data.ImagePath(camera, frame)) + " " + NameAndDigest(data.MaskPath(camera, frame)) + "\n";
     digest.Update(line.data(), line.size());
@@ -60,7 +60,7 @@ Json Body(const ProtocolInput& input) {
   const RunConfig& config = input.config;
   std::vector<std::string> cameras;
   std::set<int> frames;
-  for (const auto& [camera, frame] : input.holdout.pictures) {
+  for (const auto& [camera, frame] : input.holdout.images) {
     if (std::find(cameras.begin(), cameras.end(), camera) == cameras.end()) cameras.push_back(camera);
     frames.insert(frame);
   }
@@ -76,8 +76,8 @@ Json Body(const ProtocolInput& input) {
           {"lpips", NetJson(input.lpips)},
           {"metrics", MetricsJson()},
           {"dataset",
-           {{"pictures", input.holdout.pictures.size()},
-            {"pictures_sha256", DigestOfPictures(*input.data, input.holdout)},
+           {{"pictures", input.holdout.images.size()},
+            {"pictures_sha256", DigestOfImages(*input.data, input.holdout)},
             {"joints_sha256", DigestOfJoints(*input.data, config.pack.person, frames)},
             {"calibration_sha256", Sha256File(dataset::FindPanopticCalibration(input.data->root))}}}};
 }
@@ -91,7 +91,7 @@ EvaluationProtocol MakeProtocol(const ProtocolInput& input) {
   protocol.sha256 = Sha256Hex(canonical.data(), canonical.size());
   Json splits = Json::object();
   for (const ProtocolSplit& split : input.other_splits)
-    splits[split.kind] = {{"pictures", split.pictures.size()}, {"sha256", DigestOfPictures(*input.data, split)}};
+    splits[split.kind] = {{"pictures", split.images.size()}, {"sha256", DigestOfImages(*input.data, split)}};
   const Json json = {{"schema", kProtocolSchema}, {"sha256", protocol.sha256}, {"protocol", body}, {"splits", splits}};
   protocol.json_text = json.dump(1) + "\n";
   return protocol;

@@ -22,7 +22,7 @@ struct ProtocolNet {
 /// Scored images of one split: (camera, frame) in order.
 struct ProtocolSplit {
   std::string kind;  ///< "held-out cameras in held-out frames", …
-  std::vector<std::pair<std::string, int>> pictures;
+  std::vector<std::pair<std::string, int>> images;
 };
 
 struct ProtocolInput {

@@ -116,7 +116,7 @@ std::string ToJsonText(const Evaluation& e) {
   json["other_splits"] = Json::object();
   for (const auto& [kind, scored] : e.other_splits) json["other_splits"][kind] = ScoredJson(e, scored);
   json["pictures"] = Json::array();
-  for (const PictureStrip& strip : e.strips) {
+  for (const ImageStrip& strip : e.strips) {
     json["pictures"].push_back({{"path", strip.path},
                                 {"camera", strip.camera},
                                 {"frame", strip.frame},
@@ -136,7 +136,7 @@ std::string ToJsonText(const Evaluation& e) {
   json["px_per_m"] = e.config.pack.fill * e.size_px / 2 / e.config.half_extent_m;
   json["template_iou"] = Finite(e.config.template_iou);
   json["checkpoint_step"] = e.checkpoint_step;
-  json["seconds_per_frame"] = Finite(e.seconds_per_picture);
+  json["seconds_per_frame"] = Finite(e.seconds_per_image);
   json["training"] = TrainingJson(e);
   json["features"] = NetJson(e.features);
   json["lpips_net"] = e.lpips.name.empty() ? Json() : NetJson(e.lpips);

@@ -7,7 +7,7 @@
 #include "avatar/data/safetensors.h"
 #include "avatar/nets/generator.h"
 #include "avatar/nets/sequence.h"
-#include "avatar/scores/picture_scores.h"
+#include "avatar/scores/image_scores.h"
 #include "avatar/splats/render.h"
 #include "core/parallel.h"
 
@@ -24,8 +24,8 @@ AvatarPack AtSize(AvatarPack pack, int size_px) {
   return pack;
 }
 
-at::Tensor Scaled(const at::Tensor& pictures, int size_px) {
-  return pictures.size(2) == size_px ? pictures : at::_upsample_bilinear2d_aa(pictures, {size_px, size_px}, false);
+at::Tensor Scaled(const at::Tensor& images, int size_px) {
+  return images.size(2) == size_px ? images : at::_upsample_bilinear2d_aa(images, {size_px, size_px}, false);
 }
 
 RenderedRows RenderNetwork(Subject& subject, const PackResult& rows, int batch, const RunContext& run) {

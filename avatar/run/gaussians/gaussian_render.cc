@@ -22,9 +22,9 @@ Image Rgba(const body::RenderedBody& rendered) {
 
 }  // namespace
 
-void RenderGaussianPictures(const splats::CloudFile& file, const RunConfig& config, const RenderPlan& plan,
-                            const RenderOptions& options, const RunContext& run,
-                            const std::function<void(const RenderJob&, const Image&)>& on_picture) {
+void RenderGaussianImages(const splats::CloudFile& file, const RunConfig& config, const RenderPlan& plan,
+                          const RenderOptions& options, const RunContext& run,
+                          const std::function<void(const RenderJob&, const Image&)>& on_image) {
   if (options.network_size_px > 0)
     throw UsageError("option 'network-size': Gaussians have no network; option 'size' is the size of the images");
   MVS_CHECK(plan.fitted, "Gaussians lie on a fitted body");
@@ -34,9 +34,9 @@ void RenderGaussianPictures(const splats::CloudFile& file, const RunConfig& conf
   for (const RenderJob& job : plan.jobs) {
     const geometry::RigCamera crop = dataset::ResizedCrop(job.crop, size_px);
     const std::optional<Eigen::Matrix3Xf> vertices = plan.Vertices(plan.track.poses[job.pose]);
-    const Image picture = vertices ? Rgba(RenderGaussians(file.cloud, body, *vertices, crop, {file.mip, run.num_threads}))
-                                   : Image(size_px, size_px, 4);
-    on_picture(job, options.frame == RenderFrame::kCrop ? picture : dataset::Resample(picture, crop, job.camera));
+    const Image image = vertices ? Rgba(RenderGaussians(file.cloud, body, *vertices, crop, {file.mip, run.num_threads}))
+                                 : Image(size_px, size_px, 4);
+    on_image(job, options.frame == RenderFrame::kCrop ? image : dataset::Resample(image, crop, job.camera));
     stage.Advance();
   }
 }

@@ -7,10 +7,10 @@
 
 namespace mvstudio::avatar {
 
-/// As RenderPictures, of Gaussians on the run's fitted body: each image is rendered at its own size. Throws UsageError where
+/// As RenderImages, of Gaussians on the run's fitted body: each image is rendered at its own size. Throws UsageError where
 /// `network-size` is asked for.
-void RenderGaussianPictures(const splats::CloudFile& file, const RunConfig& config, const RenderPlan& plan,
-                            const RenderOptions& options, const RunContext& run,
-                            const std::function<void(const RenderJob&, const Image&)>& on_picture);
+void RenderGaussianImages(const splats::CloudFile& file, const RunConfig& config, const RenderPlan& plan,
+                          const RenderOptions& options, const RunContext& run,
+                          const std::function<void(const RenderJob&, const Image&)>& on_image);
 
 }  // namespace mvstudio::avatar

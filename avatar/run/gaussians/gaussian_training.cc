@@ -101,9 +101,9 @@ GaussianImages LeaveCameraOut(const GaussianImages& images) {
 }
 
 /// Copies an image of three channels into a sheet.
-void Paste(const Image& picture, int x0, int y0, Image* sheet) {
-  for (int y = 0; y < picture.height; ++y)
-    std::copy_n(picture.Pixel(0, y), static_cast<size_t>(3) * picture.width, sheet->Pixel(x0, y0 + y));
+void Paste(const Image& image, int x0, int y0, Image* sheet) {
+  for (int y = 0; y < image.height; ++y)
+    std::copy_n(image.Pixel(0, y), static_cast<size_t>(3) * image.width, sheet->Pixel(x0, y0 + y));
 }
 
 }  // namespace
@@ -117,7 +117,7 @@ std::vector<splats::TrainView> TrainViewsOf(const AvatarPack& pack, const std::v
     view.vertices = views[static_cast<size_t>(i)].vertices;
     view.image = ToImage(pack.images[i]);
     view.mask = ToImage(pack.masks[i].unsqueeze(0));
-    view.name = PictureName(pack, i);
+    view.name = ImageName(pack, i);
   }
   return out;
 }
@@ -181,7 +181,7 @@ Image GaussianSheet(const splats::Cloud& cloud, const body::BodyTemplate& body, 
     for (size_t i = 0; i < error.pixels.size(); ++i)
       error.pixels[i] = static_cast<uint8_t>(std::abs(static_cast<int>(truth.pixels[i]) - static_cast<int>(shown.pixels[i])));
     int row = 0;
-    for (const Image* picture : {&truth, &shown, &error}) Paste(*picture, static_cast<int>(k) * width, height * row++, &sheet);
+    for (const Image* tile : {&truth, &shown, &error}) Paste(*tile, static_cast<int>(k) * width, height * row++, &sheet);
   }
   return sheet;
 }

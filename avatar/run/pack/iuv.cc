@@ -34,8 +34,8 @@ Channels ChannelsOf(const Image& image, const std::string& path) {
 
 }  // namespace
 
-std::string IuvPath(const std::string& folder, const std::string& camera, const std::string& picture_path) {
-  return folder + "/" + camera + "/" + std::filesystem::path(picture_path).stem().string() + ".png";
+std::string IuvPath(const std::string& folder, const std::string& camera, const std::string& image_path) {
+  return folder + "/" + camera + "/" + std::filesystem::path(image_path).stem().string() + ".png";
 }
 
 body::PartUvMap ReadIuv(const std::string& path, const geometry::RigCamera& camera, const geometry::RigCamera& crop) {

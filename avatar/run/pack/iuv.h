@@ -11,7 +11,7 @@
 namespace mvstudio::avatar {
 
 /// FOLDER/CAMERA/NAME.png for an image NAME.jpg of the dataset.
-std::string IuvPath(const std::string& folder, const std::string& camera, const std::string& picture_path);
+std::string IuvPath(const std::string& folder, const std::string& camera, const std::string& image_path);
 
 /// Labels in the crop's camera: those of the nearest pixel, background outside the image; depth is unknown. Throws IoError
 /// / FormatError for files that are not such maps and for sizes other than the camera's.

@@ -68,7 +68,7 @@ struct Plan {
   std::vector<int> frames;
   std::vector<Job> jobs;
   std::vector<std::string> skipped;
-  dataset::MissingPictures missing;
+  dataset::MissingImages missing;
 };
 
 double LargeExtent(const dataset::PanopticDataset& data, int person) {
@@ -143,7 +143,7 @@ BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& opti
     if (poses.count(job.frame)) usable.push_back(&job);
   }
   if (usable.empty()) return options.shape;
-  const size_t count = std::min<size_t>(usable.size(), std::max(1, options.fit_pictures));
+  const size_t count = std::min<size_t>(usable.size(), std::max(1, options.fit_images));
   std::vector<ShapeView> views(count);
   ParallelFor(static_cast<int64_t>(count), run.num_threads, [&](int64_t i) {
     const Job& job = *usable[(2 * i + 1) * usable.size() / (2 * count)];
@@ -190,7 +190,7 @@ struct Filler {
     if (std::count(mask.pixels.begin(), mask.pixels.end(), 255) < kMinPersonPx)
       return "the mask is empty where the person should be";
     const Image image = ReadFor(data, job, false);
-    FillPicture(pack, i, dataset::Resample(image, *job.camera, crop), mask);
+    FillImage(pack, i, dataset::Resample(image, *job.camera, crop), mask);
     FillPose(pack, i, joints.At(job.frame, *job.pose), crop);
     pack.camera_idx.data_ptr<int64_t>()[i] = job.camera_idx;
     pack.frame.data_ptr<int64_t>()[i] = job.frame;

@@ -33,7 +33,7 @@ struct PackOptions {
   int person = -1;
   bool template_maps = true;
   bool fit_shape = true;
-  int fit_pictures = 24;
+  int fit_images = 24;
   int template_input_px = 0;      ///< edge of the pack's template_maps: the image size of their network; 0: none
   bool template_colours = false;  ///< the pack gets the colours of `fitted` at that size
   double half_extent_m = 0;
@@ -70,7 +70,7 @@ void VisitFields(Visitor&& visit, PackOptions& o) {
         "folder with DensePose's map of each image, CAMERA/PICTURE.png (I, U, V as OpenCV's first, second and third channel): "
         "the first guess in place of the posed body template");
   StartGroup(visit, "Body");
-  visit("fit-pictures", o.fit_pictures, "training images used for that fit");
+  visit("fit-pictures", o.fit_images, "training images used for that fit");
 }
 
 /// Disjoint halves of the cameras and of the frames of one dataset. Held-out scores use held-out cameras in held-out frames.
@@ -109,7 +109,7 @@ struct PackResult {
   BodyShape shape;           ///< girth used for part and uv
   double template_iou = 0;   ///< mean IoU of the posed template and the masks over all images; NaN without template maps
   std::vector<std::string> skipped;  ///< "camera 00_03, frame 17: reason", unusable images
-  dataset::MissingPictures missing;  ///< images and masks that the dataset does not hold; not in `skipped`
+  dataset::MissingImages missing;    ///< images and masks that the dataset does not hold; not in `skipped`
 };
 
 /// One crop per camera and frame. The crop's camera is a pinhole at the position of the real one, with the smallest

@@ -41,7 +41,7 @@ AvatarPack EmptyPack(const std::vector<std::string>& cameras, int64_t n, const P
   return pack;
 }
 
-void FillPicture(AvatarPack& pack, int64_t i, const Image& image, const Image& mask) {
+void FillImage(AvatarPack& pack, int64_t i, const Image& image, const Image& mask) {
   const int64_t area = static_cast<int64_t>(pack.size_px) * pack.size_px;
   FillPlanes(image, pack.images.data_ptr<uint8_t>() + 3 * area * i);
   std::copy(mask.pixels.begin(), mask.pixels.end(), pack.masks.data_ptr<uint8_t>() + area * i);

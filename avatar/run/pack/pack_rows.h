@@ -14,7 +14,7 @@ namespace mvstudio::avatar {
 /// `n` rows of zeros, with what `options` ask for.
 AvatarPack EmptyPack(const std::vector<std::string>& cameras, int64_t n, const PackOptions& options);
 /// Image (H, W, 3) and mask (H, W) of row i.
-void FillPicture(AvatarPack& pack, int64_t i, const Image& image, const Image& mask);
+void FillImage(AvatarPack& pack, int64_t i, const Image& image, const Image& mask);
 void FillBodyImage(AvatarPack& pack, int64_t i, const body::RenderedBody& rendered);
 /// Part and coordinates of row i.
 void FillLabels(AvatarPack& pack, int64_t i, const body::PartUvMap& map);

@@ -70,8 +70,8 @@ PersonCrop ReadPersonCrop(const dataset::PanopticDataset& data, const PersonStep
                           int max_px) {
   PersonCrop crop{CropFor(camera, *source.pose, max_px), {}, {}};
   const dataset::ResampleMap map(camera, crop.camera);
-  crop.image = map.Picture(Read(data, camera, source.frame, false));
-  crop.mask = map.Picture(Read(data, camera, source.frame, true));
+  crop.image = map.Apply(Read(data, camera, source.frame, false));
+  crop.mask = map.Apply(Read(data, camera, source.frame, true));
   return crop;
 }
 

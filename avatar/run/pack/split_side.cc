@@ -19,8 +19,8 @@ SplitSide HoldoutSide(const DatasetSplit& split) {
   return {"held-out cameras in held-out frames", split.holdout_cameras, split.holdout_frames};
 }
 
-dataset::MissingPictures RequirePictures(const dataset::PanopticDataset& data, const SplitSide& side, double most) {
-  dataset::MissingPictures missing = dataset::FindMissing(data, side.cameras, side.frames);
+dataset::MissingImages RequireImages(const dataset::PanopticDataset& data, const SplitSide& side, double most) {
+  dataset::MissingImages missing = dataset::FindMissing(data, side.cameras, side.frames);
   const auto refuse = [&](const std::string& why) {
     throw FormatError(data.root, "", side.kind + ": " + why + "; " + dataset::MissingText(missing));
   };
@@ -32,8 +32,8 @@ dataset::MissingPictures RequirePictures(const dataset::PanopticDataset& data, c
   return missing;
 }
 
-std::vector<int> FramesWithPictures(const dataset::PanopticDataset& data, const SplitSide& side) {
-  const dataset::MissingPictures missing = dataset::FindMissing(data, side.cameras, side.frames);
+std::vector<int> FramesWithImages(const dataset::PanopticDataset& data, const SplitSide& side) {
+  const dataset::MissingImages missing = dataset::FindMissing(data, side.cameras, side.frames);
   std::vector<int> frames;
   std::copy_if(side.frames.begin(), side.frames.end(), std::back_inserter(frames), [&](int frame) {
     return std::any_of(side.cameras.begin(), side.cameras.end(),

@@ -26,10 +26,10 @@ inline constexpr double kMostMissing = 0.5;
 
 /// The images of the side that are missing. Throws FormatError when none is left, when a camera has none, and when more
 /// than the share `most` of them are missing.
-dataset::MissingPictures RequirePictures(const dataset::PanopticDataset& data, const SplitSide& side, double most = 1);
+dataset::MissingImages RequireImages(const dataset::PanopticDataset& data, const SplitSide& side, double most = 1);
 
 /// The side's frames in which a camera of it has an image, so that a choice among them finds some.
-std::vector<int> FramesWithPictures(const dataset::PanopticDataset& data, const SplitSide& side);
+std::vector<int> FramesWithImages(const dataset::PanopticDataset& data, const SplitSide& side);
 
 /// Scores `names` (commas between them; none: nothing changes) in place of the cameras that were held out. Throws UsageError
 /// for cameras that the dataset lacks or that were trained on.

@@ -157,7 +157,7 @@ void FillSample(AvatarPack& pack, int64_t i, const body::BodyTemplate& body, con
     image.pixels[3 * p + 1] = static_cast<uint8_t>(255 * map.u[p]);
     image.pixels[3 * p + 2] = static_cast<uint8_t>(255 * map.v[p]);
   }
-  FillPicture(pack, i, image, mask);
+  FillImage(pack, i, image, mask);
 }
 
 PretrainSamples DrawSamples(const PretrainSources& sources, const PretrainSampleOptions& options, PoseShare share, int64_t set,

@@ -41,19 +41,19 @@ bool ParseColour(const std::string& text, std::array<uint8_t, 3>* colour) {
 }
 
 /// Mean of bilinear samples over each pixel's footprint of an image that is scaled to cover the frame.
-Image Cover(const Image& picture, int width, int height) {
+Image Cover(const Image& image, int width, int height) {
   Image out(width, height, 3);
-  const double step = std::min(static_cast<double>(picture.width) / width, static_cast<double>(picture.height) / height);
+  const double step = std::min(static_cast<double>(image.width) / width, static_cast<double>(image.height) / height);
   const int samples = std::clamp(static_cast<int>(std::ceil(step)), 1, 16);
-  const double left = (picture.width - step * width) / 2, top = (picture.height - step * height) / 2;
+  const double left = (image.width - step * width) / 2, top = (image.height - step * height) / 2;
   const auto sample = [&](double x, double y, double* sum) {
-    const double cx = std::clamp(x - 0.5, 0.0, picture.width - 1.0), cy = std::clamp(y - 0.5, 0.0, picture.height - 1.0);
+    const double cx = std::clamp(x - 0.5, 0.0, image.width - 1.0), cy = std::clamp(y - 0.5, 0.0, image.height - 1.0);
     const int x0 = static_cast<int>(cx), y0 = static_cast<int>(cy);
-    const int x1 = std::min(x0 + 1, picture.width - 1), y1 = std::min(y0 + 1, picture.height - 1);
+    const int x1 = std::min(x0 + 1, image.width - 1), y1 = std::min(y0 + 1, image.height - 1);
     const double fx = cx - x0, fy = cy - y0;
     for (int k = 0; k < 3; ++k) {
-      sum[k] += (1 - fy) * ((1 - fx) * picture.Pixel(x0, y0)[k] + fx * picture.Pixel(x1, y0)[k]) +
-                fy * ((1 - fx) * picture.Pixel(x0, y1)[k] + fx * picture.Pixel(x1, y1)[k]);
+      sum[k] += (1 - fy) * ((1 - fx) * image.Pixel(x0, y0)[k] + fx * image.Pixel(x1, y0)[k]) +
+                fy * ((1 - fx) * image.Pixel(x0, y1)[k] + fx * image.Pixel(x1, y1)[k]);
     }
   };
   for (int y = 0; y < height; ++y) {
@@ -90,12 +90,12 @@ Backdrop::Backdrop(const std::string& text) {
     throw UsageError("option 'background' '" + text +
                      "' is neither a file nor a colour; colours are black, white, grey, green, #rrggbb or r,g,b");
   }
-  picture_ = dataset::ReadImage(text);
+  image_ = dataset::ReadImage(text);
 }
 
 const Image& Backdrop::Covering(int width, int height) const {
   Image& image = covering_[{width, height}];
-  if (image.empty() && !picture_.empty()) image = Cover(picture_, width, height);
+  if (image.empty() && !image_.empty()) image = Cover(image_, width, height);
   return image;
 }
 

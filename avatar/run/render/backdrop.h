@@ -29,7 +29,7 @@ class Backdrop {
 
   bool transparent_ = false;
   std::array<uint8_t, 3> colour_{};
-  Image picture_;
+  Image image_;
   mutable std::map<std::pair<int, int>, Image> covering_;
 };
 

@@ -92,10 +92,10 @@ Image ToImage(const at::Tensor& rgba) {
 }
 
 /// The latest images of a view, newest first; undefined before the first.
-at::Tensor WithPast(const at::Tensor& picture, const at::Tensor& past) {
+at::Tensor WithPast(const at::Tensor& image, const at::Tensor& past) {
   const at::Tensor older =
-      past.defined() ? past.slice(1, 0, 3 * (kNumPrevious - 1)) : at::zeros_like(picture).repeat({1, kNumPrevious - 1, 1, 1});
-  return at::cat({picture, older}, 1);
+      past.defined() ? past.slice(1, 0, 3 * (kNumPrevious - 1)) : at::zeros_like(image).repeat({1, kNumPrevious - 1, 1, 1});
+  return at::cat({image, older}, 1);
 }
 
 /// Frames from one image of a view to the next.
@@ -109,8 +109,8 @@ int StepOf(const std::vector<RenderJob>& jobs) {
 
 }  // namespace
 
-void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
-                    const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_picture) {
+void RenderImages(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
+                  const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_image) {
   at::set_num_threads(ResolveThreads(run.num_threads));
   const Sizes sizes = SizesOf(model, config, options);
   const bool memory = NumPreviousChannels(model.options) > 0;
@@ -133,9 +133,9 @@ void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPla
     for (size_t i = begin; i < end; ++i) {
       const RenderJob& job = plan.jobs[i];
       const Image crop = ToImage(rgba[static_cast<int64_t>(i - begin)]);
-      on_picture(job, options.frame == RenderFrame::kCrop
-                          ? crop
-                          : dataset::Resample(crop, dataset::ResizedCrop(job.crop, sizes.out_px), job.camera));
+      on_image(job, options.frame == RenderFrame::kCrop
+                        ? crop
+                        : dataset::Resample(crop, dataset::ResizedCrop(job.crop, sizes.out_px), job.camera));
     }
     stage.Advance(static_cast<int64_t>(end - begin));
   }

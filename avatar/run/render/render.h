@@ -121,8 +121,8 @@ RenderPlan MakeRenderPlan(const RunConfig& config, const dataset::PanopticDatase
 
 /// Renders the plan's images in order: RGBA, colours multiplied by alpha (as seen on black). Methods with memory start
 /// without previous images at each view, at each run of frames at the usual distance, and at each cut (dataset/pose/cuts.h).
-void RenderPictures(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
-                    const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_picture);
+void RenderImages(AvatarModel& model, const RunConfig& config, const RenderPlan& plan, const RenderOptions& options,
+                  const RunContext& run, const std::function<void(const RenderJob&, const Image&)>& on_image);
 
 /// A camera of the size of a crop that looks at `middle_in_world` from `distance_m` away; azimuth from the x axis towards y.
 geometry::RigCamera OrbitCamera(const Eigen::Vector3d& middle_in_world, double azimuth_rad, double elevation_rad,

@@ -28,17 +28,17 @@ void AddScaled(float value, float low, float high, std::string* out) {
   Add(static_cast<T>(std::lround(share * kSteps)), out);
 }
 
-bool IsFinite(const PlayerInstant& instant) { return instant.vertices->allFinite(); }
+bool IsFinite(const PlayerTimeStep& time_step) { return time_step.vertices->allFinite(); }
 
 /// As many as `most`, evenly spread, the first and the last among them.
-std::vector<PlayerInstant> Thinned(const std::vector<PlayerInstant>& all, size_t most) {
+std::vector<PlayerTimeStep> Thinned(const std::vector<PlayerTimeStep>& all, size_t most) {
   if (all.size() <= most) return all;
-  std::vector<PlayerInstant> out;
+  std::vector<PlayerTimeStep> out;
   for (size_t k = 0; k < most; ++k) out.push_back(all[most == 1 ? 0 : k * (all.size() - 1) / (most - 1)]);
   return out;
 }
 
-void AddHeader(const Cloud& cloud, bool mip, const body::BodyTemplate& body, const std::vector<PlayerInstant>& shown,
+void AddHeader(const Cloud& cloud, bool mip, const body::BodyTemplate& body, const std::vector<PlayerTimeStep>& shown,
                const Eigen::Vector3f& low, const Eigen::Vector3f& high, std::string* out) {
   out->append(kMagic, 8);
   for (const size_t count : {cloud.size(), static_cast<size_t>(body.faces.cols()), static_cast<size_t>(body.vertices.cols()),
@@ -67,17 +67,17 @@ void AddLooks(const Cloud& cloud, std::string* out) {
 
 }  // namespace
 
-Eigen::Vector3f UpOf(const body::BodyTemplate& body, const std::vector<PlayerInstant>& instants) {
-  if (instants.empty() || body.vertices.cols() == 0) return Eigen::Vector3f::Zero();
+Eigen::Vector3f UpOf(const body::BodyTemplate& body, const std::vector<PlayerTimeStep>& time_steps) {
+  if (time_steps.empty() || body.vertices.cols() == 0) return Eigen::Vector3f::Zero();
   const float bottom = body.vertices.row(2).minCoeff(), tenth = 0.1f * (body.vertices.row(2).maxCoeff() - bottom);
   Eigen::Vector3f up = Eigen::Vector3f::Zero();
-  for (const PlayerInstant& instant : instants) {
+  for (const PlayerTimeStep& time_step : time_steps) {
     Eigen::Vector3f high = Eigen::Vector3f::Zero(), low = high;
     int num_high = 0, num_low = 0;
     for (Eigen::Index i = 0; i < body.vertices.cols(); ++i) {
       const float z = body.vertices(2, i) - bottom;
-      if (z >= 9 * tenth) high += instant.vertices->col(i), ++num_high;
-      if (z <= tenth) low += instant.vertices->col(i), ++num_low;
+      if (z >= 9 * tenth) high += time_step.vertices->col(i), ++num_high;
+      if (z <= tenth) low += time_step.vertices->col(i), ++num_low;
     }
     up += (high / static_cast<float>(num_high) - low / static_cast<float>(num_low)).normalized();
   }
@@ -89,31 +89,31 @@ Eigen::Vector3f UpOf(const body::BodyTemplate& body, const std::vector<PlayerIns
 }
 
 std::string PlayerBytes(const Cloud& cloud, bool mip, const body::BodyTemplate& body,
-                        const std::vector<PlayerInstant>& instants, const PlayerLimits& limits) {
+                        const std::vector<PlayerTimeStep>& time_steps, const PlayerLimits& limits) {
   CheckCloud(cloud, static_cast<int>(body.faces.cols()));
-  std::vector<PlayerInstant> sound;
-  for (const PlayerInstant& instant : instants) {
-    MVS_CHECK(instant.vertices && instant.vertices->cols() == body.vertices.cols(), "an instant of another body");
-    if (IsFinite(instant)) sound.push_back(instant);
+  std::vector<PlayerTimeStep> sound;
+  for (const PlayerTimeStep& time_step : time_steps) {
+    MVS_CHECK(time_step.vertices && time_step.vertices->cols() == body.vertices.cols(), "an instant of another body");
+    if (IsFinite(time_step)) sound.push_back(time_step);
   }
   const size_t one = kBytesOfVertex * static_cast<size_t>(body.vertices.cols()) + 4;
   const size_t rest = kBytesOfHeader + kBytesOfGaussian * cloud.size() + kBytesOfFace * static_cast<size_t>(body.faces.cols());
   if (sound.empty() || limits.bytes < rest + one) return {};
-  const std::vector<PlayerInstant> shown = Thinned(sound, std::min(limits.instants, (limits.bytes - rest) / one));
+  const std::vector<PlayerTimeStep> shown = Thinned(sound, std::min(limits.time_steps, (limits.bytes - rest) / one));
   if (shown.empty()) return {};
   Eigen::Vector3f low = shown[0].vertices->rowwise().minCoeff(), high = shown[0].vertices->rowwise().maxCoeff();
-  for (const PlayerInstant& instant : shown) {
-    low = low.cwiseMin(instant.vertices->rowwise().minCoeff());
-    high = high.cwiseMax(instant.vertices->rowwise().maxCoeff());
+  for (const PlayerTimeStep& time_step : shown) {
+    low = low.cwiseMin(time_step.vertices->rowwise().minCoeff());
+    high = high.cwiseMax(time_step.vertices->rowwise().maxCoeff());
   }
   std::string out;
   AddHeader(cloud, mip, body, shown, low, high, &out);
-  for (const PlayerInstant& instant : shown) Add(static_cast<int32_t>(instant.frame), &out);
+  for (const PlayerTimeStep& time_step : shown) Add(static_cast<int32_t>(time_step.frame), &out);
   for (Eigen::Index k = 0; k < body.faces.size(); ++k) Add(static_cast<uint32_t>(body.faces.data()[k]), &out);
   for (const int face : cloud.face) Add(static_cast<uint32_t>(face), &out);
-  for (const PlayerInstant& instant : shown)
-    for (Eigen::Index k = 0; k < instant.vertices->size(); ++k)
-      AddScaled<uint16_t>(instant.vertices->data()[k], low[k % 3], high[k % 3], &out);
+  for (const PlayerTimeStep& time_step : shown)
+    for (Eigen::Index k = 0; k < time_step.vertices->size(); ++k)
+      AddScaled<uint16_t>(time_step.vertices->data()[k], low[k % 3], high[k % 3], &out);
   for (const float place : cloud.values.place) AddScaled<uint16_t>(place, -0.5f, 1.5f, &out);
   for (const float offset : cloud.values.offset) AddScaled<uint16_t>(offset, -0.1f, 0.1f, &out);
   AddLooks(cloud, &out);

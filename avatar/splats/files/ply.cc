@@ -183,15 +183,15 @@ PlySplats ToPly(const Cloud& cloud, const Eigen::Matrix3Xi& faces, const Eigen::
     }
     for (const float v : {turn.w(), turn.x(), turn.y(), turn.z()}) out.rotation.push_back(v);
     out.opacity.push_back(logit);
-    double turned[3][BasisSize(kMaxDegree)];
+    double rotated[3][BasisSize(kMaxDegree)];
     for (size_t c = 0; c < 3; ++c) {
       double own_colour[BasisSize(kMaxDegree)];
       for (size_t k = 0; k < basis; ++k) own_colour[k] = cloud.values.colour[3 * (i * basis + k) + c];
-      RotateCoefficients(s.placed.world_from_face.cast<double>(), out.degree, own_colour, turned[c]);
+      RotateCoefficients(s.placed.world_from_face.cast<double>(), out.degree, own_colour, rotated[c]);
     }
-    for (size_t c = 0; c < 3; ++c) out.colour.push_back(static_cast<float>(turned[c][0]));
+    for (size_t c = 0; c < 3; ++c) out.colour.push_back(static_cast<float>(rotated[c][0]));
     for (size_t c = 0; c < 3; ++c)
-      for (size_t k = 1; k < basis; ++k) out.colour.push_back(static_cast<float>(turned[c][k]));
+      for (size_t k = 1; k < basis; ++k) out.colour.push_back(static_cast<float>(rotated[c][k]));
   }
   return out;
 }

@@ -29,29 +29,29 @@ Truth<S> TruthOf(const Image& image, const Image& mask) {
 }
 
 template <class S>
-LossTerms Loss(const Picture<S>& picture, const Truth<S>& truth, const LossWeights& weights, Picture<S>* by_picture) {
-  MVS_CHECK(picture.width == truth.width && picture.height == truth.height, "a picture and a truth of different sizes");
-  const size_t area = picture.area();
+LossTerms Loss(const RasterImage<S>& image, const Truth<S>& truth, const LossWeights& weights, RasterImage<S>* by_image) {
+  MVS_CHECK(image.width == truth.width && image.height == truth.height, "a picture and a truth of different sizes");
+  const size_t area = image.area();
   const double box = std::max(1, (truth.box.x1 - truth.box.x0) * (truth.box.y1 - truth.box.y0));
-  by_picture->width = picture.width, by_picture->height = picture.height;
-  by_picture->values.assign(4 * area, S(0));
+  by_image->width = image.width, by_image->height = image.height;
+  by_image->values.assign(4 * area, S(0));
   LossTerms terms;
   const S l1_slope = S(weights.l1 / (3 * box)), mask_slope = S(2 * weights.mask / box);
   for (size_t i = 0; i < 3 * area; ++i) {
-    const S difference = picture.values[i] - truth.rgb[i];
+    const S difference = image.values[i] - truth.rgb[i];
     terms.l1 += std::abs(difference);
-    by_picture->values[i] = difference > 0 ? l1_slope : difference < 0 ? -l1_slope : S(0);
+    by_image->values[i] = difference > 0 ? l1_slope : difference < 0 ? -l1_slope : S(0);
   }
   for (size_t i = 0; i < area; ++i) {
-    const S difference = picture.Plane(3)[i] - truth.mask[i];
+    const S difference = image.Plane(3)[i] - truth.mask[i];
     terms.mask += difference * difference;
-    by_picture->Plane(3)[i] = mask_slope * difference;
+    by_image->Plane(3)[i] = mask_slope * difference;
   }
   terms.l1 /= 3 * box, terms.mask /= box;
   double ssim = 0;
   for (int c = 0; c < 3; ++c)
-    ssim += AddSsimGradient(picture.Plane(c), truth.rgb.data() + static_cast<size_t>(c) * area, picture.width, truth.box,
-                            S(-weights.ssim / 3), by_picture->Plane(c)) /
+    ssim += AddSsimGradient(image.Plane(c), truth.rgb.data() + static_cast<size_t>(c) * area, image.width, truth.box,
+                            S(-weights.ssim / 3), by_image->Plane(c)) /
             3;
   const bool windows = truth.box.x1 - truth.box.x0 >= 11 && truth.box.y1 - truth.box.y0 >= 11;
   terms.ssim = windows ? 1 - ssim : 0;
@@ -61,7 +61,7 @@ LossTerms Loss(const Picture<S>& picture, const Truth<S>& truth, const LossWeigh
 
 template Truth<float> TruthOf(const Image&, const Image&);
 template Truth<double> TruthOf(const Image&, const Image&);
-template LossTerms Loss(const Picture<float>&, const Truth<float>&, const LossWeights&, Picture<float>*);
-template LossTerms Loss(const Picture<double>&, const Truth<double>&, const LossWeights&, Picture<double>*);
+template LossTerms Loss(const RasterImage<float>&, const Truth<float>&, const LossWeights&, RasterImage<float>*);
+template LossTerms Loss(const RasterImage<double>&, const Truth<double>&, const LossWeights&, RasterImage<double>*);
 
 }  // namespace mvstudio::splats

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "avatar/metrics/picture.h"
+#include "avatar/metrics/planar_image.h"
 #include "avatar/splats/raster.h"
 #include "core/image.h"
 
@@ -35,11 +35,11 @@ struct LossTerms {
 
 /// The loss, and its derivative by each value of the image.
 template <class S>
-LossTerms Loss(const Picture<S>& picture, const Truth<S>& truth, const LossWeights& weights, Picture<S>* by_picture);
+LossTerms Loss(const RasterImage<S>& image, const Truth<S>& truth, const LossWeights& weights, RasterImage<S>* by_image);
 
 extern template Truth<float> TruthOf(const Image&, const Image&);
 extern template Truth<double> TruthOf(const Image&, const Image&);
-extern template LossTerms Loss(const Picture<float>&, const Truth<float>&, const LossWeights&, Picture<float>*);
-extern template LossTerms Loss(const Picture<double>&, const Truth<double>&, const LossWeights&, Picture<double>*);
+extern template LossTerms Loss(const RasterImage<float>&, const Truth<float>&, const LossWeights&, RasterImage<float>*);
+extern template LossTerms Loss(const RasterImage<double>&, const Truth<double>&, const LossWeights&, RasterImage<double>*);
 
 }  // namespace mvstudio::splats

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "avatar/metrics/picture.h"
+#include "avatar/metrics/planar_image.h"
 
 namespace mvstudio::splats {
 

@@ -207,8 +207,8 @@ ViewScores ScoreViews(const Cloud& cloud, const body::BodyTemplate& body, const 
       mask[k] = view.mask.pixels[k] >= 128, shown[k] = rendered.cover.pixels[k] >= 128;
       for (size_t c = 0; c < 3 && !mask[k]; ++c) truth.pixels[3 * k + c] = 0;
     }
-    const metrics::PictureScore score =
-        metrics::ScorePicture(metrics::FromImage(truth), mask, metrics::FromImage(rendered.image), shown);
+    const metrics::ImageScore score =
+        metrics::ScoreImage(metrics::FromImage(truth), mask, metrics::FromImage(rendered.image), shown);
     scores.ssim[static_cast<size_t>(i)] = score.bbox.ssim, scores.psnr_db[static_cast<size_t>(i)] = score.bbox.psnr_db;
   });
   return scores;

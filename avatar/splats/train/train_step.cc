@@ -22,11 +22,11 @@ ImageResult ImageGradient(const Cloud& cloud, const Eigen::Matrix3Xi& faces, con
   const Surface<float> surface{faces, *from.vertices};
   const Projected<float> projected = ProjectSplats(cloud, surface, view, settings);
   const Tiles tiles = BinSplats(projected.splats, view.width, view.height);
-  const Picture<float> picture = Rasterise(projected.splats, tiles, view.width, view.height, settings.num_threads);
-  Picture<float> by_picture;
-  out.loss = Loss(picture, TruthOf<float>(from.image, from.mask), weights, &by_picture);
+  const RasterImage<float> image = Rasterise(projected.splats, tiles, view.width, view.height, settings.num_threads);
+  RasterImage<float> by_image;
+  out.loss = Loss(image, TruthOf<float>(from.image, from.mask), weights, &by_image);
   const std::vector<SplatGradient<float>> by_splat =
-      RasteriseBackward(projected.splats, tiles, picture, by_picture, settings.num_threads);
+      RasteriseBackward(projected.splats, tiles, image, by_image, settings.num_threads);
   out.gradient = ZeroParameters<float>(cloud.size(), cloud.values.degree);
   out.view_space.assign(cloud.size(), 0.f), out.seen.assign(cloud.size(), 0);
   AddGradients(cloud, surface, view, settings, projected.splats, by_splat, &out.gradient, &out.view_space);

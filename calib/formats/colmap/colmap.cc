@@ -148,7 +148,7 @@ ColmapFiles ModelOf(const geometry::Rig& rig, const std::vector<std::string>& im
   return model;
 }
 
-std::string WithoutPictureExtension(const std::string& name) {
+std::string WithoutImageExtension(const std::string& name) {
   for (const std::string known : {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".PNG", ".JPG", ".JPEG"}) {
     const size_t rest = name.size() - std::min(name.size(), known.size());
     if (rest > 0 && name.compare(rest, known.size(), known) == 0) return name.substr(0, rest);
@@ -249,8 +249,8 @@ void CheckFrame(const internal::ColmapFrame& frame, const internal::ColmapRig& r
   for (const uint64_t id : frame.images) {
     const auto found = images.find(id);
     if (found == images.end()) {
-      model->doubts.push_back(frame.place.path + ": " + frame.place.where + " names image " + std::to_string(id) +
-                              ", which the model does not hold");
+      model->conflicts.push_back(frame.place.path + ": " + frame.place.where + " names image " + std::to_string(id) +
+                                 ", which the model does not hold");
       continue;
     }
     const internal::ColmapImage& image = *found->second;
@@ -286,30 +286,29 @@ void CheckFrames(internal::ColmapFiles* model) {
     named += frame.images.size();
   }
   if (named < images.size())
-    model->doubts.push_back(model->frames[0].place.path + " names " + std::to_string(named) + " images, the model holds " +
-                            std::to_string(images.size()));
+    model->conflicts.push_back(model->frames[0].place.path + " names " + std::to_string(named) + " images, the model holds " +
+                               std::to_string(images.size()));
 }
 
-/// The cameras of a rig, as they stood in the first image. `pictures`: as they stand one by one.
+/// The cameras of a rig, as they stood in the first image. `images`: as they stand one by one.
 void AddRigCameras(const internal::ColmapFiles& model, const internal::ColmapRig& rig, const ReadOptions& options,
-                   const std::vector<internal::PictureCamera>& pictures, ImportedRig* imported) {
-  std::vector<internal::PictureCamera> cameras;
+                   const std::vector<internal::ImageCamera>& images, ImportedRig* imported) {
+  std::vector<internal::ImageCamera> cameras;
   const geometry::Rigid3 rig_from_world = Inverse(*SensorOf(rig, model.images[0].camera_id)->sensor_from_rig) *
                                           geometry::Rigid3{model.images[0].rotation, model.images[0].translation};
   for (const internal::ColmapSensor& sensor : rig.cameras) {
-    for (size_t i = 0; i < pictures.size(); ++i) {
+    for (size_t i = 0; i < images.size(); ++i) {
       if (model.images[i].camera_id != sensor.camera_id) continue;
-      cameras.push_back(pictures[i]);
+      cameras.push_back(images[i]);
       cameras.back().camera.cam_from_world = *sensor.sensor_from_rig * rig_from_world;
       cameras.back().camera.cam_from_world.translation *= options.metres_per_unit;
       break;
     }
   }
-  internal::AddPictureCameras(std::move(cameras), imported);
-  if (pictures.size() == imported->rig.cameras.size()) return;
+  internal::AddImageCameras(std::move(cameras), imported);
+  if (images.size() == imported->rig.cameras.size()) return;
   imported->notes.push_back({"CAL-MERGED",
-                             std::to_string(pictures.size()) + " images are of " +
-                                 std::to_string(imported->rig.cameras.size()) +
+                             std::to_string(images.size()) + " images are of " + std::to_string(imported->rig.cameras.size()) +
                                  " cameras of one rig (rigs.txt or rigs.bin): one camera each, as they stood for " +
                                  internal::Printable(model.images[0].name),
                              "the world is the model's; a rig that moves is at rest in it"});
@@ -328,24 +327,24 @@ ImportedRig ReadColmap(const std::string& path, const ReadOptions& options) {
   CheckFrames(&model);
   ImportedRig imported;
   imported.rig.gauge = geometry::RigGauge::Other("COLMAP's world");
-  std::vector<internal::PictureCamera> pictures;
+  std::vector<internal::ImageCamera> images;
   for (const internal::ColmapImage& image : model.images) {
     const auto found = model.cameras.find(image.camera_id);
     if (found == model.cameras.end()) {
       throw FormatError(image.place.path, image.place.where, "there is no camera " + std::to_string(image.camera_id));
     }
-    const std::string name = internal::WithoutPictureExtension(image.name);
+    const std::string name = internal::WithoutImageExtension(image.name);
     geometry::RigCamera camera;
     camera.camera = internal::ToCamera(found->second, name);
     camera.cam_from_world = {image.rotation, image.translation * options.metres_per_unit};
-    pictures.push_back({image.name, name, std::move(camera), image.place});
+    images.push_back({image.name, name, std::move(camera), image.place});
   }
   if (const auto* rig = RigOfAll(model))
-    AddRigCameras(model, *rig, options, pictures, &imported);
+    AddRigCameras(model, *rig, options, images, &imported);
   else
-    internal::AddPictureCameras(std::move(pictures), &imported);
-  for (const std::string& doubt : model.doubts)
-    imported.notes.push_back({"CAL-COUNT", doubt, "the file was cut short or edited; cameras may be missing"});
+    internal::AddImageCameras(std::move(images), &imported);
+  for (const std::string& conflict : model.conflicts)
+    imported.notes.push_back({"CAL-COUNT", conflict, "the file was cut short or edited; cameras may be missing"});
   imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
   return imported;
 }

@@ -44,7 +44,8 @@ long StatedCount(const std::string& line, const std::string& of_what) {
 
 void CheckCount(const std::string& path, const std::string& of_what, long stated, size_t read, ColmapFiles* model) {
   if (stated >= 0 && static_cast<size_t>(stated) != read)
-    model->doubts.push_back(path + " states " + std::to_string(stated) + " " + of_what + " and holds " + std::to_string(read));
+    model->conflicts.push_back(path + " states " + std::to_string(stated) + " " + of_what + " and holds " +
+                               std::to_string(read));
 }
 
 void ReadTextCameras(const std::string& path, ColmapFiles* model) {

@@ -77,10 +77,10 @@ struct ColmapFrame {
 struct ColmapFiles {
   std::map<uint32_t, ColmapCamera> cameras;
   std::vector<ColmapImage> images;
-  std::vector<ColmapRig> rigs = {};      ///< read where the file is there
-  std::vector<ColmapFrame> frames = {};  ///< the same
-  std::vector<std::string> doubts = {};  ///< counts that a text file states and does not hold
-  std::vector<ColmapPoint> points = {};  ///< written only; ids from 1
+  std::vector<ColmapRig> rigs = {};         ///< read where the file is there
+  std::vector<ColmapFrame> frames = {};     ///< the same
+  std::vector<std::string> conflicts = {};  ///< counts that a text file states and does not hold
+  std::vector<ColmapPoint> points = {};     ///< written only; ids from 1
 };
 
 ColmapFiles ReadColmapText(const std::string& folder);

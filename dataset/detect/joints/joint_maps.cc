@@ -196,11 +196,11 @@ Image MirrorImage(const Image& rgb) {
   return mirrored;
 }
 
-Keypoint2d ToCrop(const Keypoint2d& in_picture, const Crop& crop, int size) {
+Keypoint2d ToCrop(const Keypoint2d& in_image, const Crop& crop, int size) {
   const double scale = size / crop.size_px, middle = 0.5 * (size - 1);
-  const double x = in_picture.x_px - crop.x_px, y = in_picture.y_px - crop.y_px;
+  const double x = in_image.x_px - crop.x_px, y = in_image.y_px - crop.y_px;
   const double c = std::cos(crop.angle_rad), s = std::sin(crop.angle_rad);
-  return {middle + scale * (c * x + s * y), middle + scale * (c * y - s * x), in_picture.score};
+  return {middle + scale * (c * x + s * y), middle + scale * (c * y - s * x), in_image.score};
 }
 
 Keypoint2d FromCrop(const Keypoint2d& in_crop, const Crop& crop, int size) {

@@ -54,7 +54,7 @@ Image CutCrop(const Image& rgb, const Crop& crop, int size);
 Image MirrorImage(const Image& rgb);
 
 /// From pixels of the full image to those of the scaled crop, and back.
-dataset::Keypoint2d ToCrop(const dataset::Keypoint2d& in_picture, const Crop& crop, int size);
+dataset::Keypoint2d ToCrop(const dataset::Keypoint2d& in_image, const Crop& crop, int size);
 dataset::Keypoint2d FromCrop(const dataset::Keypoint2d& in_crop, const Crop& crop, int size);
 
 }  // namespace mvstudio::detect

@@ -15,7 +15,7 @@ using internal::PosenetOutputs;
 namespace {
 
 constexpr int kJoints = 17;
-constexpr int kPicturePx = 385;       // side of what the net is given
+constexpr int kImagePx = 385;         // side of what the net is given
 constexpr double kSeedScore = 0.35;   // of a joint that a person may grow from
 constexpr double kPersonScore = 0.2;  // mean of the joints
 constexpr double kSureScore = 0.5;    // mean of the joints above which a person is no less one than any other
@@ -212,8 +212,8 @@ PersonFinder::~PersonFinder() = default;
 std::vector<CoarsePerson> PersonFinder::Find(const Image& rgb, int max_persons, int levels) const {
   std::vector<CoarsePerson> all;
   for (const Crop& tile : Tiles(rgb, levels)) {
-    for (CoarsePerson& person : internal::DecodePeople(impl_->graph.Run(CutCrop(rgb, tile, kPicturePx)))) {
-      for (Keypoint2d& joint : person.pose.keypoints) joint = FromCrop(joint, tile, kPicturePx);
+    for (CoarsePerson& person : internal::DecodePeople(impl_->graph.Run(CutCrop(rgb, tile, kImagePx)))) {
+      for (Keypoint2d& joint : person.pose.keypoints) joint = FromCrop(joint, tile, kImagePx);
       all.push_back(std::move(person));
     }
   }

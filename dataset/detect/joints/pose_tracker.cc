@@ -64,12 +64,12 @@ std::vector<Keypoint2d> LocateOnce(const JointNet& net, const Image& rgb, const 
   if (expected.keypoints.size() == net.skeleton().joints.size()) {
     for (const Keypoint2d& joint : expected.keypoints) likely.push_back(ToCrop(joint, crop, size));
   }
-  const Image picture = CutCrop(rgb, crop, size);
-  JointMaps maps = net.Run(picture, likely);
+  const Image image = CutCrop(rgb, crop, size);
+  JointMaps maps = net.Run(image, likely);
   if (mirror) {
     const std::vector<std::pair<int, int>> pairs = geometry::MirrorJoints(net.skeleton());
     if (!likely.empty()) likely = Mirrored(likely, pairs, size);
-    maps = AverageMirrored(maps, net.Run(MirrorImage(picture), likely), pairs, size);
+    maps = AverageMirrored(maps, net.Run(MirrorImage(image), likely), pairs, size);
   }
   std::vector<Keypoint2d> joints = ReadJoints(maps);
   for (Keypoint2d& joint : joints) joint = FromCrop(joint, crop, size);

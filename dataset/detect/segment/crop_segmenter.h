@@ -10,7 +10,7 @@ namespace mvstudio::detect::internal {
 /// A segmenter that runs on a crop: input and output of the net are handled in the same way for all nets.
 class CropSegmenter : public Segmenter {
  public:
-  Image Probability(const Image& rgb, const PictureBox& box) const override;
+  Image Probability(const Image& rgb, const ImageBox& box) const override;
 
  protected:
   virtual cv::Size InputSize() const = 0;
@@ -18,7 +18,7 @@ class CropSegmenter : public Segmenter {
   virtual cv::Mat Run(const cv::Mat& crop) const = 0;
 
  private:
-  Image Once(const Image& rgb, const PictureBox& box) const;
+  Image Once(const Image& rgb, const ImageBox& box) const;
 };
 
 }  // namespace mvstudio::detect::internal

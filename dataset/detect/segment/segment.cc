@@ -40,7 +40,7 @@ class Selfie : public internal::CropSegmenter {
 };
 
 /// The box as a square about its middle, which may leave the image.
-cv::Rect Square(const PictureBox& box, const cv::Size& input) {
+cv::Rect Square(const ImageBox& box, const cv::Size& input) {
   const double w = box.x1 - box.x0, h = box.y1 - box.y0, scale = std::max(w / input.width, h / input.height);
   const int side_x = std::max(1, int(std::ceil(scale * input.width))),
             side_y = std::max(1, int(std::ceil(scale * input.height)));
@@ -49,9 +49,9 @@ cv::Rect Square(const PictureBox& box, const cv::Size& input) {
 
 }  // namespace
 
-PictureBox BoxAround(const Image& grey, int least, double margin) {
+ImageBox BoxAround(const Image& grey, int least, double margin) {
   MVS_CHECK(grey.channels == 1, "a grey image is needed");
-  PictureBox box{grey.width, grey.height, 0, 0};
+  ImageBox box{grey.width, grey.height, 0, 0};
   for (int y = 0; y < grey.height; ++y) {
     for (int x = 0; x < grey.width; ++x) {
       if (*grey.Pixel(x, y) < least) continue;
@@ -65,13 +65,13 @@ PictureBox BoxAround(const Image& grey, int least, double margin) {
           std::min(grey.height, box.y1 + pad)};
 }
 
-Image internal::CropSegmenter::Once(const Image& rgb, const PictureBox& box) const {
-  const cv::Mat picture(rgb.height, rgb.width, CV_8UC3, const_cast<uint8_t*>(rgb.pixels.data()));
+Image internal::CropSegmenter::Once(const Image& rgb, const ImageBox& box) const {
+  const cv::Mat image(rgb.height, rgb.width, CV_8UC3, const_cast<uint8_t*>(rgb.pixels.data()));
   const cv::Rect square = Square(box, InputSize()), inside = square & cv::Rect(0, 0, rgb.width, rgb.height);
   Image out(rgb.width, rgb.height, 1, 0);
   if (inside.empty()) return out;
   cv::Mat crop;
-  cv::copyMakeBorder(picture(inside), crop, inside.y - square.y, square.br().y - inside.br().y, inside.x - square.x,
+  cv::copyMakeBorder(image(inside), crop, inside.y - square.y, square.br().y - inside.br().y, inside.x - square.x,
                      square.br().x - inside.br().x, cv::BORDER_REPLICATE);
   cv::resize(crop, crop, InputSize(), 0, 0, crop.cols > InputSize().width ? cv::INTER_AREA : cv::INTER_LINEAR);
   cv::Mat probability = Run(crop);
@@ -82,11 +82,11 @@ Image internal::CropSegmenter::Once(const Image& rgb, const PictureBox& box) con
   return out;
 }
 
-Image internal::CropSegmenter::Probability(const Image& rgb, const PictureBox& box) const {
+Image internal::CropSegmenter::Probability(const Image& rgb, const ImageBox& box) const {
   MVS_CHECK(rgb.channels == 3 && !rgb.empty(), "an RGB image is needed");
   if (!box.empty()) return Once(rgb, box);
   const Image first = Once(rgb, {0, 0, rgb.width, rgb.height});
-  const PictureBox found = BoxAround(first, 128, 0.15);
+  const ImageBox found = BoxAround(first, 128, 0.15);
   const bool whole = found.empty() || (found.x1 - found.x0 > 0.8 * rgb.width && found.y1 - found.y0 > 0.8 * rgb.height);
   return whole ? first : Once(rgb, found);
 }

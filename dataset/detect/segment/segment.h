@@ -10,14 +10,14 @@
 namespace mvstudio::detect {
 
 /// Half-open pixel ranges.
-struct PictureBox {
+struct ImageBox {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   bool empty() const { return x1 <= x0 || y1 <= y0; }
 };
 
 /// Smallest box of the pixels of at least `least`, with a margin as a fraction of its longer side, inside the image; empty
 /// when there is no such pixel.
-PictureBox BoxAround(const Image& grey, int least, double margin);
+ImageBox BoxAround(const Image& grey, int least, double margin);
 
 /// Probability of a person per pixel. Thread-safe.
 class Segmenter {
@@ -25,7 +25,7 @@ class Segmenter {
   virtual ~Segmenter() = default;
   /// (H, W, 1), 0..255, of the size of `rgb` (RGB). The net sees a square around `box`. With an empty box it sees the
   /// whole image, and then again the region it found. Nothing outside the square is a person.
-  virtual Image Probability(const Image& rgb, const PictureBox& box) const = 0;
+  virtual Image Probability(const Image& rgb, const ImageBox& box) const = 0;
 };
 
 /// The net "selfie" of dataset/detect/models/models.h: 256 x 256. Throws MissingToolError when it is not installed.

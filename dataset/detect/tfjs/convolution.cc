@@ -53,16 +53,15 @@ Tensor Convolve(const std::string& path, const TfNode& node, const Window& w, bo
   const int64_t out = depthwise ? filter.size(2) * filter.size(3) : filter.size(3);
   if (bias.defined() && (bias.dim() != 1 || bias.size(0) != out)) FailNode(path, node, "its bias must have a value a channel");
   const int64_t size_y = filter.size(0), size_x = filter.size(1);
-  Tensor picture = Nchw(x);
-  if (w.same) picture = PadSame(path, node, picture, w, size_y, size_x, 0);
-  CheckFits(path, node, picture, w, size_y, size_x);
-  CountElements(path, NodeText(node.name),
-                {x.size(0), out, picture.size(2) / w.stride_y + 1, picture.size(3) / w.stride_x + 1});
+  Tensor image = Nchw(x);
+  if (w.same) image = PadSame(path, node, image, w, size_y, size_x, 0);
+  CheckFits(path, node, image, w, size_y, size_x);
+  CountElements(path, NodeText(node.name), {x.size(0), out, image.size(2) / w.stride_y + 1, image.size(3) / w.stride_x + 1});
   const Tensor weight = depthwise ? filter.permute({2, 3, 0, 1}).reshape({out, 1, size_y, size_x})
                                   : filter.permute({3, 2, 0, 1}).contiguous(at::MemoryFormat::ChannelsLast);
   const int64_t groups = depthwise ? filter.size(2) : 1;
   const std::vector<int64_t> stride = {w.stride_y, w.stride_x}, padding = {0, 0}, dilation = {w.dilation_y, w.dilation_x};
-  return Nhwc(torch::conv2d(picture, weight, bias, stride, padding, dilation, groups));
+  return Nhwc(torch::conv2d(image, weight, bias, stride, padding, dilation, groups));
 }
 
 /// What follows a fused convolution.

@@ -18,12 +18,12 @@ using calib::internal::ValueView;
 
 /// A camera of one time step; `step` and `i` are places in the lists.
 LayoutCamera MetaCamera(const ValueView& root, size_t step, size_t i, int id) {
-  const ValueView picture = root["fn"][step][i], w2c = root["w2c"][step][i];
+  const ValueView image = root["fn"][step][i], w2c = root["w2c"][step][i];
   LayoutCamera camera;
   camera.place = w2c.place();
   camera.place_in_export = static_cast<size_t>(id);
-  camera.picture = "ims/" + picture.Text();
-  const std::string folder = std::filesystem::path(picture.Text()).parent_path().filename().string();
+  camera.image = "ims/" + image.Text();
+  const std::string folder = std::filesystem::path(image.Text()).parent_path().filename().string();
   camera.name = folder.empty() ? std::to_string(id) : folder;
   camera.width_px = root["w"].Number(), camera.height_px = root["h"].Number();
   camera.k = FromCornerOrigin(root["k"][step][i].Matrix(3, 3));
@@ -97,8 +97,8 @@ geometry::Rig ReadHumman(const std::string& path, const calib::ReadOptions& opti
     LayoutCamera camera;
     camera.place_in_export = cameras.size(), camera.place = entry.place();
     const std::string number = key.substr(prefix.size()), images = "kinect_color/kinect_" + number;
-    const std::vector<std::string> pictures = FilesIn(folder + "/" + images);
-    if (!pictures.empty()) camera.picture = images + "/" + std::filesystem::path(pictures.front()).filename().string();
+    const std::vector<std::string> found = FilesIn(folder + "/" + images);
+    if (!found.empty()) camera.image = images + "/" + std::filesystem::path(found.front()).filename().string();
     if (FormatOfExport(folder).empty()) camera.name = "kinect_" + number;
     camera.k = entry["K"].Matrix(3, 3);
     camera.cam_from_world = MakeTransform(entry["R"].Matrix(3, 3), entry["T"].Vector(3), camera.place);

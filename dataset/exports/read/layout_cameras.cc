@@ -51,9 +51,9 @@ void FillSize(const Known* known, const std::string& folder, const calib::ReadOp
     camera->width_px = known->width_px, camera->height_px = known->height_px;
     return;
   }
-  const std::string picture = folder + "/" + camera->picture;
-  if (!camera->picture.empty() && fs::is_regular_file(picture)) {
-    const dataset::ImageHeader header = dataset::ReadImageHeader(picture);
+  const std::string image = folder + "/" + camera->image;
+  if (!camera->image.empty() && fs::is_regular_file(image)) {
+    const dataset::ImageHeader header = dataset::ReadImageHeader(image);
     camera->width_px = static_cast<double>(header.width), camera->height_px = static_cast<double>(header.height);
     return;
   }

@@ -19,7 +19,7 @@ struct LayoutCamera {
   Eigen::VectorXd distortion;                       ///< in OpenCV's order
   geometry::Rigid3 cam_from_world;                  ///< metres
   double width_px = 0, height_px = 0;
-  std::string picture;  ///< one of its images
+  std::string image;  ///< one of its images
   size_t place_in_export = 0;
   calib::internal::Place place;
 };

@@ -73,14 +73,14 @@ std::vector<double> Numbers(const PickleValue& cams, const char* key, const std:
 }
 
 /// The paths of the first frame's images; empty where there are none.
-std::vector<std::string> PicturesOf(const PickleValue& annots) {
-  std::vector<std::string> pictures;
+std::vector<std::string> ImagesOf(const PickleValue& annots) {
+  std::vector<std::string> images;
   const PickleValue* ims = annots.Find("ims");
-  if (!ims || ims->kind != Kind::kList || ims->items.empty() || ims->items[0]->kind != Kind::kDict) return pictures;
+  if (!ims || ims->kind != Kind::kList || ims->items.empty() || ims->items[0]->kind != Kind::kDict) return images;
   const PickleValue* of_frame = ims->items[0]->Find("ims");
-  if (!of_frame || (of_frame->kind != Kind::kList && of_frame->kind != Kind::kTuple)) return pictures;
-  for (const PickleValue* item : of_frame->items) pictures.emplace_back(item->kind == Kind::kText ? item->text : "");
-  return pictures;
+  if (!of_frame || (of_frame->kind != Kind::kList && of_frame->kind != Kind::kTuple)) return images;
+  for (const PickleValue* item : of_frame->items) images.emplace_back(item->kind == Kind::kText ? item->text : "");
+  return images;
 }
 
 std::vector<double> Part(const std::vector<double>& numbers, size_t camera, size_t count) {
@@ -101,13 +101,13 @@ geometry::Rig ReadZju(const std::string& path, const calib::ReadOptions& options
   const size_t count = k.size() / 9;
   if (count == 0 || k.size() != 9 * count || r.size() != 9 * count || t.size() != 3 * count || d.size() % count != 0)
     Fail(file, "cams", "K, D, R and T are not of the same number of cameras");
-  const std::vector<std::string> pictures = PicturesOf(annots);
+  const std::vector<std::string> images = ImagesOf(annots);
   std::vector<LayoutCamera> cameras;
   for (size_t i = 0; i < count; ++i) {
     LayoutCamera camera;
     camera.place_in_export = i, camera.place = {file, "camera " + std::to_string(i)};
-    if (i < pictures.size()) camera.picture = pictures[i];
-    camera.name = std::filesystem::path(camera.picture).parent_path().filename().string();
+    if (i < images.size()) camera.image = images[i];
+    camera.name = std::filesystem::path(camera.image).parent_path().filename().string();
     camera.k = MatrixOfRows(Part(k, i, 9), 3, 3, camera.place);
     camera.distortion =
         MatrixOfRows(Part(d, i, d.size() / count), static_cast<Eigen::Index>(d.size() / count), 1, camera.place);

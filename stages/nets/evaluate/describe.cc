@@ -67,7 +67,7 @@ CommandResult Describe(const AvatarEvalReport& report) {
   result.folder = report.folder, result.inputs = {report.folder, evaluation.config.dataset};
   result.metrics = nlohmann::ordered_json::parse(avatar::ToJsonText(evaluation));
   result.outputs.push_back({report.folder + "/" + avatar::kProtocolFile, "protocol"});
-  for (const avatar::PictureStrip& strip : evaluation.strips) result.outputs.push_back({strip.path, "heldout-picture"});
+  for (const avatar::ImageStrip& strip : evaluation.strips) result.outputs.push_back({strip.path, "heldout-picture"});
   result.text = avatar::ToTable(evaluation);
   return result;
 }

@@ -14,7 +14,7 @@ CommandResult Describe(const AvatarFitReport& report) {
   result.Add(DescribeBodyFolder(report.folder, report.surface));
   result.text = ToTable(report.fit);
   result.Add(JudgeFit(report.fit));
-  Append(report.doubts, &result.warnings);
+  Append(report.conflicts, &result.warnings);
   result.Add(DescribeMaskMeaning(report.masks, report.dataset + "/masks", result.text));
   return result;
 }

@@ -14,10 +14,10 @@ AvatarFitReport RunAvatarFit(const AvatarFitOptions& options, const RunContext& 
   const OutputFolder place(options.out, {options.dataset}, BodyFolder::Names());
   AvatarFitReport report;
   report.dataset = options.dataset, report.folder = options.out;
-  report.doubts = CheckTrainingImages(data, split, run);
+  report.conflicts = CheckTrainingImages(data, split, run);
   const BodyFolder folder(options.out, options.overwrite);
   report.fit = FitToSplit(data, split, person, options.pose_by, fit, run);
-  TellSplitFrames(data, options.split, &report.notes);
+  ReportSplitFrames(data, options.split, &report.notes);
   report.surface = folder.Write(report.fit.result, options.frame_rate_hz);
   report.masks = data.Masks();
   return report;

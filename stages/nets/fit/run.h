@@ -16,7 +16,7 @@ struct AvatarFitReport {
   std::string dataset, folder;
   avatar::PersonFit fit;
   std::optional<SurfaceLimits> surface;  ///< of surface.png, where it was written
-  std::vector<Notice> doubts;            ///< CheckTrainingImages
+  std::vector<Notice> conflicts;         ///< CheckTrainingImages
   dataset::MaskMeaning masks;
 };
 

@@ -50,9 +50,9 @@ MaskJson CameraMasksJson(const MaskStageReport& report, size_t c) {
   const dataset::TakeMasks& take = report.masks.cameras[c].take;
   const double joints = take.joints > 0 ? take.joints : std::nan("");
   const dataset::HullAgreement a = report.masks.hull.Mean(c);
-  const bool compared = report.masks.hull.instants > 0;
+  const bool compared = report.masks.hull.time_steps > 0;
   return {{"name", report.cameras[c].name},
-          {"pictures", take.pictures},
+          {"pictures", take.images},
           {"empty", take.empty},
           {"background_known", report.masks.cameras[c].background_known},
           {"mean_area_fraction", take.mean_area_fraction},
@@ -62,35 +62,36 @@ MaskJson CameraMasksJson(const MaskStageReport& report, size_t c) {
           {"mask_outside_hull", FiniteOrNull(compared ? a.outside : std::nan(""))},
           {"hull_outside_mask", FiniteOrNull(compared ? a.missing : std::nan(""))},
           {"hull_blame", FiniteOrNull(compared ? a.blame : std::nan(""))},
-          {"ms_per_picture", take.ms_per_picture}};
+          {"ms_per_picture", take.ms_per_image}};
 }
 
 CommandResult DescribeMasks(const MaskStageReport& report) {
   CommandResult result;
   double area = 0, flicker = 0, ms = 0, outside = 0, missing = 0;
-  int pictures = 0;
+  int images = 0;
   MaskJson per_camera = MaskJson::array(), disagreeing = MaskJson::array();
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     const dataset::TakeMasks& take = report.masks.cameras[c].take;
     const std::string& name = report.cameras[c].name;
-    pictures += take.pictures;
-    area += take.mean_area_fraction, flicker += take.flicker.Share(), ms += take.ms_per_picture;
+    images += take.images;
+    area += take.mean_area_fraction, flicker += take.flicker.Share(), ms += take.ms_per_image;
     per_camera.push_back(CameraMasksJson(report, c));
-    if (report.masks.hull.instants > 0) outside += report.masks.hull.Mean(c).outside, missing += report.masks.hull.Mean(c).missing;
-    result.text += Format("  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms an image\n", name.c_str(), take.pictures,
-                          100 * take.mean_area_fraction, 100 * take.flicker.Share(), take.ms_per_picture);
+    if (report.masks.hull.time_steps > 0)
+      outside += report.masks.hull.Mean(c).outside, missing += report.masks.hull.Mean(c).missing;
+    result.text += Format("  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms an image\n", name.c_str(), take.images,
+                          100 * take.mean_area_fraction, 100 * take.flicker.Share(), take.ms_per_image);
     if (!report.masks.cameras[c].sheet.empty())
       result.outputs.push_back({report.options.out + "/" + name + ".sheet.png", "overlay"});
   }
   const double n = static_cast<double>(report.cameras.size());
   result.metrics["cameras"] = report.cameras.size();
-  result.metrics["pictures"] = pictures;
+  result.metrics["pictures"] = images;
   result.metrics["mean_area_fraction"] = area / n;
   result.metrics["flicker"] = flicker / n;
   result.metrics["ms_per_picture"] = ms / n;
   const dataset::HullSummary& hull = report.masks.hull;
-  result.metrics["hull_instants"] = hull.instants;
-  if (hull.instants > 0) {
+  result.metrics["hull_instants"] = hull.time_steps;
+  if (hull.time_steps > 0) {
     result.metrics["disagreement_with_hull"] = hull.Disagreement();
     result.text += "disagreement with the visual hull: " + MaskPercent(outside / n) + " of the masks outside it (best: 0 %), " +
                    MaskPercent(missing / n) + " of it in no mask (more, the fewer the cameras)\n";
@@ -111,7 +112,7 @@ CommandResult CameraMaskWarnings(const MaskStageReport::Camera& camera, const Ma
   if (!camera.damage.empty()) result.exit = kExitPartial;
   for (const std::string& line : camera.damage) warn("MSK-FRAMES", line, "copy its footage again; the other frames have masks");
   if (take.empty > 0)
-    warn("MSK-EMPTY", std::to_string(take.empty) + " of " + std::to_string(take.pictures) + " masks are empty",
+    warn("MSK-EMPTY", std::to_string(take.empty) + " of " + std::to_string(take.images) + " masks are empty",
          "is anybody in view? otherwise give joints or another option 'backend'");
   if (masks.background_known < 0.9)
     warn("MSK-BACKGROUND",
@@ -165,13 +166,13 @@ CommandResult DescribeJoints(const MaskStageReport& report) {
 }
 
 MaskJson TruthJson(const std::string& camera, const TruthScore& score) {
-  const double n = std::max(1, score.pictures);
+  const double n = std::max(1, score.images);
   return {{"name", camera},
-          {"pictures", score.pictures},
+          {"pictures", score.images},
           {"missing", score.missing},
           {"mean_iou", score.iou_sum / n},
           {"worst_iou", score.worst},
-          {"worst_picture", score.worst_picture},
+          {"worst_picture", score.worst_image},
           {"too_much_px", score.too_much_px / n},
           {"too_little_px", score.too_little_px / n}};
 }
@@ -181,8 +182,8 @@ CommandResult DescribeTruth(const MaskStageReport& report) {
   if (report.truth.empty()) return result;
   MaskJson list = MaskJson::array();
   double sum = 0, worst = 1;
-  int pictures = 0;
-  std::string worst_picture;
+  int images = 0;
+  std::string worst_image;
   for (size_t i = 0; i < report.truth.size(); ++i) {
     const auto& [camera, path] = report.options.truth[i];
     const TruthScore& score = report.truth[i];
@@ -193,26 +194,26 @@ CommandResult DescribeTruth(const MaskStageReport& report) {
                                      "1 was compared with frame 0",
                                  "number exact masks as frames, from 0, and nothing is said"});
     }
-    if (score.pictures == 0) {
+    if (score.images == 0) {
       result.warnings.push_back({"MSK-TRUTH",
                                  "camera " + camera + ": no mask of " + path + " has the number of one of its frames",
                                  "names must end in the frame's number"});
     }
     list.push_back(TruthJson(camera, score));
-    sum += score.iou_sum, pictures += score.pictures;
-    if (score.pictures > 0 && score.worst <= worst) worst = score.worst, worst_picture = score.worst_picture;
+    sum += score.iou_sum, images += score.images;
+    if (score.images > 0 && score.worst <= worst) worst = score.worst, worst_image = score.worst_image;
   }
-  if (pictures == 0) {
+  if (images == 0) {
     result.exit = kExitQualityGate;
     result.errors.push_back(
         {"MSK-TRUTH", "not one mask was compared with an exact one", "option 'truth' CAMERA=FOLDER, named by frame"});
     return result;
   }
   result.metrics["truth"] = {
-      {"pictures", pictures}, {"mean_iou", sum / pictures}, {"worst_iou", worst}, {"worst_picture", worst_picture}};
+      {"pictures", images}, {"mean_iou", sum / images}, {"worst_iou", worst}, {"worst_picture", worst_image}};
   result.metrics["truth_cameras"] = list;
-  result.text = Format("against exact masks: mean IoU %.4f over %d images, worst %.4f (%s)\n", sum / pictures, pictures, worst,
-                       worst_picture.c_str());
+  result.text = Format("against exact masks: mean IoU %.4f over %d images, worst %.4f (%s)\n", sum / images, images, worst,
+                       worst_image.c_str());
   return result;
 }
 

@@ -41,7 +41,7 @@ geometry::RigCamera MatchSize(const MaskStageOptions& options, const geometry::R
   std::vector<Image> frames;
   std::vector<People> people;
   for (size_t f = 0; f < taken.samples.frames.size(); ++f) {
-    const auto found = poses.find(taken.InstantOf(taken.samples.numbers[f]));
+    const auto found = poses.find(taken.TimeStepOf(taken.samples.numbers[f]));
     if (found == poses.end()) continue;
     frames.push_back(taken.samples.frames[f]), people.push_back(found->second);
   }
@@ -59,8 +59,8 @@ MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::Ma
     camera.frame_at.emplace();
     const dataset::CameraTimeline* times = footage.timeline->Find(footage.camera);
     const std::vector<int64_t> frames = times ? times->frame_at : std::vector<int64_t>();
-    for (size_t instant = 0; instant < frames.size(); ++instant) {
-      if (frames[instant] >= 0) camera.frame_at->emplace(static_cast<int>(instant), static_cast<int>(frames[instant]));
+    for (size_t time_step = 0; time_step < frames.size(); ++time_step) {
+      if (frames[time_step] >= 0) camera.frame_at->emplace(static_cast<int>(time_step), static_cast<int>(frames[time_step]));
     }
   }
   camera.samples = dataset::SampleFootage(footage.path, options.background_frames, keep_undamaged);
@@ -84,8 +84,8 @@ void AddCalibration(const MaskStageOptions& options, const std::string& path, Ma
     const int idx = rig.Find(camera.footage.camera);
     if (idx < 0) throw FormatError(path, "cameras", "has no camera " + camera.footage.camera);
     camera.camera = MatchSize(options, rig.cameras[idx], camera, job->poses, notes);
-    for (const auto& [instant, people] : job->poses) {
-      const int frame = camera.FrameAt(instant);
+    for (const auto& [time_step, people] : job->poses) {
+      const int frame = camera.FrameAt(time_step);
       if (frame >= 0) camera.bodies.frames[frame] = dataset::ProjectBody(people, *camera.camera, options.mask);
     }
   }
@@ -128,7 +128,7 @@ void NumberPoses(const MaskStageOptions& options, MaskJob* job, InputNotes* note
     for (const auto& [step, people] : job->poses) steps.insert(step);
     const auto found =
         paths.size() == job->cameras.size() ? dataset::FirstNumberOf(steps, paths) : dataset::FirstNumber::kAsFrames;
-    TellFirstNumber(found, "the 3D joints", notes);
+    ReportFirstNumber(found, "the 3D joints", notes);
     first = found == dataset::FirstNumber::kOne ? 1 : 0;
   }
   if (first != 0) dataset::NumberFrom(first, &job->poses);
@@ -163,7 +163,7 @@ void LimitToFrames(const std::string& ranges, MaskJob* job, InputNotes* notes) {
   std::vector<int> there;
   for (const MaskCamera& camera : job->cameras) {
     for (const int frame : camera.samples.all) {
-      if (camera.InstantOf(frame) >= 0) there.push_back(camera.InstantOf(frame));
+      if (camera.TimeStepOf(frame) >= 0) there.push_back(camera.TimeStepOf(frame));
     }
   }
   const FrameChoice choice =
@@ -172,7 +172,8 @@ void LimitToFrames(const std::string& ranges, MaskJob* job, InputNotes* notes) {
   for (MaskCamera& camera : job->cameras) {
     camera.wanted.emplace();
     for (const int frame : camera.samples.all) {
-      if (std::binary_search(choice.frames.begin(), choice.frames.end(), camera.InstantOf(frame))) camera.wanted->insert(frame);
+      if (std::binary_search(choice.frames.begin(), choice.frames.end(), camera.TimeStepOf(frame)))
+        camera.wanted->insert(frame);
     }
   }
 }
@@ -263,8 +264,8 @@ TruthScore CompareWithTruth(const std::string& truth, const std::string& folder,
     }
     const double iou = either > 0 ? both / either : 1;
     score.iou_sum += iou;
-    ++score.pictures;
-    if (iou < score.worst || score.worst_picture.empty()) score.worst = iou, score.worst_picture = own;
+    ++score.images;
+    if (iou < score.worst || score.worst_image.empty()) score.worst = iou, score.worst_image = own;
   }
   return score;
 }

@@ -19,9 +19,9 @@ std::vector<MaskBackend> MaskBackends(const MaskStageOptions& options, InputNote
 
 /// Comparison of masks with exact ones.
 struct TruthScore {
-  int pictures = 0, missing = 0;
+  int images = 0, missing = 0;
   double iou_sum = 0, worst = 1;
-  std::string worst_picture;
+  std::string worst_image;
   double too_much_px = 0, too_little_px = 0;
   dataset::MaskMeaning masks = {};  ///< of the exact ones
   bool from_one = false;            ///< they are numbered 1 to N and ours 0 to N - 1: 1 was compared with 0

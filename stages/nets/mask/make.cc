@@ -34,27 +34,27 @@ std::vector<int> Spread(const std::vector<int>& all, int count) {
   return chosen;
 }
 
-bool Sampled(const MaskCamera& camera, int instant) {
+bool Sampled(const MaskCamera& camera, int time_step) {
   const std::vector<int>& numbers = camera.samples.numbers;
-  return std::find(numbers.begin(), numbers.end(), camera.FrameAt(instant)) != numbers.end();
+  return std::find(numbers.begin(), numbers.end(), camera.FrameAt(time_step)) != numbers.end();
 }
 
 /// Time steps that every camera sampled.
 std::vector<int> CommonSamples(const MaskJob& job) {
   std::vector<int> common;
   for (const int frame : job.cameras[0].samples.numbers) {
-    const int instant = job.cameras[0].InstantOf(frame);
-    const bool all =
-        std::all_of(job.cameras.begin(), job.cameras.end(), [&](const MaskCamera& camera) { return Sampled(camera, instant); });
-    if (instant >= 0 && all) common.push_back(instant);
+    const int time_step = job.cameras[0].TimeStepOf(frame);
+    const bool all = std::all_of(job.cameras.begin(), job.cameras.end(),
+                                 [&](const MaskCamera& camera) { return Sampled(camera, time_step); });
+    if (time_step >= 0 && all) common.push_back(time_step);
   }
   return common;
 }
 
-VisualHull Carve(const MaskJob& job, int instant, const std::vector<Image>& masks) {
+VisualHull Carve(const MaskJob& job, int time_step, const std::vector<Image>& masks) {
   std::vector<HullView> views;
   for (size_t c = 0; c < job.cameras.size(); ++c) views.push_back({&*job.cameras[c].camera, &masks[c]});
-  const auto people = job.poses.find(instant);
+  const auto people = job.poses.find(time_step);
   dataset::HullBox box{Status::kTooFewViews, {}, 0};
   if (people != job.poses.end()) box = dataset::BoxOfJoints(people->second);
   if (box.status != Status::kOk) box = dataset::BoxOfMasks(views);
@@ -62,23 +62,23 @@ VisualHull Carve(const MaskJob& job, int instant, const std::vector<Image>& mask
 }
 
 /// Masks of every camera at one time step, from the files; empty images where a file is missing.
-std::vector<Image> ReadMasks(const MaskJob& job, const std::string& folder, int instant) {
+std::vector<Image> ReadMasks(const MaskJob& job, const std::string& folder, int time_step) {
   std::vector<Image> masks;
   for (const MaskCamera& camera : job.cameras) {
-    const std::string path = MaskPath(folder, camera.footage.camera, camera.FrameAt(instant));
+    const std::string path = MaskPath(folder, camera.footage.camera, camera.FrameAt(time_step));
     masks.push_back(fs::exists(path) ? dataset::ReadImage(path, true)
                                      : Image(camera.samples.width, camera.samples.height, 1, 0));
   }
   return masks;
 }
 
-dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& folder, const std::vector<int>& instants,
+dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& folder, const std::vector<int>& time_steps,
                                      const RunContext& run) {
-  std::vector<VisualHull> hulls(instants.size());
-  ProgressStage stage(run, "visual hulls", static_cast<int64_t>(instants.size()));
+  std::vector<VisualHull> hulls(time_steps.size());
+  ProgressStage stage(run, "visual hulls", static_cast<int64_t>(time_steps.size()));
   std::mutex mutex;
-  ParallelFor(static_cast<int64_t>(instants.size()), run.num_threads, [&](int64_t i) {
-    hulls[i] = Carve(job, instants[i], ReadMasks(job, folder, instants[i]));
+  ParallelFor(static_cast<int64_t>(time_steps.size()), run.num_threads, [&](int64_t i) {
+    hulls[i] = Carve(job, time_steps[i], ReadMasks(job, folder, time_steps[i]));
     hulls[i].cells.clear();
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
@@ -89,15 +89,15 @@ dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& fold
 }
 
 /// Writes where the other cameras' masks allow people, in the masks' own layout.
-void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& room, const std::vector<int>& instants,
+void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& room, const std::vector<int>& time_steps,
                const RunContext& run) {
   constexpr double kMarginPx = 2.5;
   for (const MaskCamera& camera : job.cameras) MakeFolder(room + "/" + camera.footage.camera);
-  ParallelFor(static_cast<int64_t>(instants.size()), run.num_threads, [&](int64_t i) {
-    const VisualHull hull = Carve(job, instants[i], ReadMasks(job, masks, instants[i]));
+  ParallelFor(static_cast<int64_t>(time_steps.size()), run.num_threads, [&](int64_t i) {
+    const VisualHull hull = Carve(job, time_steps[i], ReadMasks(job, masks, time_steps[i]));
     if (hull.status != Status::kOk) return;
     for (const MaskCamera& camera : job.cameras) {
-      const int frame = camera.FrameAt(instants[i]);
+      const int frame = camera.FrameAt(time_steps[i]);
       if (frame >= 0)
         dataset::WriteImage(dataset::PossiblePixels(hull, *camera.camera, kMarginPx),
                             MaskPath(room, camera.footage.camera, frame));
@@ -107,8 +107,8 @@ void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& 
 
 struct TakePass {
   std::vector<MaskCameraResult> cameras;
-  std::vector<int> instants;  ///< that any camera has, ascending
-  std::vector<int> shared;    ///< those that most cameras have: all, unless one has none of the others' frames
+  std::vector<int> time_steps;  ///< that any camera has, ascending
+  std::vector<int> shared;      ///< those that most cameras have: all, unless one has none of the others' frames
 };
 
 MaskCameraResult SegmentCamera(const MaskJob& job, const MaskCamera& camera, const MaskBackend& backend,
@@ -156,29 +156,29 @@ TakePass SegmentAll(const MaskJob& job, const MaskBackend& backend, const std::v
   ParallelFor(static_cast<int64_t>(job.cameras.size()), run.num_threads, [&](int64_t c) {
     pass.cameras[c] = SegmentCamera(job, job.cameras[c], backend, models[c], folder, room, [&](int frame) {
       const std::lock_guard<std::mutex> lock(mutex);
-      ++seen[job.cameras[c].InstantOf(frame)];
+      ++seen[job.cameras[c].TimeStepOf(frame)];
       stage.Advance();
     });
   });
   int most = 0;
-  for (const auto& [instant, count] : seen) {
-    if (instant < 0) continue;
-    pass.instants.push_back(instant);
+  for (const auto& [time_step, count] : seen) {
+    if (time_step < 0) continue;
+    pass.time_steps.push_back(time_step);
     if (count > most) most = count, pass.shared.clear();
-    if (count == most) pass.shared.push_back(instant);
+    if (count == most) pass.shared.push_back(time_step);
   }
   return pass;
 }
 
 }  // namespace
 
-int MaskCamera::FrameAt(int instant) const {
-  if (!frame_at) return instant;
-  const auto found = frame_at->find(instant);
+int MaskCamera::FrameAt(int time_step) const {
+  if (!frame_at) return time_step;
+  const auto found = frame_at->find(time_step);
   return found == frame_at->end() ? -1 : found->second;
 }
 
-int MaskCamera::InstantOf(int frame) const {
+int MaskCamera::TimeStepOf(int frame) const {
   if (!frame_at) return frame;
   const auto found = std::find_if(frame_at->begin(), frame_at->end(), [&](const auto& entry) { return entry.second == frame; });
   return found == frame_at->end() ? -1 : found->first;
@@ -193,7 +193,7 @@ dataset::PersonNet NetOf(const MaskBackend& backend) {
   return [net = backend.net](const Image& rgb, const ProjectedBody* body) {
     if (!body) return net->Probability(rgb, {});
     if (body->empty()) return Image(rgb.width, rgb.height, 1, 0);
-    const detect::PictureBox box = detect::BoxAround(dataset::BodyRegion(*body, rgb.width, rgb.height, 0.1), 128, 0.08);
+    const detect::ImageBox box = detect::BoxAround(dataset::BodyRegion(*body, rgb.width, rgb.height, 0.1), 128, 0.08);
     return box.empty() ? Image(rgb.width, rgb.height, 1, 0) : net->Probability(rgb, box);
   };
 }
@@ -207,9 +207,9 @@ double MaskTrial::score() const {
 MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_frames, const RunContext& run) {
   MaskTrial trial{backend.name, Status::kOk, "", kNone, kNone, {}};
   const size_t n = job.cameras.size();
-  const std::vector<int> instants = on_frames ? Spread(CommonSamples(job), job.run.trial_frames) : std::vector<int>();
+  const std::vector<int> time_steps = on_frames ? Spread(CommonSamples(job), job.run.trial_frames) : std::vector<int>();
   std::vector<dataset::LearnedCamera> learned(n);
-  std::vector<std::vector<BodyMask>> masks(instants.size(), std::vector<BodyMask>(n));
+  std::vector<std::vector<BodyMask>> masks(time_steps.size(), std::vector<BodyMask>(n));
   const dataset::PersonNet net = NetOf(backend);
   ProgressStage stage(run, "learning with " + backend.name, static_cast<int64_t>(n));
   std::mutex mutex;
@@ -217,9 +217,9 @@ MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_fra
     const MaskCamera& camera = job.cameras[c];
     learned[c] =
         dataset::LearnTakeCamera(camera.samples, camera.bodies, net, camera.plate.empty() ? nullptr : &camera.plate, job.mask);
-    for (size_t i = 0; i < instants.size() && learned[c].status == Status::kOk; ++i) {
+    for (size_t i = 0; i < time_steps.size() && learned[c].status == Status::kOk; ++i) {
       const auto& own = camera.samples.numbers;
-      const int frame = camera.FrameAt(instants[i]);
+      const int frame = camera.FrameAt(time_steps[i]);
       const Image& rgb = camera.samples.frames[std::find(own.begin(), own.end(), frame) - own.begin()];
       dataset::MaskHints hints;
       hints.body = camera.bodies.At(frame);
@@ -238,15 +238,15 @@ MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_fra
   if (!trial.failed_camera.empty()) return trial;
   int joints = 0, supported = 0;
   dataset::HullSummary hull;
-  for (size_t i = 0; i < instants.size(); ++i) {
+  for (size_t i = 0; i < time_steps.size(); ++i) {
     std::vector<Image> of_frame;
     for (BodyMask& mask : masks[i]) {
       joints += mask.joints, supported += mask.joints_supported;
       of_frame.push_back(std::move(mask.mask));
     }
-    if (job.has_calibration() && n > 1) hull.Add(Carve(job, instants[i], of_frame));
+    if (job.has_calibration() && n > 1) hull.Add(Carve(job, time_steps[i], of_frame));
   }
-  if (hull.instants > 0) trial.disagreement = hull.Disagreement();
+  if (hull.time_steps > 0) trial.disagreement = hull.Disagreement();
   if (joints > 0) trial.joints_supported = supported / double(joints);
   return trial;
 }
@@ -257,7 +257,7 @@ MaskRunResult MakeMasks(const MaskJob& job, const MaskBackend& backend, const st
   const bool together = job.has_calibration() && job.cameras.size() > 1;
   if (job.run.hull && together) {
     const ScratchFolder room(folder);
-    WriteRoom(job, folder, room.path(), pass.instants, run);
+    WriteRoom(job, folder, room.path(), pass.time_steps, run);
     pass = SegmentAll(job, backend, models, folder, room.path(), run);
   }
   MaskRunResult result;

@@ -28,8 +28,8 @@ struct MaskCamera {
   std::optional<std::set<int>> wanted = {};
 
   /// -1: none.
-  int FrameAt(int instant) const;
-  int InstantOf(int frame) const;
+  int FrameAt(int time_step) const;
+  int TimeStepOf(int frame) const;
   int num_wanted() const { return wanted ? static_cast<int>(wanted->size()) : samples.num_frames; }
 };
 

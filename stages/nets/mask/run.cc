@@ -67,7 +67,7 @@ void FinishMasks(const std::string& folder, MaskStageReport* report) {
   }
   for (const auto& [camera, path] : report->options.truth) {
     TruthScore score = CompareWithTruth(path, folder, camera);
-    if (!score.worst_picture.empty()) score.worst_picture = report->options.out + score.worst_picture.substr(folder.size());
+    if (!score.worst_image.empty()) score.worst_image = report->options.out + score.worst_image.substr(folder.size());
     report->truth.push_back(std::move(score));
   }
 }
@@ -75,7 +75,7 @@ void FinishMasks(const std::string& folder, MaskStageReport* report) {
 }  // namespace
 
 bool MaskStageReport::AllEmpty() const {
-  const auto is_empty = [](const MaskCameraResult& r) { return r.take.empty == r.take.pictures; };
+  const auto is_empty = [](const MaskCameraResult& r) { return r.take.empty == r.take.images; };
   return std::all_of(masks.cameras.begin(), masks.cameras.end(), is_empty);
 }
 

@@ -24,9 +24,9 @@ namespace {
 constexpr std::string_view kOnnx = "onnx:";
 
 /// Frame number of the footage -> time steps that show it.
-class Instants {
+class TimeSteps {
  public:
-  explicit Instants(const dataset::CameraFootage& footage) {
+  explicit TimeSteps(const dataset::CameraFootage& footage) {
     const dataset::CameraTimeline* times = footage.timeline ? footage.timeline->Find(footage.camera) : nullptr;
     known_ = times != nullptr;
     if (!times) return;
@@ -53,7 +53,7 @@ std::vector<Person2d> Poses(const std::vector<detect::TrackedPerson>& people) {
 
 void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, const PoseBackend& backend,
                   const std::function<void()>& on_frame, CameraPoses* camera) {
-  const Instants instants(footage);
+  const TimeSteps time_steps(footage);
   const std::unique_ptr<dataset::FrameSource> source = dataset::OpenFrames(footage.path, {true, false, true});
   detect::PoseTracker tracker(*backend.net, backend.finder.get(), job.options, backend.plan);
   const int64_t between = std::max<int64_t>(1, source->num_frames() / std::max(1, job.overlays));
@@ -64,7 +64,7 @@ void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, c
     const auto reading = std::chrono::steady_clock::now();
     std::optional<dataset::FrameSource::Frame> frame = source->Advance();
     if (!frame || (job.max_frames > 0 && camera->frames >= job.max_frames)) break;
-    std::vector<int> numbers = instants.Of(frame->number);
+    std::vector<int> numbers = time_steps.Of(frame->number);
     on_frame();
     if (!job.frames.empty()) {
       if (!numbers.empty() && numbers.front() > job.frames.back()) break;
@@ -73,7 +73,7 @@ void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, c
       numbers.erase(std::remove_if(numbers.begin(), numbers.end(), other), numbers.end());
     }
     if (position < job.first || position % job.every != 0 || numbers.empty()) continue;
-    const Image rgb = source->Picture();
+    const Image rgb = source->FullImage();
     camera->read_s += seconds_since(reading);
     const auto start = std::chrono::steady_clock::now();
     const std::vector<Person2d> people = Poses(tracker.Next(rgb));

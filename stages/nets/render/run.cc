@@ -56,9 +56,9 @@ Loaded Load(const std::string& run_folder, const avatar::RunConfig& config) {
 }
 
 /// Images as files of a folder, as one video a view, or both.
-class PictureSink {
+class ImageSink {
  public:
-  PictureSink(const AvatarRenderOptions& options, const RenderPlan& plan)
+  ImageSink(const AvatarRenderOptions& options, const RenderPlan& plan)
       : video_(options.video), backdrop_(BackdropText(options)), rate_hz_(RateOf(options, plan)) {
     for (const RenderJob& job : plan.jobs) views_.insert(job.view);
     if (!video_.empty() && fs::path(video_).extension() != ".mp4")
@@ -81,14 +81,14 @@ class PictureSink {
   }
 
   void Add(const RenderJob& job, const Image& premultiplied) {
-    const Image picture = backdrop_.Under(premultiplied);
+    const Image image = backdrop_.Under(premultiplied);
     if (folder_) {
       const std::string name = job.view + "/" + job.view + Format("_%08d.png", job.frame);
       MakeFolder(folder_->work_path() + "/" + job.view);
-      dataset::WriteImage(picture, folder_->work_path() + "/" + name);
+      dataset::WriteImage(image, folder_->work_path() + "/" + name);
       outputs_.push_back({folder_path_ + "/" + name, "rendered-picture"});
     }
-    if (!video_.empty()) AddToVideo(job.view, picture);
+    if (!video_.empty()) AddToVideo(job.view, image);
   }
 
   std::vector<CommandResult::Output> Finish() {
@@ -121,15 +121,15 @@ class PictureSink {
     const fs::path path(video_);
     return (path.parent_path() / (path.stem().string() + "_" + view + path.extension().string())).string();
   }
-  void AddToVideo(const std::string& view, const Image& picture) {
+  void AddToVideo(const std::string& view, const Image& image) {
     if (view != open_view_) {
       CloseVideo();
       open_view_ = view;
       if (fs::path(video_).has_parent_path()) MakeFolder(fs::path(video_).parent_path().string());
-      const bool odd = picture.width % 2 != 0 || picture.height % 2 != 0;
-      writer_ = std::make_unique<dataset::VideoWriter>(VideoPath(view), picture.width, picture.height, rate_hz_, 16, odd);
+      const bool odd = image.width % 2 != 0 || image.height % 2 != 0;
+      writer_ = std::make_unique<dataset::VideoWriter>(VideoPath(view), image.width, image.height, rate_hz_, 16, odd);
     }
-    writer_->Write(picture);
+    writer_->Write(image);
   }
   void CloseVideo() {
     if (!writer_) return;
@@ -162,13 +162,13 @@ AvatarRenderReport RunAvatarRender(const AvatarRenderOptions& options, const Run
   Loaded model = Load(options.run_folder, config);
   report.method = model.method, report.trained_size_px = model.size_px, report.checkpoint_step = model.step;
   if (model.network) plan.references = ReadReferences(options.run_folder, config, model.network->options);
-  PictureSink sink(options, plan);
+  ImageSink sink(options, plan);
   const Clock::time_point start = Clock::now();
-  const auto add = [&](const RenderJob& job, const Image& picture) { sink.Add(job, picture); };
+  const auto add = [&](const RenderJob& job, const Image& image) { sink.Add(job, image); };
   if (model.gaussians) {
-    RenderGaussianPictures(*model.gaussians, config, plan, render, run, add);
+    RenderGaussianImages(*model.gaussians, config, plan, render, run, add);
   } else {
-    RenderPictures(*model.network, config, plan, render, run, add);
+    RenderImages(*model.network, config, plan, render, run, add);
   }
   report.seconds = std::chrono::duration<double>(Clock::now() - start).count();
   report.outputs = sink.Finish();

@@ -80,13 +80,13 @@ metrics::Mask ForegroundOf(const Image& mask) {
 TextureScore ScoreOnValidation(const TextureSource& source, const body::Textures& textures,
                                const std::vector<TextureView>& views) {
   TextureScore score;
-  std::vector<metrics::PictureScore> scores;
+  std::vector<metrics::ImageScore> scores;
   for (const TextureView& view : views) {
     const metrics::Mask mask = ForegroundOf(view.mask);
     if (std::count(mask.begin(), mask.end(), 1) == 0) continue;
     const body::RenderedBody seen = RenderBody(source.body.person.body, textures, view.vertices_in_world, view.camera);
     scores.push_back(
-        metrics::ScorePicture(metrics::FromImage(view.image), mask, metrics::FromImage(seen.image), ForegroundOf(seen.cover)));
+        metrics::ScoreImage(metrics::FromImage(view.image), mask, metrics::FromImage(seen.image), ForegroundOf(seen.cover)));
   }
   score.images = static_cast<int>(scores.size());
   if (scores.empty()) return score;

@@ -33,18 +33,18 @@ TextureReport RunTexture(const TextureSource& source, const TextureRunOptions& o
 
 EditReport RunEdit(const EditOptions& options) {
   namespace fs = std::filesystem;
-  if (options.picture.empty() && options.shape.empty())
+  if (options.image.empty() && options.shape.empty())
     throw UsageError("nothing is to be changed: give option 'picture', option 'shape' or both");
   const std::string file = fs::is_directory(options.body) ? options.body + "/" + body::kPersonFileName : options.body;
   EditReport report;
   report.out = options.out, report.inputs = {file};
-  for (const std::string& input : {options.picture, options.body_template}) {
+  for (const std::string& input : {options.image, options.body_template}) {
     if (!input.empty() && fs::exists(input)) report.inputs.push_back(input);
   }
   const OutputFolder place(options.out, report.inputs, BodyFolder::Names());
   const BodyFolder folder(options.out, options.overwrite);
   body::TexturedPerson person = body::ReadPerson(file);
-  if (!options.picture.empty()) EditTexture(dataset::ReadImage(options.picture), options.picture, &person, &report.edit);
+  if (!options.image.empty()) EditTexture(dataset::ReadImage(options.image), options.image, &person, &report.edit);
   if (!options.shape.empty()) EditShape(options.shape, options.body_template, &person, &report.edit);
   report.surface = folder.Write(person, options.frame_rate_hz);
   return report;

@@ -23,7 +23,7 @@ struct TextureRunOptions {
 struct EditOptions {
   std::string body;           ///< body.npz or the folder with it
   std::string out;            ///< folder
-  std::string picture;        ///< texture.png after a paint program; empty: the colours stay
+  std::string image;          ///< texture.png after a paint program; empty: the colours stay
   std::string shape;          ///< NAME=NUMBER,...; empty: it stays
   std::string body_template;  ///< what the body was fitted to, for its blend shapes
   double frame_rate_hz = 30;

@@ -86,10 +86,10 @@ std::vector<body::TextureView> RenderTurn(const TextureSource& source, int count
   if (avatar::HoldsGaussians(source.run_folder)) {
     const auto faces = static_cast<int>(config.pack.fitted->person.body.faces.cols());
     const splats::CloudFile file = splats::ReadCloud(source.run_folder + "/" + avatar::kGaussiansFile, faces);
-    RenderGaussianPictures(file, config, plan, options, run, add);
+    RenderGaussianImages(file, config, plan, options, run, add);
   } else {
     avatar::AvatarModel model = avatar::LoadModel(source.run_folder + "/" + avatar::kCheckpointFile);
-    RenderPictures(model, config, plan, options, run, add);
+    RenderImages(model, config, plan, options, run, add);
   }
   return views;
 }

@@ -108,7 +108,7 @@ CommandResult DescribeImages(const AvatarTrainReport& report) {
   const PackNotes& packs = report.packs;
   result.metrics["missing"] = nlohmann::ordered_json::parse(dataset::MissingToJsonText(packs.missing));
   result.metrics["frames_without_person"] = packs.frames_without_person;
-  const auto warn = [&](const std::string& kind, const dataset::MissingPictures& missing) {
+  const auto warn = [&](const std::string& kind, const dataset::MissingImages& missing) {
     result.warnings.push_back({"AVA-MISSING", kind + ": " + dataset::MissingText(missing), dataset::MissingHint(missing)});
   };
   if (packs.missing.missing() > 0) warn("training", packs.missing);
@@ -164,7 +164,7 @@ CommandResult Describe(const AvatarTrainReport& report) {
   result.Add(DescribeImages(report));
   result.Add(DescribeStart(report));
   result.Add(DescribeResumed(report));
-  Append(report.doubts, &result.warnings);
+  Append(report.conflicts, &result.warnings);
   if (report.fit) {
     result.metrics["body"] = ToJson(*report.fit);
     result.Add(JudgeFit(*report.fit));

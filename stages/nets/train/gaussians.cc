@@ -49,14 +49,14 @@ std::map<std::string, std::string> AskedFor(const avatar::GaussianOptions& gauss
 }
 
 /// The body at each time step that was trained on, in order.
-std::vector<splats::PlayerInstant> InstantsOf(const RunPacks& packs) {
+std::vector<splats::PlayerTimeStep> TimeStepsOf(const RunPacks& packs) {
   std::map<int, const Eigen::Matrix3Xf*> by_frame;
   const int64_t* frames = packs.train.frame.data_ptr<int64_t>();
   for (size_t i = 0; i < packs.train_views.size(); ++i)
     by_frame[static_cast<int>(frames[i])] = packs.train_views[i].vertices.get();
-  std::vector<splats::PlayerInstant> instants;
-  for (const auto& [frame, vertices] : by_frame) instants.push_back({frame, vertices});
-  return instants;
+  std::vector<splats::PlayerTimeStep> time_steps;
+  for (const auto& [frame, vertices] : by_frame) time_steps.push_back({frame, vertices});
+  return time_steps;
 }
 
 /// What a training leaves.
@@ -78,7 +78,7 @@ void Save(const Trained& trained, const avatar::RunConfig& config, const RunPack
   dataset::WriteImage(avatar::GaussianSheet(result.cloud, body, trained.samples, mip, run.num_threads),
                       files.Path(Format("samples/step_%06d.png", result.best_step)));
   WritePly(splats::ToPly(result.cloud, body.faces, body.vertices), files.Path(splats::kPlyFileName));
-  const std::string player = splats::PlayerBytes(result.cloud, mip, body, InstantsOf(packs));
+  const std::string player = splats::PlayerBytes(result.cloud, mip, body, TimeStepsOf(packs));
   if (!player.empty()) WriteFileAtomic(files.Path(splats::kPlayerFileName), player);
   splats::WriteCloud({result.cloud, mip, config.pack.size_px, result.best_step, run.seed, trained.wall_s, trained.asked}, body,
                      files.Path(splats::kCloudFileName));

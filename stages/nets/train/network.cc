@@ -15,7 +15,7 @@ namespace {
 
 /// Images of the final score must not choose: without validation images the network is not judged.
 void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOptions* options) {
-  const bool judged = !split.validation_cameras.empty() && options->validate_pictures > 0;
+  const bool judged = !split.validation_cameras.empty() && options->validate_images > 0;
   if (!judged && given && options->least_gain > 0)
     throw UsageError(
         "option 'least-gain' needs option 'validate-camera' or a option 'split' with validation images, and option "
@@ -96,7 +96,7 @@ avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, const avatar::TrainOp
     if (row && files) files->AddRow(*row, earlier_s + SecondsNow() - start_s);
     if (row && row->phase == "validation") return true;
     if (files && step % options.save_every == 0) files->Save(trainer, samples);
-    if (files && options.picture_every > 0 && step % options.picture_every == 0) files->SavePicture(trainer, samples);
+    if (files && options.image_every > 0 && step % options.image_every == 0) files->SaveImage(trainer, samples);
     stopped = run.progress && run.progress->Cancelled();
     if (!stopped) stage.Advance(1, row ? row->phase + " loss " + std::to_string((*row)["total"]) : "");
     return !stopped;

@@ -44,7 +44,7 @@ struct AvatarTrainReport {
   std::optional<NetworkStart> start;
   std::optional<Notice> seen;            ///< SeenPoses
   bool body_alone = false;               ///< no network was trained, since nobody asked for one and nothing could judge it
-  std::vector<Notice> doubts;            ///< CheckTrainingImages
+  std::vector<Notice> conflicts;         ///< CheckTrainingImages
   std::optional<avatar::PersonFit> fit;  ///< where the body was fitted here
   std::optional<dataset::MaskMeaning> masks;
   std::optional<int64_t> resumed_from;  ///< step

@@ -97,7 +97,7 @@ AvatarTrainReport RunAvatarTrain(const AvatarTrainOptions& options, RunContext r
   if (team.threads > 0) run.num_threads = team.threads;
   AvatarTrainReport report;
   report.rank = team.rank, report.dataset = options.dataset, report.folder = options.out;
-  if (options.ranks.rank == 0) report.doubts = CheckTrainingImages(data, config.split, run);
+  if (options.ranks.rank == 0) report.conflicts = CheckTrainingImages(data, config.split, run);
   report.fit = FitFor(options, data, run, &config);
   const RunPacks packs = BuildPacks(data, method->model, method->train, run, &config);
   const auto begin = [&] { BeginRun(config, packs.references.get(), options, files); };
@@ -105,7 +105,7 @@ AvatarTrainReport RunAvatarTrain(const AvatarTrainOptions& options, RunContext r
   if (!team.first()) return report;
   FillImages(config, packs, &report);
   report.outputs = files.Outputs();
-  TellSplitFrames(data, options.split, &report.notes);
+  ReportSplitFrames(data, options.split, &report.notes);
   report.masks = data.Masks();
   report.whole_s = SecondsNow() - begin_s;
   return report;
