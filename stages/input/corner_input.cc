@@ -102,6 +102,8 @@ std::string SoftText(const calib::FootageDetections& camera, const calib::SoftBo
 
 /// The timeline of a table of times, in place of what a session says.
 dataset::Timeline TimelineOfTable(const CornerArguments& arguments, InputNotes* notes) {
+  if (arguments.cameras.empty())
+    throw UsageError("option 'timestamps' pairs footage: it needs option 'camera' or option 'session'");
   constexpr double kImageRateHz = 30;  // the table's times replace it
   std::vector<dataset::SessionCamera> cameras;
   std::vector<dataset::CameraTimes> times;
@@ -115,35 +117,28 @@ dataset::Timeline TimelineOfTable(const CornerArguments& arguments, InputNotes* 
   return dataset::BuildTimeline(times, dataset::TimelineClock::kCommon, nullptr);
 }
 
-CornerInput Detect(const CornerArguments& arguments, const RunContext& run, InputNotes* notes) {
-  if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
-  const std::vector<calib::Board>& boards = arguments.boards;
-  RequireDistinct(boards);
-  std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, notes);
-  if (arguments.timeline) PairByTime(*arguments.timeline, &footage, notes);
-  MarkMirrored(arguments.mirrored, &footage);
+/// Boards whose corners can be numbered in several ways, where views have to agree on one.
+void WarnAmbiguous(const std::vector<calib::Board>& boards, size_t num_cameras, InputNotes* notes) {
   for (const calib::Board& board : boards) {
     const int turns = calib::NumLikeTurns(board);
-    if (turns == 1 || footage.size() * boards.size() < 2) continue;
+    if (turns == 1 || num_cameras * boards.size() < 2) continue;
     notes->warnings.push_back(
         {"CAL-AMBIGUOUS",
          "the board " + calib::ToString(board) + " looks the same after " + (turns == 4 ? "a quarter turn" : "half a turn"),
          "use a chessboard with one odd and one even number of corners, or ChArUco"});
   }
-  CornerInput corners;
-  corners.found = calib::DetectFootage(boards, footage, arguments.footage, run);
-  for (const calib::FootageDetections& camera : corners.found) {
-    WarnUnused(camera, corners.found.size() == 1, notes);
-    for (const calib::SoftBoards& soft : camera.soft) {
-      if (soft.many)
-        notes->warnings.push_back({"CAL-SOFT", SoftText(camera, soft), "focus, light and a still board make corners sharp"});
-    }
-    for (const std::string& note : camera.notes) {
-      notes->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
-    }
+}
+
+/// What the search says of a camera's images.
+void WarnOfSearch(const calib::FootageDetections& camera, bool alone, InputNotes* notes) {
+  WarnUnused(camera, alone, notes);
+  for (const calib::SoftBoards& soft : camera.soft) {
+    if (soft.many)
+      notes->warnings.push_back({"CAL-SOFT", SoftText(camera, soft), "focus, light and a still board make corners sharp"});
   }
-  corners.input = calib::ToCalibrateInput(boards, corners.found);
-  return corners;
+  for (const std::string& note : camera.notes) {
+    notes->warnings.push_back({"CAL-BOARD", "camera " + camera.camera.name + ": " + note, ""});
+  }
 }
 
 /// Refuses those of `options` (name, whether it was given) that have no effect on this source of corners.
@@ -178,6 +173,44 @@ void RequireOwnFootage(const calib::CalibrateInput& input) {
   if (const auto same = calib::FindSameCorners(input)) throw UsageError(ToString(*same));
 }
 
+CornerInput DetectCorners(const CornerArguments& arguments, const dataset::Timeline* timeline, const RunContext& run,
+                          InputNotes* notes) {
+  RefuseFileOptions(arguments.corner_files);
+  if (arguments.boards.empty()) throw UsageError("option 'board' is needed: what to look for in the footage");
+  RequireDistinct(arguments.boards);
+  std::vector<calib::Footage> footage = OpenFootage(arguments.cameras, notes);
+  if (timeline) PairByTime(*timeline, &footage, notes);
+  MarkMirrored(arguments.mirrored, &footage);
+  WarnAmbiguous(arguments.boards, footage.size(), notes);
+  CornerInput corners;
+  corners.found = calib::DetectFootage(arguments.boards, footage, arguments.footage, run);
+  for (const calib::FootageDetections& camera : corners.found) WarnOfSearch(camera, corners.found.size() == 1, notes);
+  corners.input = calib::ToCalibrateInput(arguments.boards, corners.found);
+  RequireOwnFootage(corners.input);
+  return corners;
+}
+
+CornerInput ReadCorners(const CornerArguments& arguments, InputNotes* notes) {
+  if (!arguments.cameras.empty())
+    throw UsageError("give either option 'camera' (footage) or option 'corners' (a file), not both");
+  if (arguments.boards.size() > 1) throw UsageError("option 'corners' takes one option 'board' at most");
+  RefuseSearchOptions(arguments.footage);
+  calib::CornerFileOptions options = arguments.corner_files;
+  if (!arguments.boards.empty()) options.board = arguments.boards[0];
+  const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);
+  if (const auto fault = calib::FindLayoutFault(file.boards, file.detections))
+    throw FormatError(arguments.corners, "", calib::ToString(*fault));
+  notes->inputs.push_back(arguments.corners);
+  Append(file.notes, &notes->warnings);
+  CornerInput corners;
+  corners.input.boards = file.boards;
+  corners.input.cameras = file.cameras;
+  corners.input.detections = file.detections;
+  RequireOwnFootage(corners.input);
+  FlipCorners(arguments.mirrored, &corners.input);
+  return corners;
+}
+
 }  // namespace
 
 std::vector<std::string> CornerPaths(const CornerArguments& arguments) {
@@ -202,42 +235,15 @@ std::string RemarksOn(const CornerInput& corners) {
 
 void FillTimeline(CornerArguments* arguments, InputNotes* notes) {
   if (arguments->timestamps.empty()) return;
-  if (arguments->cameras.empty())
-    throw UsageError("option 'timestamps' pairs footage: it needs option 'camera' or option 'session'");
   arguments->timeline = std::make_shared<const dataset::Timeline>(TimelineOfTable(*arguments, notes));
 }
 
 CornerInput ReadCornerInput(const CornerArguments& arguments, const RunContext& run, InputNotes* notes) {
-  if (!arguments.timestamps.empty() && !arguments.timeline) {
-    CornerArguments timed = arguments;
-    FillTimeline(&timed, notes);
-    return ReadCornerInput(timed, run, notes);
-  }
+  std::shared_ptr<const dataset::Timeline> timeline = arguments.timeline;
+  if (!arguments.timestamps.empty() && !timeline)
+    timeline = std::make_shared<const dataset::Timeline>(TimelineOfTable(arguments, notes));
   WarnMirrored(arguments.mirrored, notes);
-  if (arguments.corners.empty()) {
-    RefuseFileOptions(arguments.corner_files);
-    CornerInput detected = Detect(arguments, run, notes);
-    RequireOwnFootage(detected.input);
-    return detected;
-  }
-  if (!arguments.cameras.empty())
-    throw UsageError("give either option 'camera' (footage) or option 'corners' (a file), not both");
-  if (arguments.boards.size() > 1) throw UsageError("option 'corners' takes one option 'board' at most");
-  RefuseSearchOptions(arguments.footage);
-  calib::CornerFileOptions options = arguments.corner_files;
-  if (!arguments.boards.empty()) options.board = arguments.boards[0];
-  const calib::CornerFile file = calib::ReadCornerFile(arguments.corners, options);
-  if (const auto fault = calib::FindLayoutFault(file.boards, file.detections))
-    throw FormatError(arguments.corners, "", calib::ToString(*fault));
-  notes->inputs.push_back(arguments.corners);
-  Append(file.notes, &notes->warnings);
-  CornerInput corners;
-  corners.input.boards = file.boards;
-  corners.input.cameras = file.cameras;
-  corners.input.detections = file.detections;
-  RequireOwnFootage(corners.input);
-  FlipCorners(arguments.mirrored, &corners.input);
-  return corners;
+  return arguments.corners.empty() ? DetectCorners(arguments, timeline.get(), run, notes) : ReadCorners(arguments, notes);
 }
 
 }  // namespace mvstudio::stages

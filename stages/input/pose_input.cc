@@ -11,42 +11,18 @@
 #include "geometry/skeleton/skeleton_text.h"
 #include "stages/input/calib_read.h"
 #include "stages/input/first_frames.h"
+#include "stages/input/pose_source.h"
 #include "stages/input/score_input.h"
 #include "stages/input/take_frames.h"
-#include "stages/input/tracker_input.h"
 
 namespace mvstudio::stages {
 namespace {
-
-void ListSkipped(const std::vector<std::string>& skipped, InputNotes* notes) {
-  constexpr size_t kShown = 5;
-  if (skipped.empty()) return;
-  notes->partial = true;
-  for (size_t i = 0; i < std::min(skipped.size(), kShown); ++i) {
-    notes->warnings.push_back({"POSE-SKIPPED", skipped[i], "the rest was used; run the detector again on these frames"});
-  }
-  if (skipped.size() > kShown) {
-    notes->warnings.push_back({"POSE-SKIPPED", "and " + std::to_string(skipped.size() - kShown) + " more", ""});
-  }
-}
-
-/// The given skeleton, else the skeleton.json that `mvstudio pose2d` writes beside the cameras' folders, else body25.
-std::string SkeletonNameOf(const PoseArguments& arguments) {
-  if (!arguments.skeleton.empty()) return arguments.skeleton;
-  if (arguments.pose2d.empty()) return "body25";
-  const std::filesystem::path beside = std::filesystem::path(arguments.pose2d.front().path) / ".." / "skeleton.json";
-  std::error_code error;
-  return std::filesystem::is_regular_file(beside, error) ? beside.string() : "body25";
-}
-
-geometry::Skeleton SkeletonOf(const PoseArguments& arguments) { return geometry::SkeletonFrom(SkeletonNameOf(arguments)); }
 
 PoseInput ReadRig(const PoseArguments& arguments, InputNotes* notes) {
   if (arguments.pose2d.empty() == arguments.points2d.empty())
     throw UsageError("give either option 'pose2d' or option 'points2d'");
   PoseInput input;
   notes->inputs.push_back(arguments.calib);
-  if (geometry::IsSkeletonFile(SkeletonNameOf(arguments))) notes->inputs.push_back(SkeletonNameOf(arguments));
   CalibReadOptions read;
   if (!arguments.calib_unit.empty()) FromString(arguments.calib_unit, "unit", &read.unit);
   read.invert = arguments.invert, read.mirror = arguments.mirror;
@@ -58,41 +34,6 @@ PoseInput ReadRig(const PoseArguments& arguments, InputNotes* notes) {
 }
 
 using Folders = std::map<std::string, dataset::OpenPoseFolder>;  // by camera
-
-void CheckNamedOnce(const std::vector<NamedPath>& pose2d) {
-  std::set<std::string> seen;
-  for (const NamedPath& named : pose2d) {
-    if (!seen.insert(named.name).second) throw UsageError("option 'pose2d' names camera " + named.name + " twice");
-  }
-}
-
-void TakeSet(dataset::Pose2dSet set, const std::vector<std::string>& paths, InputNotes* notes, PoseInput* input) {
-  input->skeleton = std::move(set.skeleton);
-  input->tracks = std::move(set.tracks);
-  notes->inputs.insert(notes->inputs.end(), paths.begin(), paths.end());
-  ListSkipped(set.skipped, notes);
-  for (const dataset::Pose2dTrack& track : input->tracks) ListSkipped(track.skipped, notes);
-}
-
-std::vector<std::string> PathsOf(const std::vector<NamedPath>& pose2d) {
-  std::vector<std::string> paths;
-  for (const NamedPath& named : pose2d) paths.push_back(named.path);
-  return paths;
-}
-
-void ReadTracks(const PoseArguments& arguments, InputNotes* notes, PoseInput* input) {
-  CheckNamedOnce(arguments.pose2d);
-  if (HasTrackerFile(arguments.pose2d))
-    return TakeSet(ReadTrackerFiles(arguments, notes), PathsOf(arguments.pose2d), notes, input);
-  input->skeleton = SkeletonOf(arguments);
-  for (const auto& [camera, path] : arguments.pose2d) {
-    const bool file = std::filesystem::is_regular_file(path);
-    input->tracks.push_back(file ? dataset::ReadPoseResults(path, camera, input->skeleton)
-                                 : dataset::ReadOpenPoseFolder(path, camera, input->skeleton));
-    notes->inputs.push_back(path);
-    ListSkipped(input->tracks.back().skipped, notes);
-  }
-}
 
 /// Takes the detections of joints out, as if nobody had seen them.
 void LeaveOutJoints(const std::vector<std::string>& names, PoseInput* input) {
@@ -120,10 +61,9 @@ std::vector<dataset::Pose2dTrack> SomeOfFolders(const PoseArguments& arguments, 
   return some;
 }
 
-/// A part of every camera's folder.
+/// A part of every camera's folder, in the part's skeleton.
 void ReadPart(const PoseArguments& arguments, const Folders& folders, const dataset::FrameRange& range, InputNotes* notes,
               PoseInput* part) {
-  part->skeleton = SkeletonOf(arguments);
   for (const auto& [camera, path] : arguments.pose2d) {
     part->tracks.push_back(folders.at(camera).Read(part->skeleton, range));
     notes->inputs.push_back(path);
@@ -208,23 +148,23 @@ void CheckCameras(const PoseInput& input, InputNotes* notes) {
   WarnOfDuplicates(input.rig, input.cameras, notes);
 }
 
+/// Frames by the take's own numbers, scores from 0 to 1, pixels of the calibrated images.
+void MakeTake(const PoseArguments& arguments, const PoseReading& source, InputNotes* notes, PoseInput* input) {
+  LimitFrames(arguments.changes, &input->tracks, notes);
+  if (!source.whole_table) WarnOfFrames(*input, notes);
+  if (arguments.changes.frames.empty() || !arguments.changes.first_frame.empty())
+    NumberFromZero(arguments.changes, arguments.footage, &input->tracks, notes, {&input->rig, &input->skeleton});
+  if (source.joints_by_name && !arguments.skeleton.empty()) WarnOfMissing(*input, notes);
+  ScoresToShares(arguments.changes, source.whole_table, &input->tracks, notes);
+  Change(arguments, input->rig, input);
+}
+
 /// All but the frames.
 PoseInput ReadWholeTracks(const PoseArguments& arguments, InputNotes* notes) {
   PoseInput input = ReadRig(arguments, notes);
-  if (arguments.points2d.empty()) {
-    ReadTracks(arguments, notes, &input);
-    LimitFrames(arguments.changes, &input.tracks, notes);
-    WarnOfFrames(input, notes);
-  } else {
-    TakeSet(ReadPointsTable(arguments.points2d, arguments.skeleton, notes), {arguments.points2d}, notes, &input);
-    LimitFrames(arguments.changes, &input.tracks, notes);
-  }
-  if (arguments.changes.frames.empty() || !arguments.changes.first_frame.empty())
-    NumberFromZero(arguments.changes, arguments.footage, &input.tracks, notes, {&input.rig, &input.skeleton});
-  const bool by_name = !arguments.points2d.empty() || HasTrackerFile(arguments.pose2d);
-  if (by_name && !arguments.skeleton.empty()) WarnOfMissing(input, notes);
-  ScoresToShares(arguments.changes, !arguments.points2d.empty(), &input.tracks, notes);
-  Change(arguments, input.rig, &input);
+  PoseReading source = ReadPoseSource(arguments, notes);
+  input.skeleton = std::move(source.skeleton), input.tracks = std::move(source.tracks);
+  MakeTake(arguments, source, notes, &input);
   for (const dataset::Pose2dTrack& track : input.tracks) input.cameras.push_back(track.camera);
   CheckCameras(input, notes);
   input.limbs = LimbsOf(input.skeleton);
@@ -266,7 +206,7 @@ PoseParts::PoseParts(const PoseArguments& arguments, InputNotes* notes) : argume
   if (arguments.points2d.empty() && std::all_of(arguments.pose2d.begin(), arguments.pose2d.end(), is_folder)) {
     CheckNamedOnce(arguments.pose2d);
     input_ = ReadRig(arguments, notes);
-    input_.skeleton = SkeletonOf(arguments);
+    input_.skeleton = SkeletonOfFrames(arguments, notes);
     input_.limbs = LimbsOf(input_.skeleton);
     if (!arguments.changes.rate.empty())
       throw UsageError("option 'rate' needs the whole take: leave option 'chunk-frames' out");
@@ -300,6 +240,7 @@ std::vector<triangulate::DetectedFrame> PoseParts::Read(size_t begin, size_t end
   const dataset::FrameRange range{numbers_[begin], numbers_[end - 1], true};
   if (!tracks_.empty()) return ToFrames(tracks_, input_.rig, arguments_.calib, range);
   PoseInput part;
+  part.skeleton = input_.skeleton;
   InputNotes own;
   ReadPart(arguments_, folders_, range, &own, &part);
   LimitToNumbers(numbers_, &part);

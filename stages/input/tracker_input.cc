@@ -55,8 +55,6 @@ void NoteTimesFound(const std::vector<TrackedPoints>& cameras, InputNotes* notes
   if (!told.empty()) NoteTimes(told, notes);
 }
 
-using NamedBones = std::vector<std::pair<std::string, std::string>>;
-
 /// Adds the bones whose joints exist, each once.
 void AddBones(const NamedBones& bones, geometry::Skeleton* skeleton) {
   for (const auto& [from, to] : bones) {
@@ -85,9 +83,10 @@ bool HasTrackerFile(const std::vector<NamedPath>& pose2d) {
                      [](const NamedPath& named) { return KindOf(named.path) != TrackerKind::kNone; });
 }
 
-dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, InputNotes* notes) {
+dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const std::optional<geometry::Skeleton>& given,
+                                    const NamedBones& of_project, InputNotes* notes) {
   std::vector<TrackedPoints> cameras;
-  for (const auto& [camera, path] : arguments.pose2d) {
+  for (const auto& [camera, path] : pose2d) {
     if (KindOf(path) == TrackerKind::kNone) {
       throw UsageError(
           "option 'pose2d' " + camera + "=" + path +
@@ -99,15 +98,13 @@ dataset::Pose2dSet ReadTrackerFiles(const PoseArguments& arguments, InputNotes* 
   for (const TrackedPoints& camera : cameras) WarnOfDifferences(camera, joints, notes);
   NoteTimesFound(cameras, notes);
   dataset::Pose2dSet set;
-  set.skeleton = arguments.skeleton.empty() ? JoinedSkeleton(cameras, joints, arguments.bones)
-                                            : geometry::SkeletonFrom(arguments.skeleton);
+  set.skeleton = given ? *given : JoinedSkeleton(cameras, joints, of_project);
   set.tracks = dataset::ToSkeleton(std::move(cameras), set.skeleton);
   return set;
 }
 
-dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& skeleton, InputNotes* notes) {
-  const geometry::Skeleton given = skeleton.empty() ? geometry::Skeleton() : geometry::SkeletonFrom(skeleton);
-  const geometry::Skeleton* named = skeleton.empty() ? nullptr : &given;
+dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::optional<geometry::Skeleton>& given, InputNotes* notes) {
+  const geometry::Skeleton* named = given ? &*given : nullptr;
   const TrackerKind kind = KindOf(path);
   if (kind == TrackerKind::kNone) {
     dataset::Pose2dSet set = dataset::ReadPose2dCsv(path, named);
@@ -123,7 +120,7 @@ dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::string& s
   dataset::CaliscopePoints points = dataset::ReadCaliscopeCsv(path, named);
   if (points.num_beyond > 0) {
     notes->warnings.push_back({"POSE-POINTS-BEYOND",
-                               std::to_string(points.num_beyond) + " rows are of points that skeleton " + given.name +
+                               std::to_string(points.num_beyond) + " rows are of points that skeleton " + given->name +
                                    " does not have, and are left out",
                                "leave option 'skeleton' out to keep every point under its number"});
   }
