@@ -100,12 +100,12 @@ void RequireSides(const dataset::PanopticDataset& data, const avatar::DatasetSpl
 }
 
 /// At most `count` images, spread over cameras and frames.
-std::optional<avatar::PackResult> WatchedPack(const dataset::PanopticDataset& data, const avatar::RunConfig& config, int count,
-                                              bool memory, const RunContext& run) {
+std::optional<avatar::TrainingSet> WatchedPack(const dataset::PanopticDataset& data, const avatar::RunConfig& config, int count,
+                                               bool memory, const RunContext& run) {
   const avatar::DatasetSplit& split = config.split;
   const bool validation = !split.validation_cameras.empty();
   if (count == 0 || (!validation && split.holdout_cameras.empty() && split.holdout_frames.empty())) return std::nullopt;
-  avatar::PackOptions options = config.pack;
+  avatar::TrainingSetOptions options = config.pack;
   const avatar::SplitSide side = validation ? ValidationSide(split) : avatar::HoldoutSide(split);
   options.cameras = side.cameras;
   options.frame_step = std::max(1, avatar::UsualStep(side.frames));
@@ -113,7 +113,7 @@ std::optional<avatar::PackResult> WatchedPack(const dataset::PanopticDataset& da
   const auto wanted = std::min(frames.size(), static_cast<size_t>(count) / options.cameras.size() + 1);
   options.frames = SpreadFrames(frames, wanted, memory);
   try {
-    return avatar::BuildPack(data, options, run);
+    return avatar::BuildTrainingSet(data, options, run);
   } catch (const FormatError&) {
     if (validation) throw;
     return std::nullopt;  // none of these few images is usable; evaluation says why
@@ -188,7 +188,7 @@ RunPacks BuildPacks(const dataset::PanopticDataset& data, const avatar::ModelOpt
   config->pack.frames = config->split.train_frames;
   config->pack.template_colours = CorrectsColours(model);
   config->pack.keep_views = config->pack.keep_views || TakesReferences(model);
-  avatar::PackResult built = avatar::BuildPack(data, config->pack, run);
+  avatar::TrainingSet built = avatar::BuildTrainingSet(data, config->pack, run);
   config->shape = config->pack.shape = built.shape;
   config->half_extent_m = config->pack.half_extent_m = built.half_extent_m;
   config->template_iou = built.template_iou;

@@ -59,7 +59,7 @@ struct PackNotes {
 
 struct RunPacks : PackNotes {
   avatar::AvatarPack train;
-  std::vector<avatar::PackView> train_views, watched_views;  ///< of their rows, where the options keep them
+  std::vector<avatar::RowView> train_views, watched_views;  ///< of their rows, where the options keep them
   std::optional<avatar::AvatarPack> watched;  ///< scored at each checkpoint: validation images, else held-out ones, if any
   std::shared_ptr<const avatar::References> references;  ///< of the training images, where the network takes some
 };

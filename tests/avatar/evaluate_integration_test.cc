@@ -126,12 +126,12 @@ TEST_F(EvaluateRun, AMethodWithMemoryHasItsPastInThinnedSplitsToo) {
   EvaluateOptions options;
   options.images = 0, options.other_images = 2, options.features = "gabor";
   const Evaluation e = Evaluate(run(), options, {});
-  PackOptions pack = config_.pack;
+  TrainingSetOptions pack = config_.pack;
   pack.template_maps = false;
   pack.cameras = config_.split.holdout_cameras;
   const auto ssim_of_frame_3 = [&](const std::vector<int>& frames) {
     pack.frames = frames;
-    const AvatarPack some = BuildPack(data_, pack, {}).pack;
+    const AvatarPack some = BuildTrainingSet(data_, pack, {}).pack;
     const RenderedPack rendered = RenderPack(avatar, some, 1);
     double sum = 0;
     for (int64_t i = 0; i < some.size(); ++i) {
@@ -271,10 +271,10 @@ TEST_F(EvaluateRun, BaselinesTakeTheNearestCameraAndPose) {
   const auto nearest = NearestTrainingCameras(data_, config_.split, 0);
   EXPECT_THAT(nearest.at("00_01"), ::testing::AnyOf("00_00", "00_02")) << "72 degrees to either side";
   EXPECT_EQ(nearest.at("00_00"), "00_00");
-  PackOptions crop = config_.pack;
+  TrainingSetOptions crop = config_.pack;
   crop.template_maps = false;
   crop.cameras = {"00_00"}, crop.frames = config_.split.train_frames;
-  const AvatarPack train = BuildPack(data_, crop, {}).pack;
+  const AvatarPack train = BuildTrainingSet(data_, crop, {}).pack;
   // A training image's own camera and pose are in the set: it must find itself.
   const Baselines baselines = MakeBaselines(data_, config_.split, config_.pack, train, {});
   EXPECT_TRUE(at::allclose(baselines.nearest_pose.images, OnBlack(train)));

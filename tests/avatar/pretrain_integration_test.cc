@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "avatar/run/pack/pack_rows.h"
 #include "avatar/run/pack/template_view.h"
 #include "avatar/run/pretrain/motion_clips.h"
@@ -30,10 +30,10 @@ class Pretrain : public ::testing::Test {
 /// What is learned from samples is what avatars are trained with: the same numbers for left and right, parts and charts.
 TEST_F(Pretrain, ASampleOfTheSameBodyPoseAndCameraIsBuildPacks) {
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(folder_.path());
-  PackOptions options;
+  TrainingSetOptions options;
   options.size_px = 64, options.fit_shape = false;
   options.shape.girth = {1.2, 0.9, 1.1, 0.8};
-  const PackResult built = BuildPack(data, options, {});
+  const TrainingSet built = BuildTrainingSet(data, options, {});
   ASSERT_EQ(built.pack.size(), 18);
   AvatarPack samples = EmptyPack({"a"}, built.pack.size(), options);
   const body::BodyTemplate body = ScaleGirth(body::MakeMannequin(), options.shape);

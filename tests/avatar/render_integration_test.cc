@@ -103,10 +103,10 @@ TEST_P(RenderMethods, ADatasetsCameraGivesTheImageThatEvaluationScores) {
   config_.pack.template_input_px = model.options.prior == Prior::kTemplate ? 64 : 0;
   config_.pack.fit_shape = false;
   if (CorrectsColours(model.options)) config_.pack.fitted = Mannequin(), config_.pack.template_colours = true;
-  PackOptions crop = config_.pack;
+  TrainingSetOptions crop = config_.pack;
   crop.template_maps = false;
   crop.cameras = {"00_00", "00_03"}, crop.frames = {2, 3, 4};  // trained and held out
-  const AvatarPack pack = BuildPack(data_, crop, {}).pack;
+  const AvatarPack pack = BuildTrainingSet(data_, crop, {}).pack;
   const RenderedPack scored = RenderPack(model, pack, 8);
   const at::Tensor levels = (EightBit(scored.images) * 255).round().to(at::kByte);
   RenderOptions options;

@@ -104,7 +104,7 @@ at::Tensor OnBlack(const AvatarPack& pack) {
   return pack.images.to(at::kDouble) / 255 * pack.masks.gt(0).unsqueeze(1).to(at::kDouble);
 }
 
-Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const PackOptions& crop,
+Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const TrainingSetOptions& crop,
                         const AvatarPack& truth, const RunContext& run) {
   Baselines baselines;
   baselines.nearest_camera = NearestTrainingCameras(data, WithImages(data, split), ChoosePerson(data, crop.person));
@@ -113,12 +113,12 @@ Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit
   mean.images = at::zeros(truth.images.sizes(), at::kDouble), mean.masks = at::zeros(truth.masks.sizes(), at::kDouble);
   pose.images = at::zeros_like(mean.images), pose.masks = at::zeros_like(mean.masks);
   for (size_t c = 0; c < truth.cameras.size(); ++c) {
-    PackOptions options = crop;
+    TrainingSetOptions options = crop;
     options.template_maps = options.template_colours = false, options.template_input_px = 0, options.fitted = nullptr;
     options.keep_views = false;
     options.cameras = {baselines.nearest_camera.at(truth.cameras[c])};
     options.frames = split.train_frames;
-    const AvatarPack train = BuildPack(data, options, run).pack;
+    const AvatarPack train = BuildTrainingSet(data, options, run).pack;
     const at::Tensor images = OnBlack(train), masks = train.masks.gt(0).to(at::kDouble);
     const at::Tensor mean_image = images.mean(0), mean_mask = masks.mean(0);
     for (int64_t i = 0; i < truth.size(); ++i) {

@@ -5,7 +5,7 @@
 #include <map>
 #include <string>
 
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 
 /// Baselines that an avatar must outperform: images without an avatar.
 namespace mvstudio::avatar {
@@ -30,7 +30,7 @@ struct Baselines {
 
 /// `crop` gives size and extent; reads only training cameras and training frames, those images that exist. Throws
 /// FormatError when there are none.
-Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const PackOptions& crop,
+Baselines MakeBaselines(const dataset::PanopticDataset& data, const DatasetSplit& split, const TrainingSetOptions& crop,
                         const AvatarPack& truth, const RunContext& run);
 
 /// Mean squared distance (m^2) between two poses (19, 3), each relative to its body centre (the mean of the joints known in

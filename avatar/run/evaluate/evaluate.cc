@@ -86,16 +86,16 @@ void RequireSplit(const dataset::PanopticDataset& data, const RunConfig& config)
 }
 
 /// `all`: the frames that those of the selection were chosen from, for what is consecutive.
-PackResult Build(const Session& session, const RunConfig& config, int size_px, const SplitSide& selection,
-                 const std::vector<int>& all) {
-  PackOptions options = config.pack;
+TrainingSet Build(const Session& session, const RunConfig& config, int size_px, const SplitSide& selection,
+                  const std::vector<int>& all) {
+  TrainingSetOptions options = config.pack;
   options.frame_step = std::max(1, UsualStep(all));
   options.template_maps = false;
   options.size_px = size_px;
   options.cameras = selection.cameras;
   options.frames = selection.frames;
   if (ShowsItsPoses(config.split, selection)) options.pose_by = PoseBy::kJoints;
-  return BuildPack(session.data, options, session.run);
+  return BuildTrainingSet(session.data, options, session.run);
 }
 
 /// Temporal flicker of each row against the frame before it in the pack; NaN where there is none.
@@ -202,11 +202,11 @@ SplitSide WithPast(SplitSide some, std::vector<int> all) {
 }
 
 /// Rendered images of `some`, whose frames are a part of `all`.
-RenderedRows RenderSome(Subject& subject, const PackResult& some, const SplitSide& thinned, const std::vector<int>& all,
+RenderedRows RenderSome(Subject& subject, const TrainingSet& some, const SplitSide& thinned, const std::vector<int>& all,
                         const RunConfig& config, const Session& session) {
   const AvatarPack& pack = some.pack;
   if (!subject.HasMemory()) return RenderRows(subject, config, some, session.options.batch, session.run);
-  const PackResult longer = Build(session, config, pack.size_px, WithPast(thinned, all), all);
+  const TrainingSet longer = Build(session, config, pack.size_px, WithPast(thinned, all), all);
   std::map<std::pair<int64_t, int64_t>, int64_t> row_of;
   const auto view = [](const AvatarPack& p, int64_t i) {
     return std::pair(p.camera_idx[i].item<int64_t>(), p.frame[i].item<int64_t>());
@@ -240,7 +240,7 @@ std::vector<ProtocolSplit> ScoreOtherSplits(const Session& session, Subject& sub
       continue;
     const SplitSide thinned = Thinned(session.data, selection, session.options.other_images);
     if (thinned.frames.empty()) continue;  // the dataset has no image of this split
-    const PackResult built = Build(session, result->config, result->size_px, thinned, selection.frames);
+    const TrainingSet built = Build(session, result->config, result->size_px, thinned, selection.frames);
     const AvatarPack& pack = built.pack;
     const RenderedRows rendered = RenderSome(subject, built, thinned, selection.frames, result->config, session);
     const at::Tensor truth = EightBit(OnBlack(pack));
@@ -262,7 +262,7 @@ void ScoreBaselines(const Session& session, const AvatarPack& pack, const at::Te
 }
 
 /// The avatar's textures on the posed template that its network corrects.
-void ScoreTemplateAlone(const Session& session, const Subject& subject, const PackResult& built, const at::Tensor& truth,
+void ScoreTemplateAlone(const Session& session, const Subject& subject, const TrainingSet& built, const at::Tensor& truth,
                         Evaluation* result) {
   if (!subject.network) return;
   const AvatarModel& model = *subject.network;
@@ -329,7 +329,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   result.training = subject.training, result.checkpoint_step = subject.step, result.num_parameters = subject.num_parameters;
   result.config.pack.template_colours = subject.network && CorrectsColours(subject.network->options);
 
-  const PackResult built = Build(session, result.config, result.size_px, selection, selection.frames);
+  const TrainingSet built = Build(session, result.config, result.size_px, selection, selection.frames);
   const AvatarPack& pack = built.pack;
   result.skipped = built.skipped;
   const double start_s = clock_s ? clock_s() : std::nan("");
@@ -344,7 +344,7 @@ Evaluation Evaluate(const std::string& run_folder, const EvaluateOptions& option
   result.intervals = Intervals(pack, rows, run.seed);
   result.per_camera = PerCamera(pack, rows, run.seed);
   result.per_motion = PerMotion(pack, rows, motions, run.seed);
-  PackOptions crop = result.config.pack;
+  TrainingSetOptions crop = result.config.pack;
   crop.size_px = result.size_px;
   const Baselines baselines = MakeBaselines(data, result.config.split, crop, pack, run);
   ScoreBaselines(session, pack, truth, baselines, &result);

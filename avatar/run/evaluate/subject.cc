@@ -28,7 +28,7 @@ at::Tensor Scaled(const at::Tensor& images, int size_px) {
   return images.size(2) == size_px ? images : at::_upsample_bilinear2d_aa(images, {size_px, size_px}, false);
 }
 
-RenderedRows RenderNetwork(Subject& subject, const PackResult& rows, int batch, const RunContext& run) {
+RenderedRows RenderNetwork(Subject& subject, const TrainingSet& rows, int batch, const RunContext& run) {
   AvatarModel& model = *subject.network;
   AvatarPack pack = rows.pack;
   if (subject.references) FillReferences(*subject.references, rows.views, model.options, run.num_threads, &pack);
@@ -46,13 +46,13 @@ void FillRow(const Image& image, int64_t i, const at::Tensor& rows) {
   rows[i].copy_(hwc.permute({2, 0, 1}));
 }
 
-RenderedRows RenderCloud(const splats::CloudFile& file, const RunConfig& config, const PackResult& rows,
+RenderedRows RenderCloud(const splats::CloudFile& file, const RunConfig& config, const TrainingSet& rows,
                          const RunContext& run) {
   const int64_t n = rows.pack.size(), size = rows.pack.size_px;
   const at::Tensor images = at::zeros({n, 3, size, size}, at::kByte), masks = at::zeros({n, 1, size, size}, at::kByte);
   ProgressStage stage(run, "rendering", n);
   for (int64_t i = 0; i < n; ++i) {
-    const PackView& view = rows.views[static_cast<size_t>(i)];
+    const RowView& view = rows.views[static_cast<size_t>(i)];
     const body::RenderedBody rendered = splats::RenderGaussians(file.cloud, config.pack.fitted->person.body, *view.vertices,
                                                                 view.crop, {file.mip, run.num_threads});
     FillRow(rendered.image, i, images);
@@ -101,7 +101,7 @@ Subject ReadSubject(const std::string& run_folder, const RunConfig& config) {
   return subject;
 }
 
-RenderedRows RenderRows(Subject& subject, const RunConfig& config, const PackResult& rows, int batch, const RunContext& run) {
+RenderedRows RenderRows(Subject& subject, const RunConfig& config, const TrainingSet& rows, int batch, const RunContext& run) {
   if (subject.gaussians) return RenderCloud(*subject.gaussians, config, rows, run);
   return RenderNetwork(subject, rows, batch, run);
 }

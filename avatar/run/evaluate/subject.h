@@ -9,7 +9,7 @@
 #include <string>
 
 #include "avatar/nets/model.h"
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "avatar/run/pack/run_config.h"
 #include "avatar/run/references/references.h"
 #include "avatar/splats/files/cloud_file.h"
@@ -37,6 +37,6 @@ struct RenderedRows {
 
 /// All rows of a pack. A network runs at the size of its training, and its images are scaled to the pack's; Gaussians are
 /// rendered at the pack's size.
-RenderedRows RenderRows(Subject& subject, const RunConfig& config, const PackResult& rows, int batch, const RunContext& run);
+RenderedRows RenderRows(Subject& subject, const RunConfig& config, const TrainingSet& rows, int batch, const RunContext& run);
 
 }  // namespace mvstudio::avatar

@@ -108,7 +108,7 @@ void Paste(const Image& image, int x0, int y0, Image* sheet) {
 
 }  // namespace
 
-std::vector<splats::TrainView> TrainViewsOf(const AvatarPack& pack, const std::vector<PackView>& views) {
+std::vector<splats::TrainView> TrainViewsOf(const AvatarPack& pack, const std::vector<RowView>& views) {
   MVS_CHECK(static_cast<int64_t>(views.size()) == pack.size(), views.size() << " views of " << pack.size() << " images");
   std::vector<splats::TrainView> out(views.size());
   for (int64_t i = 0; i < pack.size(); ++i) {

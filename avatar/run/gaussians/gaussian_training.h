@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "avatar/settings/gaussian_options.h"
 #include "avatar/settings/options.h"
 #include "avatar/splats/train/train.h"
@@ -13,8 +13,8 @@
 /// Gaussians on a fitted body, learned from the packs of a run.
 namespace mvstudio::avatar {
 
-/// The images of a pack as training takes them; `views` as in PackResult.
-std::vector<splats::TrainView> TrainViewsOf(const AvatarPack& pack, const std::vector<PackView>& views);
+/// The images of a pack as training takes them; `views` as in TrainingSet.
+std::vector<splats::TrainView> TrainViewsOf(const AvatarPack& pack, const std::vector<RowView>& views);
 
 /// Steps and weights from the networks' options where `given` says that they were asked for, else the Gaussians' own.
 splats::TrainOptions TrainOptionsOf(const GaussianOptions& gaussians, const TrainOptions& networks,

@@ -20,7 +20,7 @@ void FillPlanes(const Image& rgb, uint8_t* out) {
 
 }  // namespace
 
-AvatarPack EmptyPack(const std::vector<std::string>& cameras, int64_t n, const PackOptions& options) {
+AvatarPack EmptyPack(const std::vector<std::string>& cameras, int64_t n, const TrainingSetOptions& options) {
   const int size_px = options.size_px, num_joints = options.num_joints, template_px = options.template_input_px;
   AvatarPack pack;
   pack.size_px = size_px;

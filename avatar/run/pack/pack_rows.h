@@ -1,4 +1,4 @@
-// Private: rows of a pack while it is built, for pack_builder.cc and its like.
+// Private: rows of a pack while it is built, for training_set.cc and its like.
 #pragma once
 
 #include <string>
@@ -6,13 +6,13 @@
 
 #include "avatar/body/mesh_raster.h"
 #include "avatar/body/texture/bake.h"
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "core/image.h"
 
 namespace mvstudio::avatar {
 
 /// `n` rows of zeros, with what `options` ask for.
-AvatarPack EmptyPack(const std::vector<std::string>& cameras, int64_t n, const PackOptions& options);
+AvatarPack EmptyPack(const std::vector<std::string>& cameras, int64_t n, const TrainingSetOptions& options);
 /// Image (H, W, 3) and mask (H, W) of row i.
 void FillImage(AvatarPack& pack, int64_t i, const Image& image, const Image& mask);
 void FillBodyImage(AvatarPack& pack, int64_t i, const body::RenderedBody& rendered);

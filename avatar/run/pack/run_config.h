@@ -4,14 +4,14 @@
 #include <vector>
 
 #include "avatar/run/pack/body_shape.h"
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 
 namespace mvstudio::avatar {
 
 /// The inputs of a training run: RUN/config.json. Evaluation needs only this and the checkpoint beside it.
 struct RunConfig {
-  std::string dataset;  ///< absolute folder, Panoptic layout
-  PackOptions pack;     ///< size, crop and person; its cameras and frames are those used for training
+  std::string dataset;      ///< absolute folder, Panoptic layout
+  TrainingSetOptions pack;  ///< size, crop and person; its cameras and frames are those used for training
   DatasetSplit split;
   BodyShape shape;           ///< as fitted on the training images
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person

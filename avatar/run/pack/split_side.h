@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "dataset/panoptic/missing.h"
 
 /// The images of one side of a split, and whether enough of them exist.

@@ -70,7 +70,7 @@ Eigen::Vector3d MiddleOf(const Coco19Pose& pose) {
   return (low + high) / 2;
 }
 
-/// A level camera around the person, cropped as BuildPack does; nothing when the person is not before it.
+/// A level camera around the person, cropped as BuildTrainingSet does; nothing when the person is not before it.
 std::optional<geometry::RigCamera> RandomCrop(const Coco19Pose& pose, const PretrainSampleOptions& o, Rng& rng) {
   const double azimuth = rng.Uniform(0, 2 * kPi);
   const double elevation = DegToRad(rng.Uniform(o.min_elevation_deg, o.max_elevation_deg));
@@ -164,7 +164,7 @@ PretrainSamples DrawSamples(const PretrainSources& sources, const PretrainSample
                             int64_t count, const RunContext& run) {
   const PoseLists lists = ListsOf(sources, share);
   MVS_CHECK(!lists.clips.empty() && !sources.templates.empty() && count > 0, "no poses or no body to draw samples from");
-  PackOptions rows;
+  TrainingSetOptions rows;
   rows.size_px = options.size_px, rows.num_joints = sources.num_joints;
   PretrainSamples samples{EmptyPack({"random"}, count, rows), std::vector<int>(static_cast<size_t>(count))};
   ParallelFor(count, run.num_threads, [&](int64_t i) {

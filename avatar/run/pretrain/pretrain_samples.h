@@ -73,7 +73,7 @@ struct PretrainSamples {
 PretrainSamples DrawSamples(const PretrainSources& sources, const PretrainSampleOptions& options, PoseShare share, int64_t set,
                             int64_t count, const RunContext& run);
 
-/// Fills row i with the posed body as BuildPack labels it: part, u, v, the mask that they cover, joints and intrinsics.
+/// Fills row i with the posed body as BuildTrainingSet labels it: part, u, v, the mask that they cover, joints and intrinsics.
 void FillSample(AvatarPack& pack, int64_t i, const body::BodyTemplate& body, const Eigen::Matrix3Xf& vertices_in_world,
                 const dataset::Coco19Pose& pose, const geometry::RigCamera& crop);
 

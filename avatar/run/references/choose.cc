@@ -114,14 +114,14 @@ void FillReferenceRow(const References& references, const ReferenceTarget& targe
                  rows.data_ptr<uint8_t>() + row * 4 * size * size);
 }
 
-void FillReferences(const References& references, const std::vector<PackView>& views, const ModelOptions& options,
+void FillReferences(const References& references, const std::vector<RowView>& views, const ModelOptions& options,
                     int num_threads, AvatarPack* pack) {
   MVS_CHECK(static_cast<int64_t>(views.size()) == pack->size() && pack->template_maps.defined(),
             views.size() << " views of " << pack->size() << " images");
   const int64_t size = pack->template_maps.size(3);
   pack->references = at::zeros({pack->size(), 4, size, size}, at::kByte);
   ParallelFor(pack->size(), num_threads, [&](int64_t i) {
-    const PackView& view = views[static_cast<size_t>(i)];
+    const RowView& view = views[static_cast<size_t>(i)];
     const auto frame = static_cast<int>(pack->frame.data_ptr<int64_t>()[i]);
     FillReferenceRow(references, {view.crop, *view.vertices, frame}, options, i, pack->references);
   });

@@ -84,7 +84,7 @@ std::vector<std::string> NamesOf(const TensorFile& file) {
 
 }  // namespace
 
-std::vector<ReferenceView> SpreadReferenceViews(const AvatarPack& pack, const std::vector<PackView>& views) {
+std::vector<ReferenceView> SpreadReferenceViews(const AvatarPack& pack, const std::vector<RowView>& views) {
   MVS_CHECK(static_cast<int64_t>(views.size()) == pack.size(), views.size() << " views of " << pack.size() << " images");
   const int64_t total = pack.size(), count = std::min<int64_t>(total, kMostReferenceViews);
   std::vector<ReferenceView> out;

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "core/image.h"
 #include "geometry/rig/rig.h"
 
@@ -22,9 +22,9 @@ struct ReferenceView {
 
 inline constexpr int kMostReferenceViews = 32;
 
-/// At most kMostReferenceViews of a pack's images, spread evenly over cameras and frames. `views` as in PackResult. The pack
+/// At most kMostReferenceViews of a pack's images, spread evenly over cameras and frames. `views` as in TrainingSet. The pack
 /// must hold training images alone.
-std::vector<ReferenceView> SpreadReferenceViews(const AvatarPack& pack, const std::vector<PackView>& views);
+std::vector<ReferenceView> SpreadReferenceViews(const AvatarPack& pack, const std::vector<RowView>& views);
 
 /// `references.safetensors` (docs/formats.md). Reading throws IoError, or FormatError: for tensors that are missing, of other
 /// sizes or not finite, for bodies of other than `num_vertices`, and for images of a camera or frame that `split` did not

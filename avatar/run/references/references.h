@@ -81,8 +81,8 @@ void FillReferenceRow(const References& references, const ReferenceTarget& targe
 std::shared_ptr<const References> ReadReferences(const std::string& run_folder, const RunConfig& config,
                                                  const ModelOptions& options);
 
-/// pack.references of all rows, at the size of pack.template_maps. `views` as in PackResult, of the run's own dataset.
-void FillReferences(const References& references, const std::vector<PackView>& views, const ModelOptions& options,
+/// pack.references of all rows, at the size of pack.template_maps. `views` as in TrainingSet, of the run's own dataset.
+void FillReferences(const References& references, const std::vector<RowView>& views, const ModelOptions& options,
                     int num_threads, AvatarPack* pack);
 
 }  // namespace mvstudio::avatar

@@ -5,7 +5,7 @@
 #include <set>
 #include <string>
 
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "avatar/settings/gaussian_options.h"
 #include "avatar/settings/options.h"
 #include "avatar/train/train_ranks.h"
@@ -44,7 +44,7 @@ struct AvatarTrainOptions {
   avatar::ModelOptions model;
   avatar::TrainOptions train;
   avatar::GaussianOptions gaussians;
-  avatar::PackOptions pack;
+  avatar::TrainingSetOptions pack;
 
   std::set<std::string> given;  ///< names of the options that somebody chose
   bool relative_paths = false;  ///< the run's configuration names its inputs by paths from the run

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"

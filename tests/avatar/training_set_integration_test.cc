@@ -7,7 +7,7 @@
 #include "avatar/nets/sequence.h"
 #include "avatar/run/pack/frame_runs.h"
 #include "avatar/run/pack/iuv.h"
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 #include "avatar/run/pack/run_config.h"
 #include "avatar/run/pack/split_side.h"
 #include "core/error.h"
@@ -22,9 +22,9 @@ using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-class PackBuilder : public ::testing::Test {
+class TrainingSetTest : public ::testing::Test {
  protected:
-  PackBuilder() : folder_("pack_builder") {
+  TrainingSetTest() : folder_("training_set") {
     WriteMannequinDataset(folder_.path(), 4, 6, 160);
     data_ = dataset::OpenPanopticDataset(folder_.path());
   }
@@ -32,11 +32,11 @@ class PackBuilder : public ::testing::Test {
   dataset::PanopticDataset data_;
 };
 
-TEST_F(PackBuilder, CropsHaveTheTemplateOnThePerson) {
-  PackOptions options;
+TEST_F(TrainingSetTest, CropsHaveTheTemplateOnThePerson) {
+  TrainingSetOptions options;
   options.size_px = 96;
   options.fit_shape = false;
-  const PackResult result = BuildPack(data_, options, {});
+  const TrainingSet result = BuildTrainingSet(data_, options, {});
   const AvatarPack& pack = result.pack;
   Validate(pack);
   ASSERT_EQ(pack.size(), 24);
@@ -55,10 +55,10 @@ TEST_F(PackBuilder, CropsHaveTheTemplateOnThePerson) {
   EXPECT_LT(du.median().item<double>(), 0.05);
 }
 
-TEST_F(PackBuilder, TemplateMapsAreTheTemplateWithSmoothBorders) {
-  PackOptions options;
+TEST_F(TrainingSetTest, TemplateMapsAreTheTemplateWithSmoothBorders) {
+  TrainingSetOptions options;
   options.size_px = 96, options.fit_shape = false, options.template_input_px = 96;
-  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  const AvatarPack pack = BuildTrainingSet(data_, options, {}).pack;
   Validate(pack);
   const at::Tensor cover = pack.template_maps.select(1, 0), part = pack.template_maps.select(1, 1);
   const at::Tensor labelled = pack.part > 0, inner = cover == 1;
@@ -73,23 +73,23 @@ TEST_F(PackBuilder, TemplateMapsAreTheTemplateWithSmoothBorders) {
   EXPECT_GT(part.min().item<float>(), 0) << "labels go on outside the person";
   // In another size than the images', and nothing of it without the option.
   options.template_input_px = 32, options.template_maps = false;
-  const AvatarPack small = BuildPack(data_, options, {}).pack;
+  const AvatarPack small = BuildTrainingSet(data_, options, {}).pack;
   EXPECT_EQ(small.template_maps.sizes(), at::IntArrayRef({pack.size(), 4, 32, 32}));
   EXPECT_NEAR(9 * small.template_maps.select(1, 0).sum().item<double>() / cover.sum().item<double>(), 1, 0.01);
   EXPECT_EQ(small.part.sum().item<int64_t>(), 0);
   options.template_input_px = 0;
-  EXPECT_FALSE(BuildPack(data_, options, {}).pack.template_maps.defined());
+  EXPECT_FALSE(BuildTrainingSet(data_, options, {}).pack.template_maps.defined());
 }
 
-TEST_F(PackBuilder, TheFittedBodysColoursAndCoverAreItsImage) {
+TEST_F(TrainingSetTest, TheFittedBodysColoursAndCoverAreItsImage) {
   body::TexturedPerson person;
   person.person.body = body::MakeMannequin(1.75, 0.5);
   person.textures = body::MannequinTextures(16, 1);
-  PackOptions options;
+  TrainingSetOptions options;
   options.size_px = 64, options.template_input_px = 64, options.template_colours = true;
   options.cameras = {"00_00", "00_02"}, options.frames = {1, 4};
   options.fitted = std::make_shared<const body::TexturedPerson>(person);
-  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  const AvatarPack pack = BuildTrainingSet(data_, options, {}).pack;
   Validate(pack);
   const at::Tensor shown = pack.template_colours.to(at::kFloat) * pack.template_maps.slice(1, 0, 1);
   const at::Tensor image = pack.body_images.slice(1, 0, 3).to(at::kFloat);
@@ -100,16 +100,16 @@ TEST_F(PackBuilder, TheFittedBodysColoursAndCoverAreItsImage) {
   EXPECT_GT(pack.template_colours.sum(1, false, at::kInt).masked_select(beyond).min().item<int>(), 0)
       << "colours go on outside";
   options.template_input_px = 32;  // an evaluation at another size than the network's
-  EXPECT_EQ(BuildPack(data_, options, {}).pack.template_colours.sizes(), at::IntArrayRef({4, 3, 32, 32}));
+  EXPECT_EQ(BuildTrainingSet(data_, options, {}).pack.template_colours.sizes(), at::IntArrayRef({4, 3, 32, 32}));
   options.template_colours = false;
-  EXPECT_FALSE(BuildPack(data_, options, {}).pack.template_colours.defined());
+  EXPECT_FALSE(BuildTrainingSet(data_, options, {}).pack.template_colours.defined());
 }
 
-TEST_F(PackBuilder, JointsProjectOntoThePersonAndKeepTheirLengths) {
-  PackOptions options;
+TEST_F(TrainingSetTest, JointsProjectOntoThePersonAndKeepTheirLengths) {
+  TrainingSetOptions options;
   options.size_px = 96;
   options.template_maps = false;
-  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  const AvatarPack pack = BuildTrainingSet(data_, options, {}).pack;
   EXPECT_EQ(pack.part.sum().item<int64_t>(), 0);
   for (int64_t i = 0; i < pack.size(); ++i) {
     const at::Tensor x = pack.joints_in_cam[i];
@@ -124,11 +124,11 @@ TEST_F(PackBuilder, JointsProjectOntoThePersonAndKeepTheirLengths) {
   }
 }
 
-TEST_F(PackBuilder, AMetreHasOneSizeInAllCrops) {
-  PackOptions options;
+TEST_F(TrainingSetTest, AMetreHasOneSizeInAllCrops) {
+  TrainingSetOptions options;
   options.size_px = 64;
   options.template_maps = false;
-  const PackResult result = BuildPack(data_, options, {});
+  const TrainingSet result = BuildTrainingSet(data_, options, {});
   for (int64_t i = 0; i < result.pack.size(); ++i) {
     const double depth = result.pack.joints_in_cam[i][2][2].item<double>();
     const double px_per_m = result.pack.intrinsics[i][0].item<double>() / depth;
@@ -136,7 +136,7 @@ TEST_F(PackBuilder, AMetreHasOneSizeInAllCrops) {
   }
 }
 
-TEST_F(PackBuilder, SplitsAndRefusesWhatIsNotThere) {
+TEST_F(TrainingSetTest, SplitsAndRefusesWhatIsNotThere) {
   const DatasetSplit split = SplitDataset(data_, -1, {"00_02"}, {4, 5});
   EXPECT_THAT(split.train_cameras, ElementsAre("00_00", "00_01", "00_03"));
   EXPECT_THAT(split.holdout_cameras, ElementsAre("00_02"));
@@ -158,15 +158,15 @@ TEST_F(PackBuilder, SplitsAndRefusesWhatIsNotThere) {
   EXPECT_THAT(MessageOf<UsageError>([&] { ChoosePerson(data_, 7); }), HasSubstr("person 7"));
 }
 
-TEST_F(PackBuilder, MissingImagesAndMasksAreLeftOutAndCounted) {
-  PackOptions options;
+TEST_F(TrainingSetTest, MissingImagesAndMasksAreLeftOutAndCounted) {
+  TrainingSetOptions options;
   options.size_px = 64;
   options.fit_shape = false;
-  const PackResult whole = BuildPack(data_, options, {});
+  const TrainingSet whole = BuildTrainingSet(data_, options, {});
   EXPECT_EQ(whole.missing.missing(), 0);
   std::filesystem::remove(data_.MaskPath("00_01", 3));
   for (const int frame : {1, 2, 4, 5}) std::filesystem::remove(data_.ImagePath("00_02", frame));
-  const PackResult sparse = BuildPack(data_, options, {});
+  const TrainingSet sparse = BuildTrainingSet(data_, options, {});
   EXPECT_TRUE(sparse.skipped.empty());
   EXPECT_EQ(sparse.missing.asked(), 24);
   EXPECT_THAT(sparse.missing.by_camera.at("00_01").no_mask, ElementsAre(3));
@@ -185,15 +185,15 @@ TEST_F(PackBuilder, MissingImagesAndMasksAreLeftOutAndCounted) {
     EXPECT_TRUE(at::equal(sparse.pack.*tensor, rest.*tensor));
 }
 
-TEST_F(PackBuilder, WithoutAnyImageItSaysWhatIsMissing) {
+TEST_F(TrainingSetTest, WithoutAnyImageItSaysWhatIsMissing) {
   for (int frame = 0; frame < 6; ++frame) std::filesystem::remove(data_.ImagePath("00_02", frame));
-  PackOptions options;
+  TrainingSetOptions options;
   options.size_px = 64, options.template_maps = false;
   options.cameras = {"00_02"};
-  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }), HasSubstr("00_02: 6 of 6"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildTrainingSet(data_, options, {}); }), HasSubstr("00_02: 6 of 6"));
 }
 
-TEST_F(PackBuilder, RefusesSidesWithTooFewImages) {
+TEST_F(TrainingSetTest, RefusesSidesWithTooFewImages) {
   const DatasetSplit split = SplitDataset(data_, 0, {"00_03"}, {4, 5});
   EXPECT_EQ(TrainingSide(split).frames, split.train_frames);
   EXPECT_EQ(HoldoutSide(split).kind, "held-out cameras in held-out frames");
@@ -216,7 +216,7 @@ TEST_F(PackBuilder, RefusesSidesWithTooFewImages) {
   EXPECT_THAT(refused(TrainingSide(split)), HasSubstr("camera 00_01: leave it out"));
 }
 
-TEST_F(PackBuilder, TimeStepsWithoutThePersonAreOnNeitherSide) {
+TEST_F(TrainingSetTest, TimeStepsWithoutThePersonAreOnNeitherSide) {
   data_.poses.at(2).clear();                           // an empty scene
   data_.poses.at(5) = {{7, data_.poses.at(5).at(0)}};  // somebody else
   const DatasetSplit split = SplitDataset(data_, 0, {"00_02"}, {4, 5});
@@ -225,28 +225,28 @@ TEST_F(PackBuilder, TimeStepsWithoutThePersonAreOnNeitherSide) {
   EXPECT_EQ(FramesWithout(data_, 0), 2);
   EXPECT_EQ(FramesOfPerson(data_, 0), std::vector<int>({0, 1, 3, 4}));
   EXPECT_THAT(MessageOf<UsageError>([&] { SplitDataset(data_, 0, {"00_02"}, {2, 5}); }), HasSubstr("in none of the frames"));
-  PackOptions options;
+  TrainingSetOptions options;
   options.size_px = 64, options.template_maps = false;
   options.cameras = {"00_00"}, options.person = 0;
-  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  const AvatarPack pack = BuildTrainingSet(data_, options, {}).pack;
   EXPECT_EQ(pack.size(), 4);
   EXPECT_EQ(PreviousRows(pack), (std::vector<int64_t>{-1, 0, -1, 2})) << "frame 2 is not bridged";
 }
 
-TEST_F(PackBuilder, AHardCutAndMissingFramesAreNotBridged) {
+TEST_F(TrainingSetTest, AHardCutAndMissingFramesAreNotBridged) {
   for (int frame = 3; frame < 6; ++frame) data_.poses.at(frame).at(0).x_in_world.row(0).array() += 0.7;  // still in view
   EXPECT_EQ(CutsOf(data_, 0), std::vector<int>({3}));
-  PackOptions options;
+  TrainingSetOptions options;
   options.size_px = 64, options.template_maps = false;
   options.cameras = {"00_00"};
   for (int frame = 3; frame < 6; ++frame)  // the person of the images did not move: any mask will do
     dataset::WriteImage(Image(160, 160, 1, 255), data_.MaskPath("00_00", frame));
-  const AvatarPack pack = BuildPack(data_, options, {}).pack;
+  const AvatarPack pack = BuildTrainingSet(data_, options, {}).pack;
   ASSERT_EQ(pack.size(), 6);
   EXPECT_EQ(pack.cuts, std::vector<int64_t>({3}));
   EXPECT_EQ(PreviousRows(pack), (std::vector<int64_t>{-1, 0, 1, -1, 3, 4}));
   for (const int frame : {1, 2, 4}) std::filesystem::remove(data_.ImagePath("00_00", frame));
-  const AvatarPack sparse = BuildPack(data_, options, {}).pack;
+  const AvatarPack sparse = BuildTrainingSet(data_, options, {}).pack;
   EXPECT_EQ(sparse.frame_step, 1) << "of the frames that were asked for, not of the rows 0, 3, 5";
   EXPECT_EQ(PreviousRows(sparse), (std::vector<int64_t>{-1, -1, -1}));
   const std::string path = folder_.path() + "/pack.safetensors";
@@ -255,33 +255,33 @@ TEST_F(PackBuilder, AHardCutAndMissingFramesAreNotBridged) {
   EXPECT_EQ(LoadPack(path).frame_step, 1);
 }
 
-TEST_F(PackBuilder, AnImageOfAnotherSizeIsNamed) {
+TEST_F(TrainingSetTest, AnImageOfAnotherSizeIsNamed) {
   dataset::WriteImage(Image(80, 160, 3), data_.ImagePath("00_02", 1));
-  PackOptions options;
+  TrainingSetOptions options;
   options.size_px = 64;
   options.template_maps = false;
-  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }),
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildTrainingSet(data_, options, {}); }),
               AllOf(HasSubstr("camera 00_02, frame 1"), HasSubstr("80x160")));
 }
 
-TEST_F(PackBuilder, AnEmptyMaskIsSkippedAndReported) {
+TEST_F(TrainingSetTest, AnEmptyMaskIsSkippedAndReported) {
   dataset::WriteImage(Image(160, 160, 1), data_.MaskPath("00_02", 1));
-  PackOptions options;
+  TrainingSetOptions options;
   options.size_px = 64;
   options.template_maps = false;
-  const PackResult result = BuildPack(data_, options, {});
+  const TrainingSet result = BuildTrainingSet(data_, options, {});
   EXPECT_EQ(result.pack.size(), 23);
   ASSERT_EQ(result.skipped.size(), 1u);
   EXPECT_THAT(result.skipped[0], AllOf(HasSubstr("camera 00_02, frame 1"), HasSubstr("mask is empty")));
 }
 
-TEST_F(PackBuilder, DoesNotDependOnTheNumberOfThreads) {
-  PackOptions options;
+TEST_F(TrainingSetTest, DoesNotDependOnTheNumberOfThreads) {
+  TrainingSetOptions options;
   options.size_px = 64;
   options.fit_images = 4;
   RunContext one, three;
   one.num_threads = 1, three.num_threads = 3;
-  const PackResult a = BuildPack(data_, options, one), b = BuildPack(data_, options, three);
+  const TrainingSet a = BuildTrainingSet(data_, options, one), b = BuildTrainingSet(data_, options, three);
   EXPECT_TRUE(at::equal(a.pack.images, b.pack.images));
   EXPECT_TRUE(at::equal(a.pack.uv, b.pack.uv));
   EXPECT_EQ(a.shape.girth, b.shape.girth);
@@ -289,7 +289,7 @@ TEST_F(PackBuilder, DoesNotDependOnTheNumberOfThreads) {
 
 /// The fixture's images hold part and coordinates as colours: turned into DensePose's files, they must give the template's
 /// maps.
-TEST_F(PackBuilder, DensePoseMapsReplaceTheTemplate) {
+TEST_F(TrainingSetTest, DensePoseMapsReplaceTheTemplate) {
   const std::string folder = folder_.path() + "/iuv";
   for (const auto& camera : data_.rig.cameras) {
     for (int frame = 0; frame < 6; ++frame) {
@@ -306,11 +306,11 @@ TEST_F(PackBuilder, DensePoseMapsReplaceTheTemplate) {
       if (frame < 5 || name != "00_02") dataset::WriteImage(iuv, IuvPath(folder, name, data_.ImagePath(name, frame)));
     }
   }
-  PackOptions options;
+  TrainingSetOptions options;
   options.size_px = 96, options.fit_shape = false;
-  const PackResult posed = BuildPack(data_, options, {});
+  const TrainingSet posed = BuildTrainingSet(data_, options, {});
   options.iuv = folder;
-  const PackResult labelled = BuildPack(data_, options, {});
+  const TrainingSet labelled = BuildTrainingSet(data_, options, {});
   EXPECT_THAT(labelled.skipped, ElementsAre(AllOf(HasSubstr("camera 00_02, frame 5"), HasSubstr("no IUV map"))));
   ASSERT_EQ(labelled.pack.size(), posed.pack.size() - 1);
   EXPECT_GT(labelled.template_iou, 0.97) << "they are cut from the same mask";
@@ -324,10 +324,10 @@ TEST_F(PackBuilder, DensePoseMapsReplaceTheTemplate) {
 
   const std::string first = IuvPath(folder, "00_00", data_.ImagePath("00_00", 0));
   dataset::WriteImage(Image(160, 160, 3, 90), first);
-  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }),
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildTrainingSet(data_, options, {}); }),
               AllOf(HasSubstr(first), HasSubstr("parts 0 to 24")));
   dataset::WriteImage(Image(80, 80, 3, 0), first);
-  EXPECT_THAT(MessageOf<FormatError>([&] { BuildPack(data_, options, {}); }), HasSubstr("80x80"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { BuildTrainingSet(data_, options, {}); }), HasSubstr("80x80"));
 }
 
 TEST(RunConfig, SurvivesARoundTrip) {

@@ -27,7 +27,7 @@ std::string_view ToString(PoseBy pose_by);
 void FromString(const std::string& text, PoseBy* pose_by);
 
 /// Options for making crops from a dataset's images. Use the same ones for training and evaluation.
-struct PackOptions {
+struct TrainingSetOptions {
   int size_px = 128;
   double fill = 0.97;
   int person = -1;
@@ -46,12 +46,12 @@ struct PackOptions {
   /// The person's own body in place of the template: maps and labels show it, and the pack gets body_images.
   std::shared_ptr<const body::TexturedPerson> fitted;
   PoseBy pose_by = PoseBy::kImages;  ///< of the fitted body, in maps for the network and in body_images
-  bool keep_views = false;           ///< PackResult::views; needs `fitted`
+  bool keep_views = false;           ///< TrainingSet::views; needs `fitted`
   BodyShape shape;                   ///< girth of the template: start of the fit, or the value when fit_shape is off
 };
 
 template <class Visitor>
-void VisitFields(Visitor&& visit, PackOptions& o) {
+void VisitFields(Visitor&& visit, TrainingSetOptions& o) {
   StartGroup(visit, "Data");
   visit("size", o.size_px, "edge of the square crops, px");
   visit("fill", o.fill, "share of the crop that the largest poses of the person (98 % quantile of all poses) fill");
@@ -96,14 +96,14 @@ void FillPose(AvatarPack& pack, int64_t i, const FullPose& pose, const geometry:
 void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, const geometry::RigCamera& crop);  ///< BodyAlone
 
 /// What a row of a pack shows: the crop's camera, and the body as the options pose it.
-struct PackView {
+struct RowView {
   geometry::RigCamera crop;
   std::shared_ptr<const Eigen::Matrix3Xf> vertices;  ///< (3, V) metres, world; one for all cameras of a frame
 };
 
-struct PackResult {
+struct TrainingSet {
   AvatarPack pack;
-  std::vector<PackView> views;  ///< of each row, with keep_views
+  std::vector<RowView> views;  ///< of each row, with keep_views
   int person = -1;
   double half_extent_m = 0;  ///< metres from the middle of a crop to its edge, at the person's distance
   BodyShape shape;           ///< girth used for part and uv
@@ -122,6 +122,6 @@ struct PackResult {
 /// another size, and when nothing is left; UsageError for cameras or frames that do not exist.
 /// With `fitted`, maps for the network and body_images are posed as `pose_by` says; part and uv by images, where such poses
 /// are.
-PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run);
+TrainingSet BuildTrainingSet(const dataset::PanopticDataset& data, const TrainingSetOptions& options, const RunContext& run);
 
 }  // namespace mvstudio::avatar

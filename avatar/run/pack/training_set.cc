@@ -1,4 +1,4 @@
-#include "avatar/run/pack/pack_builder.h"
+#include "avatar/run/pack/training_set.h"
 
 #include <ATen/ATen.h>
 
@@ -79,7 +79,7 @@ double LargeExtent(const dataset::PanopticDataset& data, int person) {
   return found->second;
 }
 
-Plan MakePlan(const dataset::PanopticDataset& data, const PackOptions& options) {
+Plan MakePlan(const dataset::PanopticDataset& data, const TrainingSetOptions& options) {
   Plan plan;
   plan.person = ChoosePerson(data, options.person);
   plan.half_extent_m = options.half_extent_m > 0 ? options.half_extent_m : LargeExtent(data, plan.person);
@@ -135,7 +135,8 @@ std::map<int, body::BodyPose> PoseFrames(const body::BodyTemplate& body, const s
   return poses;
 }
 
-BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan, const RunContext& run) {
+BodyShape FitGirth(const dataset::PanopticDataset& data, const TrainingSetOptions& options, const Plan& plan,
+                   const RunContext& run) {
   const body::BodyTemplate body = body::MakeMannequin(1.75, 0.6);
   const std::map<int, body::BodyPose> poses = PoseFrames(body, plan.jobs);
   std::vector<const Job*> usable;
@@ -153,7 +154,7 @@ BodyShape FitGirth(const dataset::PanopticDataset& data, const PackOptions& opti
   return FitShape(body, options.shape, views, run).shape;
 }
 
-JointSource SourceOf(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan) {
+JointSource SourceOf(const dataset::PanopticDataset& data, const TrainingSetOptions& options, const Plan& plan) {
   std::vector<int> frames;
   for (const Job& job : plan.jobs) frames.push_back(job.frame);
   return {data, plan.person, options.num_joints, options.pose3d, frames};
@@ -162,7 +163,7 @@ JointSource SourceOf(const dataset::PanopticDataset& data, const PackOptions& op
 // Everything that the images share while they are filled in, in parallel.
 struct Filler {
   const dataset::PanopticDataset& data;
-  const PackOptions& options;
+  const TrainingSetOptions& options;
   const Plan& plan;
   const body::BodyTemplate* body;  // nullptr: no template is posed
   JointSource joints;
@@ -220,7 +221,7 @@ struct Filler {
 };
 
 /// The body that is posed in the images.
-body::BodyTemplate BodyOf(const dataset::PanopticDataset& data, const PackOptions& options, const Plan& plan,
+body::BodyTemplate BodyOf(const dataset::PanopticDataset& data, const TrainingSetOptions& options, const Plan& plan,
                           const RunContext& run, BodyShape* shape) {
   if (options.fitted) return options.fitted->person.body;
   if (options.fit_shape) *shape = FitGirth(data, options, plan, run);
@@ -246,8 +247,8 @@ void PoseBody(const Plan& plan, const RunContext& run, Filler* filler) {
 }
 
 /// With keep_views: the crop and the body of each of the rows `good`.
-std::vector<PackView> ViewsOf(const Filler& filler, const std::vector<int64_t>& good) {
-  std::vector<PackView> views;
+std::vector<RowView> ViewsOf(const Filler& filler, const std::vector<int64_t>& good) {
+  std::vector<RowView> views;
   std::map<int, std::shared_ptr<const Eigen::Matrix3Xf>> shared;
   for (const auto& [frame, vertices] : filler.vertices) shared[frame] = std::make_shared<const Eigen::Matrix3Xf>(vertices);
   for (const int64_t i : good) {
@@ -310,7 +311,7 @@ DatasetSplit SplitDataset(const dataset::PanopticDataset& data, int person, cons
   return split;
 }
 
-PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& options, const RunContext& run) {
+TrainingSet BuildTrainingSet(const dataset::PanopticDataset& data, const TrainingSetOptions& options, const RunContext& run) {
   if (options.size_px < 16 || options.size_px > 4096)
     throw UsageError("size " + std::to_string(options.size_px) + " px: must be 16 to 4096");
   if (!(options.fill > 0.1 && options.fill <= 1))
@@ -318,7 +319,7 @@ PackResult BuildPack(const dataset::PanopticDataset& data, const PackOptions& op
   MVS_CHECK(options.fitted || !options.template_colours, "a body without a fit has no colours");
   MVS_CHECK(options.fitted || !options.keep_views, "views of a body without a fit");
   const Plan plan = MakePlan(data, options);
-  PackResult result;
+  TrainingSet result;
   result.missing = plan.missing;
   result.person = plan.person, result.half_extent_m = plan.half_extent_m, result.skipped = plan.skipped;
   const bool posed = (options.template_maps && options.iuv.empty()) || options.template_input_px > 0 || options.fitted;
