@@ -99,7 +99,7 @@ std::string Covisibility(const Value& metrics) {
                     "On the diagonal, the time steps of one camera alone. The rig holds together along the pairs with many.");
 }
 
-std::string FilmNext(const Value& hints) {
+std::string CaptureAdvice(const Value& hints) {
   if (hints.items().empty()) return {};
   constexpr size_t kMostOpen = 3;  // the most useful come first
   std::string open, folded;
@@ -121,7 +121,7 @@ std::string CameraFigures(const std::string& heading, const std::string& text, c
 }
 
 std::string CalibrationMaps(const Value& metrics) {
-  return FilmNext(metrics["film_next"]) + SelectionTable(metrics["model_selection"]) + CameraMaps(metrics) +
+  return CaptureAdvice(metrics["film_next"]) + SelectionTable(metrics["model_selection"]) + CameraMaps(metrics) +
          Covisibility(metrics);
 }
 

@@ -106,7 +106,7 @@ std::string FindHeldConflict(const CalibrateInput& input, const CalibrateReport&
   const std::vector<bool> lenses = internal::HeldCameras(options.fix, HeldPart::What::kLenses, input.cameras);
   const int relieved = refused ? -1 : Relieved(solved, freed);
   const double cost = NumHeld(freed, poses, lenses) * std::log(std::max(2, freed.num_corners));
-  if (!refused && (relieved < 0 || !GainBeyondCost(SquaresLess(solved, freed), cost, kMinStandardErrors))) return "";
+  if (!refused && (relieved < 0 || !GainBeyondCost(ChiSquaredGain(solved, freed), cost, kMinStandardErrors))) return "";
   const Change pose = MostChangedPose(*input.start, freed, poses);
   const Change lens = MostChangedLens(*input.start, freed, lenses);
   if (pose.amount == 0 && lens.amount == 0) return "";

@@ -35,7 +35,7 @@ std::optional<Split> SplitAt(const CalibrateInput& input, const CalibrateReport&
 std::optional<double> EvidenceForLens(const Split& split) {
   const CameraReport& later = split.two_lenses.cameras.back();
   const double cost = later.num_params * std::log(std::max(2, later.num_corners));
-  return GainBeyondCost(SquaresLess(split.one_lens, split.two_lenses), cost, kMinStandardErrors);
+  return GainBeyondCost(ChiSquaredGain(split.one_lens, split.two_lenses), cost, kMinStandardErrors);
 }
 
 /// Index of the frame from which on a second lens explains most: at eighths of the camera's frames, then nearer and nearer.

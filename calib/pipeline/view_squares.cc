@@ -23,7 +23,7 @@ std::map<ViewKey, double> SquaresOfViews(const CalibrateReport& report, const st
 
 }  // namespace
 
-std::vector<double> SquaresLess(const CalibrateReport& lean, const CalibrateReport& rich) {
+std::vector<double> ChiSquaredGain(const CalibrateReport& lean, const CalibrateReport& rich) {
   const auto before = SquaresOfViews(lean, rich.cameras), after = SquaresOfViews(rich, rich.cameras);
   std::vector<double> differences;
   for (const auto& [view, value] : before) {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "calib/calibrate.h"
-#include "calib/verdict/film_next.h"
+#include "calib/verdict/capture_advice.h"
 #include "calib/verdict/judgement.h"
 #include "core/format.h"
 #include "core/statistics.h"
@@ -239,7 +239,7 @@ Verdict Judge(const CalibrateReport& report) {
   }
   if (!HasFigures(report)) judgement.Fail("CAL-UNSOLVED", "the solution has figures that are no numbers", "check the input");
   JudgeRejected(report, &judgement);
-  const std::vector<FilmHint> hints = FilmNext(report);
+  const std::vector<FilmHint> hints = CaptureAdvice(report);
   for (size_t c = 0; c < report.cameras.size(); ++c) {
     JudgeError(report.cameras[c], internal::PixelScale(report, c), report.cameras.size() > 1, &judgement);
     JudgeGross(report.cameras[c], &judgement);

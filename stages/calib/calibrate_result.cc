@@ -5,7 +5,7 @@
 #include <map>
 #include <set>
 
-#include "calib/verdict/film_next.h"
+#include "calib/verdict/capture_advice.h"
 #include "core/format.h"
 #include "core/statistics.h"
 #include "core/units.h"
@@ -133,7 +133,7 @@ ordered_json Covisibility(const calib::CalibrateReport& report) {
 
 ordered_json FilmHints(const calib::CalibrateReport& report) {
   ordered_json json = ordered_json::array();
-  for (const calib::FilmHint& hint : calib::FilmNext(report)) json.push_back({{"code", hint.code}, {"text", hint.text}});
+  for (const calib::FilmHint& hint : calib::CaptureAdvice(report)) json.push_back({{"code", hint.code}, {"text", hint.text}});
   return json;
 }
 

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "calib/covariance/projection_uncertainty.h"
-#include "calib/verdict/film_next.h"
+#include "calib/verdict/capture_advice.h"
 #include "stages/calib/solved_state.h"
 
 namespace mvstudio::stages {
@@ -67,7 +67,7 @@ std::vector<FilmGain> Proposals(const calib::CalibrateReport& report, const std:
   constexpr double kTilt = 0.6;
   const Eigen::Matrix3Xd corners = calib::CornersInBoard(boards[0]);
   std::vector<FilmGain> gains;
-  for (const calib::FilmHint& hint : calib::FilmNext(report)) {
+  for (const calib::FilmHint& hint : calib::CaptureAdvice(report)) {
     const bool known = std::any_of(gains.begin(), gains.end(), [&](const auto& g) { return g.camera_idx == hint.camera_idx; });
     if (known || (hint.code != "FILM-COVERAGE" && hint.code != "FILM-FEW")) continue;
     const auto c = static_cast<size_t>(hint.camera_idx);

@@ -46,9 +46,9 @@ std::vector<FilmedBoard> FilmedBoards(const CalibrateReport& report);
 ///   FILM-RANGE: cameras whose farthest board is less than 1.3 times as far as the nearest.
 ///
 /// Without `as_rig` the cameras are judged separately and no links are required.
-std::vector<FilmHint> FilmNext(const std::vector<geometry::Camera>& cameras, const std::vector<FilmedBoard>& boards,
-                               bool as_rig = true);
+std::vector<FilmHint> CaptureAdvice(const std::vector<geometry::Camera>& cameras, const std::vector<FilmedBoard>& boards,
+                                    bool as_rig = true);
 /// Of a result: as a rig, unless its cameras have no common frame (lenses alone).
-std::vector<FilmHint> FilmNext(const CalibrateReport& report);
+std::vector<FilmHint> CaptureAdvice(const CalibrateReport& report);
 
 }  // namespace mvstudio::calib

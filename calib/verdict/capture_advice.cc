@@ -1,4 +1,4 @@
-#include "calib/verdict/film_next.h"
+#include "calib/verdict/capture_advice.h"
 
 #include <algorithm>
 #include <array>
@@ -254,8 +254,8 @@ std::vector<FilmedBoard> FilmedBoards(const CalibrateReport& report) {
   return boards;
 }
 
-std::vector<FilmHint> FilmNext(const std::vector<geometry::Camera>& cameras, const std::vector<FilmedBoard>& boards,
-                               bool as_rig) {
+std::vector<FilmHint> CaptureAdvice(const std::vector<geometry::Camera>& cameras, const std::vector<FilmedBoard>& boards,
+                                    bool as_rig) {
   for (const FilmedBoard& board : boards) {
     MVS_CHECK(board.camera_idx >= 0 && board.camera_idx < static_cast<int>(cameras.size()), "camera " << board.camera_idx);
   }
@@ -274,10 +274,10 @@ std::vector<FilmHint> FilmNext(const std::vector<geometry::Camera>& cameras, con
   return result;
 }
 
-std::vector<FilmHint> FilmNext(const CalibrateReport& report) {
+std::vector<FilmHint> CaptureAdvice(const CalibrateReport& report) {
   std::vector<geometry::Camera> cameras;
   for (const geometry::RigCamera& camera : report.rig.cameras) cameras.push_back(camera.camera);
-  return FilmNext(cameras, FilmedBoards(report), !report.components.empty());
+  return CaptureAdvice(cameras, FilmedBoards(report), !report.components.empty());
 }
 
 }  // namespace mvstudio::calib

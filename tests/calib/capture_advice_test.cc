@@ -1,4 +1,4 @@
-#include "calib/verdict/film_next.h"
+#include "calib/verdict/capture_advice.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -45,13 +45,13 @@ std::vector<FilmedBoard> Good(int camera) {
   return boards;
 }
 
-TEST(FilmNext, SaysNothingWhenNothingIsMissing) {
+TEST(CaptureAdvice, SaysNothingWhenNothingIsMissing) {
   std::vector<FilmedBoard> boards = Good(0);
   for (const FilmedBoard& board : Good(1)) boards.push_back(board);
-  EXPECT_TRUE(FilmNext(Cameras(2), boards).empty());
+  EXPECT_TRUE(CaptureAdvice(Cameras(2), boards).empty());
 }
 
-TEST(FilmNext, NamesTheEmptyPartOfTheImage) {
+TEST(CaptureAdvice, NamesTheEmptyPartOfTheImage) {
   std::vector<FilmedBoard> boards = Good(0);
   for (FilmedBoard& board : boards) {
     Eigen::Index n = 0;
@@ -60,7 +60,7 @@ TEST(FilmNext, NamesTheEmptyPartOfTheImage) {
     }
     board.px.conservativeResize(2, n);
   }
-  const auto hints = FilmNext(Cameras(1), boards);
+  const auto hints = CaptureAdvice(Cameras(1), boards);
   ASSERT_EQ(hints.size(), 1u);
   EXPECT_EQ(hints[0].code, "FILM-COVERAGE");
   EXPECT_EQ(hints[0].camera_idx, 0);
@@ -70,54 +70,54 @@ TEST(FilmNext, NamesTheEmptyPartOfTheImage) {
       "board there, tilted about its vertical axis; the nearest board was 1 m away");
 }
 
-TEST(FilmNext, CornersThatAreAllMissingAreOneWord) {
+TEST(CaptureAdvice, CornersThatAreAllMissingAreOneWord) {
   std::vector<FilmedBoard> boards;
   for (const FilmedBoard& good : Good(0)) {
     boards.push_back(Filmed(0, good.frame_idx, 4, 6, 3, 5, Eigen::Vector3d::Zero(), good.range_m));
     boards.back().cam_from_board = good.cam_from_board;
   }
-  const auto hints = FilmNext(Cameras(1), boards);
+  const auto hints = CaptureAdvice(Cameras(1), boards);
   ASSERT_FALSE(hints.empty());
   EXPECT_EQ(hints[0].brief, "show the board at all four corners and all four sides of the image");
 }
 
-TEST(FilmNext, AsksForTiltsAboutTheMissingAxisOnly) {
+TEST(CaptureAdvice, AsksForTiltsAboutTheMissingAxisOnly) {
   std::vector<FilmedBoard> boards = Good(0);
   for (FilmedBoard& board : boards) board.cam_from_board->rotation = geometry::RotationExp({0.6, 0, 0});  // about image x
-  auto hints = FilmNext(Cameras(1), boards);
+  auto hints = CaptureAdvice(Cameras(1), boards);
   ASSERT_EQ(hints.size(), 1u);
   EXPECT_EQ(hints[0].code, "FILM-TILT");
   EXPECT_THAT(hints[0].text, HasSubstr("0 of 10 boards are tilted by 15 degrees or more about the vertical axis"));
   EXPECT_THAT(hints[0].text, HasSubstr("to the left and to the right"));
   for (FilmedBoard& board : boards) board.cam_from_board->rotation = geometry::RotationExp({0, 0.1, 0});
-  hints = FilmNext(Cameras(1), boards);
+  hints = CaptureAdvice(Cameras(1), boards);
   ASSERT_EQ(hints.size(), 2u);
   EXPECT_THAT(hints[0].text, HasSubstr("(the largest tilt is 6)"));
 }
 
 /// The back of a board faces the camera as well as its front.
-TEST(FilmNext, ABoardRotatedRoundIsNotTilted) {
+TEST(CaptureAdvice, ABoardRotatedRoundIsNotTilted) {
   std::vector<FilmedBoard> boards = Good(0);
   for (FilmedBoard& board : boards) board.cam_from_board->rotation = geometry::RotationExp({M_PI, 0, 0});
-  EXPECT_EQ(FilmNext(Cameras(1), boards).size(), 2u);
+  EXPECT_EQ(CaptureAdvice(Cameras(1), boards).size(), 2u);
 }
 
-TEST(FilmNext, AsksForOtherDistancesAndMoreBoards) {
+TEST(CaptureAdvice, AsksForOtherDistancesAndMoreBoards) {
   std::vector<FilmedBoard> boards = Good(0);
   for (FilmedBoard& board : boards) board.range_m = 2;
-  auto hints = FilmNext(Cameras(1), boards);
+  auto hints = CaptureAdvice(Cameras(1), boards);
   ASSERT_EQ(hints.size(), 1u);
   EXPECT_EQ(hints[0].code, "FILM-RANGE");
   EXPECT_THAT(hints[0].text, HasSubstr("2 m to 2 m"));
   boards = Good(0);
   boards.erase(boards.begin() + 3, boards.begin() + 6);
-  hints = FilmNext(Cameras(1), boards);
+  hints = CaptureAdvice(Cameras(1), boards);
   ASSERT_EQ(hints.size(), 1u);
   EXPECT_EQ(hints[0].text, "camera cam0: 7 boards only: show 8 or more, in different places, distances and tilts");
 }
 
 /// cam1 shares all frames with cam0, cam2 two with cam1 and one with cam0, cam3 none.
-TEST(FilmNext, NamesTheWeakLinks) {
+TEST(CaptureAdvice, NamesTheWeakLinks) {
   std::vector<FilmedBoard> boards = Good(0);
   for (int camera : {1, 2, 3}) {
     for (FilmedBoard board : Good(camera)) {
@@ -127,11 +127,11 @@ TEST(FilmNext, NamesTheWeakLinks) {
     }
   }
   boards.erase(boards.begin() + 9);  // the last of cam0
-  const auto hints = FilmNext(Cameras(4), boards);
+  const auto hints = CaptureAdvice(Cameras(4), boards);
   ASSERT_EQ(hints.size(), 2u);
   EXPECT_THAT(hints[0].text, HasSubstr("cam3 see the board together in no frame"));
   EXPECT_THAT(hints[1].text, HasSubstr("cameras cam1 and cam2 see the board together in 2 frames"));
-  EXPECT_TRUE(FilmNext(Cameras(4), boards, false).empty());
+  EXPECT_TRUE(CaptureAdvice(Cameras(4), boards, false).empty());
 }
 
 TEST(FilmedBoards, OfTheSolutionAndOfTheReportAgree) {
