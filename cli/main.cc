@@ -2,7 +2,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <chrono>
 #include <set>
 #include <string_view>
 
@@ -13,6 +12,7 @@
 #include "cli/program/result.h"
 #include "cli/program/run_line.h"
 #include "core/error.h"
+#include "core/stopwatch.h"
 #include "core/text/one_line.h"
 
 namespace mvstudio::cli {
@@ -81,12 +81,12 @@ int Print(const LineOutcome& outcome, bool json) {
 
 /// What a command that was ended from outside would have said itself.
 LastWords LastWordsOf(const std::string& command, bool json, const std::vector<std::string>& argv) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   return [=](const CommandResult& result) {
     LineOutcome outcome;
     outcome.command = command;
     outcome.result = result;
-    const double wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    const double wall_s = watch.Seconds();
     outcome.json = ResultToJson(command, outcome.result, wall_s, argv);
     Print(outcome, json);
   };

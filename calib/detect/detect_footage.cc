@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -15,14 +14,11 @@
 #include "core/hash/sha256.h"
 #include "core/join.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 #include "core/text/shell_word.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using SearchClock = std::chrono::steady_clock;
-
-double SecondsSince(SearchClock::time_point start) { return std::chrono::duration<double>(SearchClock::now() - start).count(); }
 
 constexpr size_t kMirrorChecks = 20;  // images of a camera that are also looked at in a mirror when no marker is found
 
@@ -158,9 +154,9 @@ class FrameQueue {
 
  private:
   std::optional<FootageFrame> Read() {
-    const SearchClock::time_point start = SearchClock::now();
+    const Stopwatch watch;
     std::optional<FootageFrame> frame = footage_->next();
-    read_s_ += SecondsSince(start), num_read_ += frame.has_value();
+    read_s_ += watch.Seconds(), num_read_ += frame.has_value();
     return frame;
   }
 
@@ -212,9 +208,9 @@ void SearchAll(const std::vector<Board>& boards, std::vector<std::unique_ptr<Fra
         auto& [queue, frame] = *taken;
         DetectOptions detect = options;
         detect.check_mirror = options.check_mirror && frame.position < kMirrorChecks;
-        const SearchClock::time_point start = SearchClock::now();
+        const Stopwatch watch;
         Searched searched{frame.frame.frame_idx, DetectBoards(boards, frame.frame.image, detect)};
-        queue->Keep(frame.position, std::move(searched), SecondsSince(start));
+        queue->Keep(frame.position, std::move(searched), watch.Seconds());
         stage->Advance(1, queue->name());
       }
     } catch (...) {

@@ -1,7 +1,6 @@
 #include "calib/calibrate.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -20,6 +19,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 
 namespace mvstudio::calib {
 namespace internal {
@@ -224,9 +224,9 @@ void Attempt(const CalibrateInput& input, const CalibrateOptions& options, const
     if (!PlaceCameras(input, world, work, report)) return;
     if (world.is_board && !internal::UseBoardWorld(input, world, work, report)) return;
   }
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const bool adjusted = Adjust(input, options, run, work, report);
-  report->solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report->solve_s = watch.Seconds();
   if (!adjusted) {
     *suspects = internal::MostDemanding(*work);
     return;

@@ -1,13 +1,13 @@
 #include "stages/calibrate/run.h"
 
 #include <algorithm>
-#include <chrono>
 
 #include "calib/board/sides.h"
 #include "calib/corners/corner_files.h"
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/stopwatch.h"
 #include "core/text/shell_word.h"
 #include "dataset/session/session.h"
 #include "geometry/rig/rig_io.h"
@@ -197,7 +197,7 @@ void CalibrateOnBoards(double started_s, const RunContext& run, CalibrateReport*
   FillTimeline(&options.corners, &report->notes);
   options.corners.footage.all_cameras = false;
   if (options.budget.Asked()) ChooseOnBoards(started_s, run, report);
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   CornerInput& corners = found.corners;
   corners = from_points ? PointsAsCorners(report) : ReadCornerInput(options.corners, run, &report->notes);
   PrepareBoards(report, &corners, &found.front_of);
@@ -210,7 +210,7 @@ void CalibrateOnBoards(double started_s, const RunContext& run, CalibrateReport*
   left_out.insert(left_out.end(), not_filmed.begin(), not_filmed.end());
   NameLeftOut(left_out, &found.solved.report.verdict);
   WriteBoardFiles(run, &found, report);
-  found.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  found.wall_s = watch.Seconds();
   if (!from_points) found.film_gain = PredictGain(found.solved.report, corners.input.boards);
   found.behind_sigmas_mm = BehindSigmasMm(found.solved.report, corners.input.boards);
 }

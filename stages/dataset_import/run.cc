@@ -1,13 +1,13 @@
 #include "stages/dataset_import/run.h"
 
-#include <chrono>
+#include "core/stopwatch.h"
 
 namespace mvstudio::stages {
 
 DatasetImportReport RunDatasetImport(const DatasetImportOptions& options, const RunContext& run) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   DatasetImportReport report{options, dataset::ImportPanoptic(options.folder, options.out, options.how, run)};
-  report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.wall_s = watch.Seconds();
   return report;
 }
 

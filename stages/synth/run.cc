@@ -1,15 +1,15 @@
 #include "stages/synth/run.h"
 
-#include <chrono>
+#include "core/stopwatch.h"
 
 namespace mvstudio::stages {
 
 SynthReport RunSynth(const SynthSessionOptions& options, const RunContext& run) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   SynthReport report;
   report.options = options;
   report.summary = synth::WriteSession(options.studio, options.out, options.overwrite, run);
-  report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.wall_s = watch.Seconds();
   return report;
 }
 

@@ -1,9 +1,9 @@
 #include "triangulate/take/take.h"
 
-#include <chrono>
 #include <iterator>
 #include <utility>
 
+#include "core/stopwatch.h"
 #include "triangulate/take/steps.h"
 
 namespace mvstudio::triangulate {
@@ -53,9 +53,9 @@ TakeResult TriangulateTake(const geometry::Rig& rig, const std::vector<DetectedF
   result.holdout = HoldOut(problem, solve, options.holdout_points, run.num_threads);
   stage.Advance();
 
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   std::vector<Point> points = SolvePoints(problem, solve, run.num_threads);
-  result.solve_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.solve_s = watch.Seconds();
   for (size_t i = 0; i < points.size(); ++i) {
     const PointLabel& label = problem.labels[i];
     result.points.push_back({label.frame, label.person, label.joint_idx, std::move(points[i])});

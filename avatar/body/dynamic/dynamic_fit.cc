@@ -1,12 +1,12 @@
 #include "avatar/body/dynamic/dynamic_fit.h"
 
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
 #include "core/fields.h"
 #include "core/format.h"
+#include "core/stopwatch.h"
 
 namespace mvstudio::body {
 namespace {
@@ -26,7 +26,7 @@ double MeanGain(const std::vector<BlockGain>& gains) {
 
 DynamicCandidate Judge(const TakeOutlines& take, const std::vector<PoseBlock>& blocks, const OffsetTrainer& trainer,
                        const RunContext& run, ProgressStage* stage) {
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const TrainOffsets train = [&](const std::vector<int>& indices) -> std::optional<PoseOffsets> {
     const std::optional<TrainedOffsets> offsets = trainer.train(indices);
     stage->Advance();
@@ -36,7 +36,7 @@ DynamicCandidate Judge(const TakeOutlines& take, const std::vector<PoseBlock>& b
   DynamicCandidate candidate{trainer.name, JudgeOffsets(take, blocks, train, run)};
   candidate.mean_gain = MeanGain(candidate.gains);
   candidate.beats = BeatsEverywhere(candidate.gains);
-  candidate.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  candidate.seconds = watch.Seconds();
   return candidate;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
 #include <map>
 #include <mutex>
@@ -16,6 +15,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
+#include "core/stopwatch.h"
 #include "dataset/views/crop.h"
 
 namespace mvstudio::avatar {
@@ -125,9 +125,9 @@ void FitTemplates(const std::vector<body::FitStep>& steps, const PersonFitOption
   std::vector<body::BodyFit> fits;
   std::vector<HeldOutCandidate> losses;
   for (const std::string& path : options.templates) {
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     fits.push_back(body::FitBody(body::ReadTemplate(path), steps, fit, run));
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+    const double seconds = watch.Seconds();
     const std::string name = path.empty() ? "mannequin" : path;
     out->templates.push_back({name, fits.back().iou, seconds, false});
     losses.push_back({name, fits.back().held_out_loss});
