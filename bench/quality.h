@@ -1,9 +1,10 @@
 #pragma once
 
-#include <chrono>
 #include <cstdint>
 #include <string>
 #include <vector>
+
+#include "core/stopwatch.h"
 
 namespace mvstudio::bench {
 
@@ -19,14 +20,6 @@ struct Row {
 /// Median, maximum and refusals of `errors` (NaN: refused).
 Row MakeRow(const std::string& problem, const std::string& method, const std::string& unit, std::vector<double> errors,
             double seconds);
-
-class Stopwatch {
- public:
-  double Seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
 
 std::vector<Row> BenchLens(uint64_t seed);
 std::vector<Row> BenchTriangulation(uint64_t seed);

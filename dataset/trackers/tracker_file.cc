@@ -27,48 +27,52 @@ std::string FirstBytes(const std::string& path) {
   return head;
 }
 
-bool Holds(const std::string& line, std::string_view word) { return line.find(word) != std::string::npos; }
+bool Starts(std::string_view head, std::string_view with) { return head.substr(0, with.size()) == with; }
+bool Holds(std::string_view head, std::string_view word) { return head.find(word) != std::string_view::npos; }
+
+bool IsHdf5(std::string_view head) { return Starts(head, kHdf5Signature); }
+bool IsDeepLabCut(std::string_view head) { return Starts(head, "scorer") || Starts(head, "\"scorer\""); }
+bool IsSleap(std::string_view head) { return Holds(head, "frame_idx") && Holds(head, "track"); }
+bool IsCaliscope(std::string_view head) { return Holds(head, "sync_index") && Holds(head, "img_loc_x"); }
+
+TrackedPoints ReadHdf5Safely(const std::string& path, const std::string& camera) {
+  constexpr internal::ChildLimits kLimits{120, 6ull << 30};
+  internal::RunInChild(path, kLimits, [&] {
+    ReadTrackerHdf5(path, camera);
+    return std::string();
+  });
+  return ReadTrackerHdf5(path, camera);
+}
+
+/// The first that fits is taken.
+constexpr TrackerFormat kFormats[] = {
+    {"HDF5 file", IsHdf5, ReadHdf5Safely},                                    // DeepLabCut's .h5 or SLEAP's analysis .h5
+    {"DeepLabCut table", IsDeepLabCut, internal::ReadDeepLabCutCsv},          // first line `scorer,…`
+    {"SLEAP table", IsSleap, internal::ReadSleapCsv},                         // columns track, frame_idx
+    {"caliscope table", IsCaliscope, nullptr},                                // columns sync_index, img_loc_x
+    {"table of 2D joints", internal::IsWideCsvHeader, internal::ReadWideCsv}  // columns NAME_x, NAME_y, a row a frame
+};
 
 }  // namespace
 
-TrackerKind DetectTracker(const std::string& path) {
+const TrackerFormat* FindTrackerFormat(const std::string& path) {
   std::string head = FirstBytes(path);
-  if (head.compare(0, kHdf5Signature.size(), kHdf5Signature) == 0) return TrackerKind::kHdf5;
-  const std::string extension = std::filesystem::path(path).extension().string();
-  if (extension == ".pickle" || extension == ".pkl") {
-    throw FormatError(path, "", "a Python pickle, which is not read; DeepLabCut's result of a video is its .h5 or .csv");
+  if (!IsHdf5(head)) {
+    const std::string extension = std::filesystem::path(path).extension().string();
+    if (extension == ".pickle" || extension == ".pkl")
+      throw FormatError(path, "", "a Python pickle, which is not read; DeepLabCut's result of a video is its .h5 or .csv");
+    if (Starts(head, "\xEF\xBB\xBF")) head.erase(0, 3);
+    head.resize(std::min(head.size(), head.find_first_of("\r\n")));
   }
-  if (head.compare(0, 3, "\xEF\xBB\xBF") == 0) head.erase(0, 3);
-  const std::string line = head.substr(0, head.find_first_of("\r\n"));
-  if (line.compare(0, 6, "scorer") == 0 || line.compare(0, 8, "\"scorer\"") == 0) return TrackerKind::kDeepLabCutCsv;
-  if (Holds(line, "frame_idx") && Holds(line, "track")) return TrackerKind::kSleapCsv;
-  if (Holds(line, "sync_index") && Holds(line, "img_loc_x")) return TrackerKind::kCaliscopeCsv;
-  if (internal::NamesSeveralCameras(line))
+  const auto found = std::find_if(std::begin(kFormats), std::end(kFormats), [&](const auto& f) { return f.fits(head); });
+  const bool may_be_wide = found == std::end(kFormats) || found->read == internal::ReadWideCsv;
+  if (may_be_wide && internal::NamesSeveralCameras(head))
     throw FormatError(
         path, "line 1",
         "columns of several cameras, as DLTdv and Argus write them (pt1_cam1_X); write a table of columns "
         "camera,frame,joint,x_px,y_px for option 'points2d': their first pixel is 1, so x is 1 less, and y may count "
         "from the lower edge (option 'flip-y')");
-  if (internal::IsWideCsvHeader(line)) return TrackerKind::kWideCsv;
-  return TrackerKind::kNone;
-}
-
-std::string_view ToString(TrackerKind kind) {
-  switch (kind) {
-    case TrackerKind::kNone:
-      return "other file";
-    case TrackerKind::kHdf5:
-      return "HDF5 file";
-    case TrackerKind::kDeepLabCutCsv:
-      return "DeepLabCut table";
-    case TrackerKind::kSleapCsv:
-      return "SLEAP table";
-    case TrackerKind::kWideCsv:
-      return "table of 2D joints";
-    case TrackerKind::kCaliscopeCsv:
-      return "caliscope table";
-  }
-  return "other file";
+  return found == std::end(kFormats) ? nullptr : found;
 }
 
 TrackedPoints ReadTrackerHdf5(const std::string& path, const std::string& camera) {
@@ -78,27 +82,11 @@ TrackedPoints ReadTrackerHdf5(const std::string& path, const std::string& camera
 }
 
 TrackedPoints ReadTrackerFile(const std::string& path, const std::string& camera) {
-  switch (DetectTracker(path)) {
-    case TrackerKind::kHdf5: {
-      constexpr internal::ChildLimits kLimits{120, 6ull << 30};
-      internal::RunInChild(path, kLimits, [&] {
-        ReadTrackerHdf5(path, camera);
-        return std::string();
-      });
-      return ReadTrackerHdf5(path, camera);
-    }
-    case TrackerKind::kDeepLabCutCsv:
-      return internal::ReadDeepLabCutCsv(path, camera);
-    case TrackerKind::kSleapCsv:
-      return internal::ReadSleapCsv(path, camera);
-    case TrackerKind::kWideCsv:
-      return internal::ReadWideCsv(path, camera);
-    case TrackerKind::kCaliscopeCsv:
-      throw FormatError(path, "line 1", "caliscope's table of all cameras, not of one; give it as option 'points2d'");
-    case TrackerKind::kNone:
-      break;
-  }
-  throw FormatError(path, "", "is no file of DeepLabCut or SLEAP");
+  const TrackerFormat* format = FindTrackerFormat(path);
+  if (!format) throw FormatError(path, "", "is no file of DeepLabCut or SLEAP");
+  if (!format->read)
+    throw FormatError(path, "line 1", std::string(format->name) + " of all cameras, not of one; give it as option 'points2d'");
+  return format->read(path, camera);
 }
 
 std::vector<std::string> UnitedJoints(const std::vector<TrackedPoints>& cameras) {

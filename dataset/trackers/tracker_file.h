@@ -11,19 +11,6 @@
 /// at the centre of the top-left pixel, as mvstudio does.
 namespace mvstudio::dataset {
 
-enum class TrackerKind {
-  kNone,           ///< nothing of these, e.g. JSON
-  kHdf5,           ///< DeepLabCut's .h5 or SLEAP's analysis .h5
-  kDeepLabCutCsv,  ///< first line `scorer,…`
-  kSleapCsv,       ///< SLEAP's analysis CSV: columns track, frame_idx
-  kWideCsv,        ///< columns NAME_x, NAME_y of each joint, a row a frame
-  kCaliscopeCsv    ///< all cameras in one file: columns sync_index, img_loc_x
-};
-
-/// By the first bytes of the file. Throws IoError; FormatError for a .pickle file, with what to give instead.
-TrackerKind DetectTracker(const std::string& path);
-std::string_view ToString(TrackerKind kind);
-
 /// One camera's file.
 struct TrackedPoints {
   std::string program;                   ///< "DeepLabCut", "SLEAP"
@@ -36,10 +23,20 @@ struct TrackedPoints {
   double time_step = 0;  ///< frames were numbered by the rows' times, one in so many of their unit; 0: the file numbers them
 };
 
-/// Reads a file of the kinds kHdf5, kDeepLabCutCsv, kSleapCsv and kWideCsv. Rows of text that cannot be read are left out and
-/// listed; more than half of them are an error. HDF5 files are read in a child process first, because the library may crash on
-/// damaged ones. Throws IoError, or FormatError with the place and what to do; so for SLEAP projects (.slp), tables of 3D
-/// points and labelled images in HDF5.
+/// A program's layout; the table of them stands in tracker_file.cc.
+struct TrackerFormat {
+  std::string_view name;
+  bool (*fits)(std::string_view head);  ///< by the first line of text, or the first bytes of HDF5
+  TrackedPoints (*read)(const std::string& path, const std::string& camera);  ///< null: a table of all cameras
+};
+
+/// By the first bytes of the file; null: none of these, e.g. JSON. Throws IoError; FormatError for what has to be converted
+/// first (.pickle, columns of several cameras), with how.
+const TrackerFormat* FindTrackerFormat(const std::string& path);
+
+/// Reads one camera's file of any such format. Rows of text that cannot be read are left out and listed; more than half of them
+/// are an error. HDF5 files are read in a child process first, because the library may crash on damaged ones. Throws IoError,
+/// or FormatError with the place and what to do; so for SLEAP projects (.slp), tables of 3D points and labelled images in HDF5.
 TrackedPoints ReadTrackerFile(const std::string& path, const std::string& camera);
 
 /// Same for HDF5 without the child process.

@@ -12,11 +12,10 @@ namespace mvstudio::stages {
 namespace {
 
 using dataset::TrackedPoints;
-using dataset::TrackerKind;
 
-TrackerKind KindOf(const std::string& path) {
+const dataset::TrackerFormat* FormatOf(const std::string& path) {
   std::error_code error;
-  return std::filesystem::is_regular_file(path, error) ? dataset::DetectTracker(path) : TrackerKind::kNone;
+  return std::filesystem::is_regular_file(path, error) ? dataset::FindTrackerFormat(path) : nullptr;
 }
 
 void WarnOfDifferences(const TrackedPoints& camera, const std::vector<std::string>& joints, InputNotes* notes) {
@@ -79,15 +78,14 @@ geometry::Skeleton JoinedSkeleton(const std::vector<TrackedPoints>& cameras, con
 }  // namespace
 
 bool HasTrackerFile(const std::vector<NamedPath>& pose2d) {
-  return std::any_of(pose2d.begin(), pose2d.end(),
-                     [](const NamedPath& named) { return KindOf(named.path) != TrackerKind::kNone; });
+  return std::any_of(pose2d.begin(), pose2d.end(), [](const NamedPath& named) { return FormatOf(named.path) != nullptr; });
 }
 
 dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const std::optional<geometry::Skeleton>& given,
                                     const NamedBones& of_project, InputNotes* notes) {
   std::vector<TrackedPoints> cameras;
   for (const auto& [camera, path] : pose2d) {
-    if (KindOf(path) == TrackerKind::kNone) {
+    if (!FormatOf(path)) {
       throw UsageError(
           "option 'pose2d' " + camera + "=" + path +
           " is no file of DeepLabCut or SLEAP, but another camera's is; give files of one program for all cameras");
@@ -105,15 +103,15 @@ dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const 
 
 dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::optional<geometry::Skeleton>& given, InputNotes* notes) {
   const geometry::Skeleton* named = given ? &*given : nullptr;
-  const TrackerKind kind = KindOf(path);
-  if (kind == TrackerKind::kNone) {
+  const dataset::TrackerFormat* format = FormatOf(path);
+  if (!format) {
     dataset::Pose2dSet set = dataset::ReadPose2dCsv(path, named);
     if (set.time_step > 0) NoteTimes(Format("all cameras (a frame every %.6g)", set.time_step), notes);
     return set;
   }
-  if (kind != TrackerKind::kCaliscopeCsv) {
+  if (format->read) {
     throw FormatError(path, "",
-                      "one camera's " + std::string(ToString(kind)) +
+                      "one camera's " + std::string(format->name) +
                           ", not a table of all cameras; give it as option "
                           "'pose2d' NAME=FILE, once for each camera");
   }

@@ -106,7 +106,7 @@ TEST_F(DeepLabCut, WhatIsNoTableOf2dPointsIsNamed) {
   EXPECT_THAT(Message(std::string(kHeader)), HasSubstr("holds no frame"));
   EXPECT_THAT(Message("scorer;S;S\nbodyparts;a;a\n"), HasSubstr("';'"));
   std::ofstream(folder_ / "a.pickle") << "x";
-  EXPECT_THAT(MessageOf<FormatError>([&] { DetectTracker(folder_ / "a.pickle"); }), HasSubstr(".h5 or .csv"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { FindTrackerFormat(folder_ / "a.pickle"); }), HasSubstr(".h5 or .csv"));
   EXPECT_THROW(ReadTrackerFile(folder_ / "none.h5", "a"), IoError);
 }
 

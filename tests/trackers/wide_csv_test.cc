@@ -102,7 +102,7 @@ TEST_F(WideCsv, CamerasInNamesOfColumnsAreNoJoints) {
 
 TEST_F(WideCsv, TablesOfAllCamerasAreNone) {
   std::ofstream(folder_ / "b.csv") << "camera,frame,person,joint,x_px,y_px,score\nc1,0,0,nose,1,2,1\n";
-  EXPECT_EQ(DetectTracker(folder_ / "b.csv"), TrackerKind::kNone);
+  EXPECT_EQ(FindTrackerFormat(folder_ / "b.csv"), nullptr);
 }
 
 }  // namespace
