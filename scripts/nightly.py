@@ -59,7 +59,13 @@ def fuzz(figures):
         figures["executions"] = sum(target["executions"] for target in figures["targets"].values())
 
 
-STEPS = {step.__name__: step for step in (tests, faults, fuzz, asan, tsan)}
+def packages(figures):
+    yield [ROOT / "scripts/package", "ci"]
+    yield [ROOT / "scripts/try-packages"]
+    figures["bytes"] = {path.name: path.stat().st_size for path in sorted((RELEASE / "packages").glob("*.deb"))}
+
+
+STEPS = {step.__name__: step for step in (tests, faults, fuzz, asan, tsan, packages)}
 
 
 def run(name):
