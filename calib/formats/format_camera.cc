@@ -136,7 +136,7 @@ void AddCamera(geometry::RigCamera camera, const Place& place, geometry::Rig* ri
 void StateLensesOnly(ImportedRig* imported) {
   imported->rig.gauge = geometry::kLensesOnly;
   imported->notes.push_back(
-      {"CAL-NOPOSE", "the file has no rotations and translations (R, T): the lenses are known, where the cameras stand is not",
+      {"CAL-NOPOSE", "no rotations and translations (R, T) were found in the file: the lenses are known, where the cameras stand is not",
        "give the file with them as well, or place the cameras: calibrate with option 'start', or calib refine with option "
        "'from-keypoints'"});
 }

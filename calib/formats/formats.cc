@@ -160,8 +160,9 @@ CalibrationFormat DetectFormat(const std::string& path) {
   const size_t start = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   if (start == std::string::npos) throw FormatError(path, "", "the file is empty");
   if (has("'lensmodel'") || has("\"lensmodel\"")) return CalibrationFormat::kMrcal;
-  const bool chain = has("camera_model:") && has("cam0:");  // OpenVINS heads Kalibr's files as OpenCV's
-  if (text.compare(start, 5, "%YAML") == 0 && !chain) {
+  const bool chain = has("camera_model:") && has("cam0:");  // OpenVINS heads Kalibr's files as OpenCV's, Kimera EuRoC's
+  const bool euroc = has("camera_model:") && has("T_BS:") && has("intrinsics:");
+  if (text.compare(start, 5, "%YAML") == 0 && !chain && !euroc) {
     return has("\nK_") || has("\nRot_") ? CalibrationFormat::kEasyMocap : CalibrationFormat::kOpenCvYaml;
   }
   if (text[start] == '{') {
@@ -182,7 +183,7 @@ CalibrationFormat DetectFormat(const std::string& path) {
     return CalibrationFormat::kQca;
   if (name == "cameras.txt" || has("# Camera list with one line of data per camera")) return CalibrationFormat::kColmapText;
   if (has("camera_matrix:") || has("mtx:") || internal::IsCameraInfo(text)) return CalibrationFormat::kOpenCvYaml;
-  if (has("intrinsics:") && (has("T_BS:") || chain)) return CalibrationFormat::kKalibr;
+  if (euroc || (has("intrinsics:") && (has("T_BS:") || chain))) return CalibrationFormat::kKalibr;
   if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
     return has("[cameras") ? CalibrationFormat::kCaliscope : CalibrationFormat::kToml;
   }

@@ -22,39 +22,66 @@ using internal::FindEntry;
 using internal::FindFirst;
 
 constexpr std::initializer_list<const char*> kMatrixKeys = {"cameramatrix", "k", "mtx"};
-constexpr std::initializer_list<const char*> kDistortionKeys = {
-    "distortioncoefficients", "distcoeffs", "distcoeff", "distortion", "d", "dist", "distortionvector", "coeffs"};
+constexpr std::initializer_list<const char*> kDistortionKeys = {"distortioncoefficients",
+                                                                "distortioncoeffs",
+                                                                "distortioncoef",
+                                                                "distcoeffs",
+                                                                "distcoeff",
+                                                                "distcoefs",
+                                                                "distcoef",
+                                                                "distortion",
+                                                                "d",
+                                                                "dist",
+                                                                "distortionvector",
+                                                                "coeffs"};
+/// The pose of the second of two cameras.
+constexpr std::initializer_list<const char*> kRotationKeys = {"r", "rotation", "rotationmatrix", "rot", "rmat"};
+constexpr std::initializer_list<const char*> kTranslationKeys = {"t", "translation", "translationvector", "trans", "tvec"};
 
-/// Names of the matrices and coefficients of both cameras: OpenCV's sample, and those of its functions' arguments.
+/// Names of the matrices and coefficients of both cameras.
 struct StereoKeys {
-  const char *matrix1, *distortion1, *matrix2, *distortion2;
+  std::string matrix1, distortion1, matrix2, distortion2;
 };
-constexpr StereoKeys kStereoKeys[] = {{"m1", "d1", "m2", "d2"},
-                                      {"k1", "d1", "k2", "d2"},
-                                      {"cameramatrix1", "distcoeffs1", "cameramatrix2", "distcoeffs2"},
-                                      {"cameramatrix1", "dist1", "cameramatrix2", "dist2"},
-                                      {"cameramatrixleft", "distcoeffsleft", "cameramatrixright", "distcoeffsright"},
-                                      {"cameramatrixl", "distcoeffsl", "cameramatrixr", "distcoeffsr"},
-                                      {"mtx1", "dist1", "mtx2", "dist2"},
-                                      {"mtxl", "distl", "mtxr", "distr"},
-                                      {"kl", "dl", "kr", "dr"}};
 
-/// Those that the entries have: both matrices, which a number of that name (a lens's k1) is not.
-const StereoKeys* StereoKeysOf(const Entries& entries) {
-  const auto is_matrix = [&](const char* key) {
-    const auto found = entries.find(key);
-    return found != entries.end() && (found->second.value.kind == internal::Value::Kind::kTable ||
-                                      found->second.value.kind == internal::Value::Kind::kList);
-  };
-  const auto has = [&](const StereoKeys& keys, bool distorted) {
-    return is_matrix(keys.matrix1) && is_matrix(keys.matrix2) && (!distorted || is_matrix(keys.distortion1));
-  };
-  for (const bool distorted : {true, false}) {
-    for (const StereoKeys& keys : kStereoKeys) {
-      if (has(keys, distorted)) return &keys;
+/// A name with the side behind it (M1, cameraMatrixL, camera_matrix_left), or before it (left_camera_matrix).
+struct Sides {
+  const char *first, *second;
+  bool before = false;
+
+  std::string Name(const std::string& word, const char* side) const { return before ? side + word : word + side; }
+};
+constexpr Sides kSides[] = {{"1", "2"},
+                            {"left", "right"},
+                            {"l", "r"},
+                            {"0", "1"},
+                            {"left", "right", true},
+                            {"cam1", "cam2", true},
+                            {"cam0", "cam1", true},
+                            {"camera1", "camera2", true}};
+
+bool IsMatrix(const Entries& entries, const std::string& key) {
+  const auto found = entries.find(key);
+  return found != entries.end() && (found->second.value.kind == internal::Value::Kind::kTable ||
+                                    found->second.value.kind == internal::Value::Kind::kList);
+}
+
+/// Those that the entries have: both matrices, which a number of that name (a lens's k1) is not. Names with coefficients come
+/// before names without.
+std::optional<StereoKeys> StereoKeysOf(const Entries& entries) {
+  std::optional<StereoKeys> found;
+  for (const char* word : {"m", "k", "cameramatrix", "intrinsicmatrix", "mtx"}) {
+    for (const Sides& sides : kSides) {
+      StereoKeys keys{sides.Name(word, sides.first), "", sides.Name(word, sides.second), ""};
+      if (!IsMatrix(entries, keys.matrix1) || !IsMatrix(entries, keys.matrix2)) continue;
+      for (const char* distortion : kDistortionKeys) {
+        const std::string first = sides.Name(distortion, sides.first);
+        if (!IsMatrix(entries, first)) continue;
+        return StereoKeys{keys.matrix1, first, keys.matrix2, sides.Name(distortion, sides.second)};
+      }
+      if (!found) found = keys;
     }
   }
-  return nullptr;
+  return found;
 }
 
 Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const ReadOptions& options) {
@@ -109,12 +136,14 @@ geometry::Rigid3 ReadPose(const Entry& rotation, const Entry& translation, doubl
 void AddStereo(const Entries& entries, const StereoKeys& keys, const Eigen::Vector2d& size, const ReadOptions& options,
                ImportedRig* imported) {
   geometry::Rig& rig = imported->rig;
+  const Entry *first = FindEntry(entries, keys.distortion1), *second = FindEntry(entries, keys.distortion2);
+  if (first && !second)
+    throw FormatError(first->place.path, first->place.where, "the other camera has no coefficients by such a name");
   rig.gauge = geometry::RigGauge::OfCamera("left");
-  rig.cameras.push_back(ReadCamera(entries, "left", *FindEntry(entries, keys.matrix1), FindEntry(entries, keys.distortion1),
-                                   size, options, &imported->notes));
-  rig.cameras.push_back(ReadCamera(entries, "right", *FindEntry(entries, keys.matrix2), FindEntry(entries, keys.distortion2),
-                                   size, options, &imported->notes));
-  const Entry *rotation = FindEntry(entries, "r"), *translation = FindEntry(entries, "t");
+  rig.cameras.push_back(ReadCamera(entries, "left", *FindEntry(entries, keys.matrix1), first, size, options, &imported->notes));
+  rig.cameras.push_back(
+      ReadCamera(entries, "right", *FindEntry(entries, keys.matrix2), second, size, options, &imported->notes));
+  const Entry *rotation = FindFirst(entries, kRotationKeys), *translation = FindFirst(entries, kTranslationKeys);
   if (rotation && translation) {
     geometry::Rigid3& right = rig.cameras[1].cam_from_world;
     right = right * ReadPose(*rotation, *translation, options.metres_per_unit);
@@ -251,7 +280,7 @@ ImportedRig ReadNested(const std::string& path, const Entries& root, std::vector
     placed += AddSingle(camera.entries, camera.name, path, options, &imported);
     files.push_back(std::move(camera.entries));
   }
-  const Entry *rotation = FindEntry(root, "r"), *translation = FindEntry(root, "t");
+  const Entry *rotation = FindFirst(root, kRotationKeys), *translation = FindFirst(root, kTranslationKeys);
   std::vector<geometry::RigCamera>& read = imported.rig.cameras;
   const bool stereo = placed == 0 && read.size() == 2 && rotation && translation;
   if (stereo) read[1].cam_from_world = read[1].cam_from_world * ReadPose(*rotation, *translation, options.metres_per_unit);
@@ -337,7 +366,7 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOpti
   if (paths.size() == 1 && internal::IsMcCalib(files[0])) return internal::ReadMcCalib(paths[0], files[0], options);
   ImportedRig imported;
   const Entries entries = Together(files);
-  if (const StereoKeys* const stereo = StereoKeysOf(entries)) {
+  if (const auto stereo = StereoKeysOf(entries)) {
     AddStereo(entries, *stereo, ReadSize(entries, paths.front(), options), options, &imported);
   } else if (FindFirst(entries, kMatrixKeys)) {
     const bool placed = AddSingle(entries, "camera", paths.front(), options, &imported);

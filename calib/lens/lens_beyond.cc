@@ -56,6 +56,12 @@ bool IsNearer(const BeyondBoards& a, const BeyondBoards& b) {
   return a.side_px < b.side_px || (std::isnan(b.side_px) && !std::isnan(a.side_px));
 }
 
+/// Whether it is to be taken instead: it passes more, or it does not fold in the image where the other does and neither fails.
+bool IsSafer(const BeyondBoards& a, const BeyondBoards& b) {
+  if (a.level != b.level) return a.level < b.level;
+  return a.level == Level::kWarn && a.folded <= kFoldSlack && b.folded > kFoldSlack;
+}
+
 /// Simpler, and no less honest where no board was: the curves of one or two parameters of other wide lenses claim to know
 /// what is there.
 bool MayReplace(const LensCandidate& candidate, const LensCandidate& chosen) {
@@ -99,7 +105,7 @@ int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<
   for (size_t i = 0; i < candidates.size(); ++i) {
     if (!near[i] || !MayReplace(candidates[i], of_chosen)) continue;
     const BeyondBoards beyond = JudgeBeyond(candidates[i].fit, options, need_px);
-    if (beyond.level < of_taken.level) taken = static_cast<int>(i), of_taken = beyond;
+    if (IsSafer(beyond, of_taken)) taken = static_cast<int>(i), of_taken = beyond;
     if (IsNearer(beyond, of_closest)) closest = static_cast<int>(i), of_closest = beyond;
   }
   const double best_error = of_chosen.relative_error;

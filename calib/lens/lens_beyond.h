@@ -22,8 +22,9 @@ BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, doub
 std::string ToString(const BeyondBoards& beyond);
 
 /// The lens to take for `chosen`: of those that held-out boards do not tell from the best (`near`, one flag a candidate), the
-/// simplest that passes better where no board was. `chosen` itself where none does. `note` then says which of them comes nearer
-/// than `chosen`, if one does, or why the other was taken. A lens that held-out boards tell from the best is never named.
+/// simplest that passes better where no board was, or warns as it does but does not fold in the image. `chosen` itself where
+/// none does. `note` then says which of them comes nearer than `chosen`, if one does, or why the other was taken. A lens that
+/// held-out boards tell from the best is never named.
 int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<bool>& near, int chosen,
                 const BundleOptions& options, double need_px, std::string* note);
 

@@ -82,12 +82,34 @@ double MetresOf(const std::string& word) {
   return 0;
 }
 
+bool HoldsOneOf(const std::string& text, std::initializer_list<const char*> pieces) {
+  return std::any_of(pieces.begin(), pieces.end(), [&](const char* piece) { return text.find(piece) != std::string::npos; });
+}
+
+/// Coefficients of a lens, by whatever name; not how sure they are, how many, or images without distortion.
+bool NamesDistortion(const std::string& plain) {
+  return HoldsOneOf(plain, {"distortion", "distcoef"}) &&
+         !HoldsOneOf(plain,
+                     {"undist", "std", "sigma", "dev", "var", "num", "error", "model", "type", "map", "valid", "rectified"});
+}
+
+/// Of a matrix its elements alone; some number in it is not zero.
+bool HoldsNumber(const std::string& value) {
+  const size_t data = value.find("data");
+  return value.find_first_of("123456789", data == std::string::npos ? 0 : data) != std::string::npos &&
+         (data != std::string::npos || value.find_first_of("0123456789-+.[") == 0);
+}
+
 /// Why the numbers mean something else; empty: they do not.
 std::string OtherMeaning(const std::string& key, const std::string& value, double metres_per_unit) {
   const std::string plain = PlainKey(key), word = PlainKey(value);
   if (IsNeutral(value)) return "";
   if (Has(kLensKeys, plain) && !Has(kPinholes, word))
     return "says what kind of lens it is, which this format's reader does not know";
+  if (NamesDistortion(plain) && HoldsNumber(value))
+    return "is a distortion by a name that this format's reader does not know: call it distortion_coefficients (of two cameras "
+           "D1 "
+           "and D2)";
   if (Has(kSkewKeys, plain)) return "is a skew, which no lens model here has";
   if (plain == "xi")
     return "is the mirror of an omnidirectional lens (Mei), which this format's reader does not know; Kalibr's omni is read";
@@ -148,13 +170,17 @@ void UnusedKeys::Add(const std::string& where, const std::string& key, const std
 
 std::string UnusedKeys::Text() const {
   constexpr size_t kShown = 8;
-  std::string text;
+  std::string poses, others;  // what may be a pose comes first
   size_t shown = 0;
-  for (const auto& [key, seen] : seen_) {
-    if (++shown > kShown) break;
-    text += (text.empty() ? "" : ", ") + seen.where + (seen.times > 1 ? " (" + std::to_string(seen.times) + " times)" : "");
+  for (const bool pose : {true, false}) {
+    for (const auto& [key, seen] : seen_) {
+      const bool is_pose = HoldsOneOf(PlainKey(key), {"rot", "trans", "pose", "extrinsic", "rvec", "tvec"});
+      if (is_pose != pose || ++shown > kShown) continue;
+      std::string& text = pose ? poses : others;
+      text += (shown == 1 ? "" : ", ") + seen.where + (seen.times > 1 ? " (" + std::to_string(seen.times) + " times)" : "");
+    }
   }
-  return seen_.size() > kShown ? text + " and " + std::to_string(seen_.size() - kShown) + " more" : text;
+  return poses + others + (shown > kShown ? " and " + std::to_string(shown - kShown) + " more" : "");
 }
 
 }  // namespace mvstudio::geometry

@@ -136,7 +136,8 @@ std::vector<FilmGain> PredictGain(const calib::CalibrateReport& report, const st
   for (FilmGain& gain : gains) {
     const auto c = static_cast<size_t>(gain.camera_idx);
     gain.before_px = before[c], gain.after_px = after[c];
-    if (std::isfinite(gain.after_px)) known.push_back(std::move(gain));
+    const bool lower = !std::isfinite(gain.before_px) || gain.after_px < gain.before_px;
+    if (std::isfinite(gain.after_px) && lower) known.push_back(std::move(gain));
   }
   return known;
 }

@@ -18,7 +18,8 @@ struct FilmGain {
 /// the parts of its image that hold the fewest, tilted by turns. The uncertainty comes from the normal equations with the
 /// corners of these boards added, at the report's solution. Where it is tens of px, the lens itself is that far off, and such
 /// boards gain more than is predicted. Empty for clocks with offsets, boards that move against each other and lenses alone,
-/// where the report does not hold all that counts.
+/// where the report does not hold all that counts; cameras that
+/// these boards would not help are left out.
 std::vector<FilmGain> PredictGain(const calib::CalibrateReport& report, const std::vector<calib::Board>& boards);
 
 }  // namespace mvstudio::stages

@@ -1,7 +1,10 @@
 #include "stages/calibrate/describe.h"
 
 #include <algorithm>
+#include <map>
+#include <set>
 
+#include "core/join.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/calib/board_places.h"
 #include "stages/calib/calibrate_result.h"
@@ -101,14 +104,37 @@ bool NeedsFloor(const calib::CalibrateReport& solved, const CommandResult& said)
          std::none_of(said.warnings.begin(), said.warnings.end(), [](const Notice& w) { return w.code == "CAL-WORLD"; });
 }
 
+/// "a 7, b 153; 6 frames show boards to several cameras"
+std::string BoardsSeenText(const calib::CalibrateInput& input) {
+  std::map<int, std::set<int64_t>> frames_of;
+  std::map<int64_t, int> cameras_at;
+  for (const calib::Detection& seen : input.detections) {
+    if (frames_of[seen.camera_idx].insert(seen.frame_idx).second) ++cameras_at[seen.frame_idx];
+  }
+  const std::string cameras = Join(frames_of, ", ", [&](const auto& row) {
+    return input.cameras[static_cast<size_t>(row.first)].name + " " + std::to_string(row.second.size());
+  });
+  const auto shared = std::count_if(cameras_at.begin(), cameras_at.end(), [](const auto& row) { return row.second > 1; });
+  return cameras + "; " + std::to_string(shared) + " of them are seen by several cameras";
+}
+
+std::string UnsolvedHint(const calib::CalibrateReport& solved, const calib::CalibrateInput& input) {
+  const std::string status = "status " + std::string(ToString(solved.status));
+  if (solved.status != Status::kNotConverged || input.cameras.size() < 2) return status;
+  return status + "; images with a board: " + BoardsSeenText(input) +
+         ". Cameras that agree with each other do converge: see whether each is calibrated by itself (option "
+         "'intrinsics-only'), and "
+         "whether images of one number are of one moment (option 'timestamps', mvstudio sync)";
+}
+
 /// A failure has its warnings and what was saved before, nothing else.
-CommandResult DescribeUnsolved(const calib::CalibrateReport& solved) {
+CommandResult DescribeUnsolved(const calib::CalibrateReport& solved, const calib::CalibrateInput& input) {
   CommandResult result;
   result.exit = kExitIllPosed;
   result.metrics["status"] = std::string(ToString(solved.status));
   result.metrics["verdict"] = VerdictJson(solved.verdict);
   if (!solved.frame_shift.empty()) result.metrics["frame_shift"] = solved.frame_shift;
-  result.errors.push_back({"CAL-UNSOLVED", solved.message, "status " + std::string(ToString(solved.status))});
+  result.errors.push_back({"CAL-UNSOLVED", solved.message, UnsolvedHint(solved, input)});
   return result;
 }
 
@@ -157,7 +183,7 @@ CommandResult DescribeFound(const CalibrateReport& report, const BoardCalibratio
   if (found.earlier_world) result.Add(DescribeEarlierWorld(*found.earlier_world));
   if (solved.status != Status::kOk) {
     result.metrics.clear(), result.text.clear();
-    result.Add(DescribeUnsolved(solved));
+    result.Add(DescribeUnsolved(solved, found.corners.input));
     result.metrics["pairing"] = PairingJson(report.options.corners.timeline.get());
     return result;
   }

@@ -85,6 +85,8 @@ dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const 
                                     const NamedBones& of_project, InputNotes* notes) {
   std::vector<TrackedPoints> cameras;
   for (const auto& [camera, path] : pose2d) {
+    std::error_code error;
+    if (!std::filesystem::exists(path, error)) throw IoError(path, "no such file or folder");
     if (!FormatOf(path)) {
       throw UsageError(
           "option 'pose2d' " + camera + "=" + path +

@@ -26,7 +26,8 @@ Recording Film(double noise_px, double bend_m, uint64_t seed) {
   recording.views = MakeViews({scene.board}, scene.detections, &recording.state.frames);
   Rng rng(seed);
   std::vector<Eigen::Vector2d> bends;
-  for (size_t f = 0; f < recording.state.frames.size(); ++f) bends.push_back(bend_m * Eigen::Vector2d(rng.Normal(), rng.Normal()));
+  for (size_t f = 0; f < recording.state.frames.size(); ++f)
+    bends.push_back(bend_m * Eigen::Vector2d(rng.Normal(), rng.Normal()));
   for (View& view : recording.views) {
     RigState bent = recording.state;
     bent.board_warp_m[view.board] = bends[static_cast<size_t>(view.frame)];

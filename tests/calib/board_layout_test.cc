@@ -1,7 +1,6 @@
-#include "calib/board/layout.h"
-
 #include <gtest/gtest.h>
 
+#include "calib/board/layout.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

@@ -97,7 +97,8 @@ Scene MakeChain(double noise_px, uint64_t seed) {
   }
   const auto add_board = [&](int a, int b) {
     geometry::Rigid3 cam_from_board;
-    cam_from_board.rotation = geometry::RotationExp(Eigen::Vector3d(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6), rng.Uniform(-0.5, 0.5)));
+    cam_from_board.rotation =
+        geometry::RotationExp(Eigen::Vector3d(rng.Uniform(-0.6, 0.6), rng.Uniform(-0.6, 0.6), rng.Uniform(-0.5, 0.5)));
     const double beside = a == b ? rng.Uniform(-0.25, 0.25) : 0.25;
     const Eigen::Vector3d center(beside, rng.Uniform(-0.2, 0.2), rng.Uniform(1.0, 1.4));
     cam_from_board.translation = center - cam_from_board.rotation * Eigen::Vector3d(0.24, 0.15, 0);

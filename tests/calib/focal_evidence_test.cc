@@ -1,7 +1,6 @@
-#include "calib/lens/evidence.h"
-
 #include <gtest/gtest.h>
 
+#include "calib/lens/evidence.h"
 #include "tests/calib/synthetic.h"
 
 namespace mvstudio::calib {

@@ -326,10 +326,11 @@ TEST(ReadEuroc, BodyFromCameraAndItsLens) {
   for (const std::string name : {"cam0", "cam1"}) {
     fs::create_directories(folder / name);
     WriteFileAtomic(folder / name + "/sensor.yaml",
-                    "sensor_type: camera\ncomment: VI\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, "
-                    "0, 0, 1, 0.3, 0, 0, 0, 1]\nrate_hz: 20\nresolution: [752, 480]\ncamera_model: pinhole\n"
-                    "intrinsics: [458, 457, 367, 248]\ndistortion_model: radial-tangential\n"
-                    "distortion_coefficients: [-0.28, 0.07, 0.0002, 0.00001]\n");
+                    std::string(name == "cam1" ? "%YAML:1.0\n" : "") +  // as Kimera heads it
+                        "sensor_type: camera\ncomment: VI\nT_BS:\n  cols: 4\n  rows: 4\n  data: [0, -1, 0, 0.1, 1, 0, 0, 0.2, "
+                        "0, 0, 1, 0.3, 0, 0, 0, 1]\nrate_hz: 20\nresolution: [752, 480]\ncamera_model: pinhole\n"
+                        "intrinsics: [458, 457, 367, 248]\ndistortion_model: radial-tangential\n"
+                        "distortion_coefficients: [-0.28, 0.07, 0.0002, 0.00001]\n");
   }
   const std::string first = folder / "cam0/sensor.yaml";
   EXPECT_EQ(DetectFormat(first), CalibrationFormat::kKalibr);

@@ -113,5 +113,49 @@ TEST_F(NestedOpenCv, WhatIsNotKnownIsRefusedByItsPath) {
   EXPECT_THAT(refused("cam0:\n" + Stored(m, "K", 3, 3, "800., 0.") + "cam1:\n" + Lens(m, "810")), HasSubstr("cam0.K"));
 }
 
+/// Names of both cameras' lenses in one table, by the side behind or before them.
+struct StereoNames {
+  const char *matrix[2], *distortion[2], *rotation, *translation;
+};
+
+std::string StereoText(const StereoNames& names) {
+  std::string text = "%YAML:1.0\n---\n";
+  for (const int side : {0, 1}) {
+    const std::string focal = side ? "810" : "800";
+    text += Stored("", names.matrix[side], 3, 3, focal + "., 0., 640., 0., " + focal + "., 360., 0., 0., 1.") +
+            Stored("", names.distortion[side], 1, 5, "-0.1, 0.01, 0., 0., 0.");
+  }
+  return text + Stored("", names.rotation, 3, 3, "1., 0., 0., 0., 1., 0., 0., 0., 1.") +
+         Stored("", names.translation, 3, 1, "-1., 0., 0.");
+}
+
+TEST_F(NestedOpenCv, StereoPairsByManyNames) {
+  for (const StereoNames& names : {StereoNames{{"M1", "M2"}, {"D1", "D2"}, "R", "T"},
+                                   {{"camera_matrix_left", "camera_matrix_right"},
+                                    {"distortion_coeffs_left", "distortion_coeffs_right"},
+                                    "rotation_matrix",
+                                    "translation_vector"},
+                                   {{"left_camera_matrix", "right_camera_matrix"},
+                                    {"left_distortion_coefficients", "right_distortion_coefficients"},
+                                    "R",
+                                    "T"},
+                                   {{"mtxL", "mtxR"}, {"distL", "distR"}, "Rot", "Trans"},
+                                   {{"K0", "K1"}, {"D0", "D1"}, "rotation", "translation"}})
+    ExpectTwo(Read(StereoText(names)), "left", "right");
+}
+
+TEST_F(NestedOpenCv, DistortionByAnUnknownNameIsRefusedNotDropped) {
+  const auto refused = [&](const char* left, const char* right) {
+    const StereoNames names{{"M1", "M2"}, {left, right}, "R", "T"};
+    return MessageOf<FormatError>([&] { Read(StereoText(names)); });
+  };
+  EXPECT_THAT(refused("my_distortion_a", "my_distortion_b"), HasSubstr("distortion_coefficients"));
+  EXPECT_THAT(refused("D1", "distortion_b"), HasSubstr("the other camera has no coefficients"));
+  for (const char* harmless : {"distortion_std", "undistorted_size", "num_distortion_coeffs"}) {
+    const std::string text = StereoText({{"M1", "M2"}, {"D1", "D2"}, "R", "T"}) + Stored("", harmless, 1, 2, "0.1, 0.2");
+    ExpectTwo(Read(text), "left", "right");
+  }
+}
+
 }  // namespace
 }  // namespace mvstudio::calib

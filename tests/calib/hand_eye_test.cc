@@ -24,7 +24,7 @@ struct HandEyeScene {
 
 /// Body p 1 m in front of a; `axis`: the only one about which the boards turn, zero for all.
 HandEyeScene MakeScene(int num_pairs, uint64_t seed, double rotation_noise, double translation_noise,
-                const Eigen::Vector3d& axis = Eigen::Vector3d::Zero()) {
+                       const Eigen::Vector3d& axis = Eigen::Vector3d::Zero()) {
   Rng rng(seed);
   HandEyeScene scene{RandomPose(&rng, 1, 1), RandomPose(&rng, 0.7, 0.5), {}};
   for (int i = 0; i < num_pairs; ++i) {

@@ -21,7 +21,8 @@ Eigen::MatrixXd RandomMatrix(Eigen::Index rows, Eigen::Index cols, Rng* rng) {
   return m;
 }
 
-/// Linear least squares y = J_x x + J_h h + noise, h held at h + e: the estimate is linear in noise and e, so its covariance is known.
+/// Linear least squares y = J_x x + J_h h + noise, h held at h + e: the estimate is linear in noise and e, so its covariance is
+/// known.
 TEST(CovarianceWithHeld, IsThatOfALinearProblem) {
   Rng rng(1);
   const Eigen::MatrixXd j = RandomMatrix(40, 7, &rng), root = RandomMatrix(3, 3, &rng);
@@ -29,8 +30,7 @@ TEST(CovarianceWithHeld, IsThatOfALinearProblem) {
   const Eigen::MatrixXd jx = j(Eigen::all, estimated), jh = j(Eigen::all, held), s = root * root.transpose();
   const Eigen::MatrixXd inverse = (jx.transpose() * jx).inverse();
   constexpr double kVariance = 0.3;
-  const Eigen::MatrixXd joint =
-      CovarianceWithHeld(j.transpose() * j, estimated, held, inverse, kVariance * inverse, s);
+  const Eigen::MatrixXd joint = CovarianceWithHeld(j.transpose() * j, estimated, held, inverse, kVariance * inverse, s);
   const Eigen::MatrixXd gain = inverse * jx.transpose();  // x = gain (y - J_h h)
   const Eigen::MatrixXd expected = kVariance * gain * gain.transpose() + gain * jh * s * (gain * jh).transpose();
   EXPECT_LT((joint(estimated, estimated) - expected).norm(), 1e-12 * expected.norm());
@@ -47,7 +47,8 @@ struct Given {
 Given MakeGiven(const testing::Scene& scene, double scale, uint64_t seed) {
   Rng rng(seed);
   Given given{testing::TruthRig(scene), {}};
-  const Eigen::Index p = given.rig.cameras[0].camera.params.size(), n = (p + 6) * static_cast<Eigen::Index>(given.rig.cameras.size());
+  const Eigen::Index p = given.rig.cameras[0].camera.params.size(),
+                     n = (p + 6) * static_cast<Eigen::Index>(given.rig.cameras.size());
   Eigen::VectorXd sigma = Eigen::VectorXd::Constant(n, 1e-3);
   for (Eigen::Index c = 0; c * (p + 6) < n; ++c) sigma.segment<4>(c * (p + 6)).setConstant(0.5);
   const Eigen::MatrixXd root = scale * sigma.asDiagonal() * (Eigen::MatrixXd::Identity(n, n) + 0.2 * RandomMatrix(n, n, &rng));
@@ -120,7 +121,8 @@ TEST(ProjectionUncertainty, CountsTheErrorsOfHeldLenses) {
   bundle.fix_lens = {true, true};
   const HeldCovariance held = HeldCovarianceOf(given.rig, state, bundle);
   const ProjectionUncertainty exact(views, state, bundle, 0.1), with(views, state, bundle, 0.1, held);
-  const double a = exact.PixelCovariance(1, {600, 240}, 1.2).worst_px(), b = with.PixelCovariance(1, {600, 240}, 1.2).worst_px();
+  const double a = exact.PixelCovariance(1, {600, 240}, 1.2).worst_px(),
+               b = with.PixelCovariance(1, {600, 240}, 1.2).worst_px();
   EXPECT_GT(b, 1.2 * a);
   // Many gradients at once take another way through the same numbers.
   EXPECT_NEAR(with.UncertaintyMap(1, 12, 8, 1.2)(0, 0), with.PixelCovariance(1, {0, 0}, 1.2).worst_px(), 1e-9);

@@ -63,7 +63,8 @@ TEST(HeldOutView, WithTheTrueLensTheErrorsAreTheNoise) {
 }
 
 TEST(HeldOutView, FewCornersSayWhatTheyCanAndNoMore) {
-  for (const std::vector<int>& corners : {std::vector<int>{0, 4, 22, 30, 40}, {0, 8, 26, 35, 44, 20}, {0, 3, 18, 21, 30, 41, 12}}) {
+  for (const std::vector<int>& corners :
+       {std::vector<int>{0, 4, 22, 30, 40}, {0, 8, 26, 35, 44, 20}, {0, 3, 18, 21, 30, 41, 12}}) {
     double gross = 0;
     const double rms = RmsOf(MakeNoisy(0.3), corners, &gross);
     EXPECT_EQ(gross, 0) << corners.size();

@@ -1,7 +1,6 @@
-#include "calib/keypoints/fit.h"
-
 #include <gtest/gtest.h>
 
+#include "calib/keypoints/fit.h"
 #include "tests/calib/keypoint_support.h"
 
 namespace mvstudio::calib {

@@ -1,10 +1,9 @@
-#include "calib/keypoints/split.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <numeric>
 
+#include "calib/keypoints/split.h"
 #include "core/error.h"
 
 namespace mvstudio::calib {

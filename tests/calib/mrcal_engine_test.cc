@@ -57,8 +57,8 @@ double LargestDifference(const std::vector<View>& views, const RigState& a, cons
 }
 
 TEST(SolveWithMrcal, RecoversTheTruthForEveryModelItKnows) {
-  for (LensModel model : {LensModel::kPinhole, LensModel::kBrown4, LensModel::kBrown5, LensModel::kRational8,
-                          LensModel::kThinPrism12}) {
+  for (LensModel model :
+       {LensModel::kPinhole, LensModel::kBrown4, LensModel::kBrown5, LensModel::kRational8, LensModel::kThinPrism12}) {
     SceneOptions options;
     options.model = model;
     Problem p = MakeProblem(options);

@@ -20,8 +20,10 @@ testing::Scene Swinging(double readout, double speed, double noise_px, uint64_t 
   const auto board_at = [&](double frame) {
     const double t = speed * frame;
     geometry::Rigid3 pose;
-    pose.rotation = geometry::RotationExp(Eigen::Vector3d(M_PI / 2 + 0.4 * std::sin(t), 0.5 * std::sin(1.3 * t), 0.4 * std::sin(0.7 * t)));
-    pose.translation = Eigen::Vector3d(0.25 * std::sin(1.1 * t) - 0.24, 0.3 * std::sin(0.9 * t), 0.2 * std::sin(1.7 * t) + 0.15);
+    pose.rotation =
+        geometry::RotationExp(Eigen::Vector3d(M_PI / 2 + 0.4 * std::sin(t), 0.5 * std::sin(1.3 * t), 0.4 * std::sin(0.7 * t)));
+    pose.translation =
+        Eigen::Vector3d(0.25 * std::sin(1.1 * t) - 0.24, 0.3 * std::sin(0.9 * t), 0.2 * std::sin(1.7 * t) + 0.15);
     return pose;
   };
   Rng rng(seed);

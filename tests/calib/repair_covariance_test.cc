@@ -55,8 +55,8 @@ testing::Scene MakeCheckScene(double noise_px) {
   return testing::MakeScene(options);
 }
 
-/// Monte Carlo: cameras that err by what the calibration states place the bumped one; its new covariance covers the truth, which the
-/// boards' noise alone does not.
+/// Monte Carlo: cameras that err by what the calibration states place the bumped one; its new covariance covers the truth,
+/// which the boards' noise alone does not.
 TEST(RepairCovariance, CoversTheTruth) {
   constexpr int kSamples = 25;
   testing::Scene scene = MakeCheckScene(0.05);
@@ -78,7 +78,8 @@ TEST(RepairCovariance, CoversTheTruth) {
     const geometry::Vector6d error = Difference(repaired.cam_from_world, truth.cameras[2].cam_from_world);
     with += error.dot(repaired.cam_from_world_covariance->ldlt().solve(error)) / (6 * kSamples);
     geometry::Rig nothing = rig;
-    for (geometry::RigCamera& camera : nothing.cameras) camera.params_covariance->setZero(), camera.cam_from_world_covariance->setZero();
+    for (geometry::RigCamera& camera : nothing.cameras)
+      camera.params_covariance->setZero(), camera.cam_from_world_covariance->setZero();
     nothing.joint_covariance->setZero();
     const RigCheck exact = CheckRig(nothing, ToInput(scene), {}, {});
     without += error.dot(exact.repaired.cameras[2].cam_from_world_covariance->ldlt().solve(error)) / (6 * kSamples);

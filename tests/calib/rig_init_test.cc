@@ -1,5 +1,3 @@
-#include "calib/rig/init.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +8,7 @@
 #include "calib/bundle/bundle.h"
 #include "calib/covariance/uncertainty.h"
 #include "calib/lens/resection.h"
+#include "calib/rig/init.h"
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
 

@@ -60,7 +60,8 @@ geometry::Rig Shifted(const geometry::Rig& rig, Eigen::Index row, double step) {
     const Eigen::Index p = camera.camera.params.size(), at = row - begin;
     if (at >= 0 && at < p) camera.camera.params[at] += step;
     if (at >= p && at < p + 6)
-      camera.cam_from_world = geometry::Perturb(geometry::Vector6d(step * geometry::Vector6d::Unit(at - p)), camera.cam_from_world);
+      camera.cam_from_world =
+          geometry::Perturb(geometry::Vector6d(step * geometry::Vector6d::Unit(at - p)), camera.cam_from_world);
     begin += p + 6;
   }
   return shifted;
@@ -154,7 +155,8 @@ TEST(CovarianceOfPointBundle, CarriesAHeldLens) {
     by_lens.block<3, 1>(0, k) = geometry::RotationLog((plus.rotation * minus.rotation.conjugate()).normalized()) / 0.02;
     by_lens.block<3, 1>(3, k) = (plus.translation - minus.translation) / 0.02;
   }
-  const Eigen::MatrixXd expected = by_lens * lens * by_lens.transpose(), added = held.cam_from_world[1] - exact.cam_from_world[1];
+  const Eigen::MatrixXd expected = by_lens * lens * by_lens.transpose(),
+                        added = held.cam_from_world[1] - exact.cam_from_world[1];
   EXPECT_LT((added - expected).norm(), 0.02 * expected.norm());
 }
 

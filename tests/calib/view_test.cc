@@ -46,7 +46,8 @@ TEST_P(LinearizeViewTest, AgreesWithFiniteDifferences) {
     EXPECT_LT((pose - linear->d_pose.col(i)).cwiseAbs().maxCoeff(), 1e-5 * pose.norm()) << i;
   }
   for (int i = 0; i < linear->d_lens.cols(); ++i) {
-    const Eigen::VectorXd params = Difference(view, truth, [&](double step, auto* camera, auto*) { camera->params[i] += step; });
+    const Eigen::VectorXd params =
+        Difference(view, truth, [&](double step, auto* camera, auto*) { camera->params[i] += step; });
     EXPECT_LT((params - linear->d_lens.col(i)).cwiseAbs().maxCoeff(), 1e-5 * std::max(1.0, params.norm())) << i;
   }
 }

@@ -216,12 +216,21 @@ TEST(TrackerInput, JointsThatACameraLacksAreSaid) {
   Put(folder / "a.csv", "scorer,S,S,S,S\nbodyparts,nose,nose,tail,tail\ncoords,x,y,x,y\n0,1,2,3,4\n");
   Put(folder / "b.csv", "scorer,S,S\nbodyparts,nose,nose\ncoords,x,y\n0,1,2\n");
   InputNotes result;
-  const dataset::Pose2dSet set = ReadTrackerFiles({{"a", folder / "a.csv"}, {"b", folder / "b.csv"}}, std::nullopt, {}, &result);
+  const dataset::Pose2dSet set =
+      ReadTrackerFiles({{"a", folder / "a.csv"}, {"b", folder / "b.csv"}}, std::nullopt, {}, &result);
   EXPECT_THAT(set.skeleton.joints, ElementsAre("nose", "tail"));
   ASSERT_EQ(result.warnings.size(), 1u);
   EXPECT_THAT(result.warnings[0].text, HasSubstr("b: its file lacks 1 of 2 joints that other cameras have: tail"));
   const dataset::Pose2dSet sleap = ReadTrackerFiles({{"a", Seed("tracker_hdf5/sleap.h5")}}, std::nullopt, {}, &result);
   EXPECT_EQ(sleap.skeleton.bones.size(), 2u);
+}
+
+TEST(TrackerInput, AFileThatIsNotThereIsCalledThat) {
+  const TempDir folder;
+  Put(folder / "a.csv", "scorer,S,S\nbodyparts,nose,nose\ncoords,x,y\n0,1,2\n");
+  InputNotes result;
+  const auto read = [&] { ReadTrackerFiles({{"a", folder / "a.csv"}, {"b", folder / "b.csv"}}, std::nullopt, {}, &result); };
+  EXPECT_THAT(MessageOf<IoError>(read), HasSubstr("no such file"));
 }
 
 }  // namespace

@@ -37,6 +37,23 @@ TEST(TriangulatePoint, RecoversNoiseFreePoints) {
   }
 }
 
+/// Exact files state or lead to sigmas below the rounding of a pixel: no step can be a millionth of those.
+TEST(TriangulatePoint, SigmasBelowRoundingAreNoReasonNotToConverge) {
+  const geometry::Rig rig = MakeRing(5);
+  Rng rng(2);
+  for (const double sigma_px : {1e-6, 1e-9, 1e-13}) {
+    for (int trial = 0; trial < 200; ++trial) {
+      const Eigen::Vector3d truth = RandomPoint(&rng);
+      std::vector<Observation> observations = Observe(rig, truth);
+      observations.resize(2);
+      for (Observation& observation : observations) observation.sigma_px = sigma_px;
+      const Point point = Triangulate(rig, observations);
+      ASSERT_EQ(point.status, Status::kOk) << sigma_px;
+      EXPECT_LT((point.x_in_world - truth).norm(), 1e-12);
+    }
+  }
+}
+
 TEST(TriangulatePoint, AllMethodsRecoverNoiseFreePoints) {
   const geometry::Rig rig = MakeRing(6);
   const Eigen::Vector3d truth(0.3, -0.2, 0.5);

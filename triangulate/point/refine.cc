@@ -11,10 +11,13 @@
 namespace mvstudio::triangulate {
 namespace {
 
+constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();  // of a projection, relative
+
 /// The cost is chi squared.
 struct Linearization : geometry::NormalEquations<3> {
   Status status = Status::kOk;
   double worst_squared = 0;
+  double rounding = 0;  ///< of the cost, squared residuals that rounding of the pixels alone makes
 };
 
 Status ProjectPinhole(const geometry::Camera& camera, const Eigen::Vector3d& x_in_cam, Eigen::Vector2d* px,
@@ -61,6 +64,8 @@ struct PointProblem : geometry::LeastSquaresProblem<3, Eigen::Vector3d, Lineariz
       sum->h.noalias() += jacobian.transpose() * jacobian;
       sum->g.noalias() += jacobian.transpose() * residual;
       sum->cost += residual.squaredNorm();
+      const double rounding = kRounding * weight * (px.lpNorm<1>() + view.camera->focal_px);
+      sum->rounding += rounding * rounding;
       sum->worst_squared = std::max(sum->worst_squared, residual.squaredNorm());
     }
     if (!std::isfinite(sum->cost)) sum->status = Status::kOutsideValidRadius;
@@ -78,7 +83,8 @@ struct PointProblem : geometry::LeastSquaresProblem<3, Eigen::Vector3d, Lineariz
   geometry::StepVerdict Judge(const geometry::LeastSquaresOptions&, const Eigen::Vector3d& step, const Linearization& at,
                               const Linearization* trial) const {
     constexpr double kTinyStep = 1e-12;  // (1e-6 sigma)^2: the next Gauss-Newton step is below rounding
-    if (step.dot(at.h * step) < kTinyStep) return trial ? geometry::StepVerdict::kTakeLast : geometry::StepVerdict::kRest;
+    if (step.dot(at.h * step) < std::max(kTinyStep, at.rounding))
+      return trial ? geometry::StepVerdict::kTakeLast : geometry::StepVerdict::kRest;
     return trial && trial->cost <= at.cost ? geometry::StepVerdict::kTake : geometry::StepVerdict::kRefuse;
   }
 };
