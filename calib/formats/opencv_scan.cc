@@ -48,6 +48,27 @@ std::string NormalisedKey(const std::string& key) {
   return plain;
 }
 
+namespace {
+
+/// YAML wants a blank behind a key's colon; OpenCV's reader does not, and files of ORB-SLAM2 have `Viewer.PointSize:2`.
+std::string WithBlanks(const std::string& text) {
+  const auto in_key = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '.' || c == '-'; };
+  std::string out;
+  for (size_t begin = 0; begin < text.size();) {
+    const size_t end = std::min(text.find('\n', begin), text.size() - 1) + 1;
+    size_t at = text.find_first_not_of(" \t", begin);
+    const size_t key = at;
+    while (at < end && in_key(text[at])) ++at;
+    const bool tight = at > key && at + 1 < end && text[at] == ':' && !std::isspace(static_cast<unsigned char>(text[at + 1]));
+    out += text.substr(begin, tight ? at + 1 - begin : end - begin);
+    if (tight) out += " " + text.substr(at + 1, end - at - 1);
+    begin = end;
+  }
+  return out;
+}
+
+}  // namespace
+
 void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   const std::string text = ReadFile(path);
   const bool is_xml = text.find("<opencv_storage") != std::string::npos;
@@ -55,9 +76,9 @@ void ReadEntries(const std::string& path, bool normalised, Entries* entries) {
   const bool ros =
       normalised && (text.find("camera_matrix") != std::string::npos || text.find("cameraMatrix") != std::string::npos ||
                      text.find("mtx") != std::string::npos || IsCameraInfo(text) || IsJsonOfMatrices(text));
-  if (text.compare(0, 5, "%YAML") != 0 && !ros && !is_xml)
-    throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
-  Value root = is_xml ? ParseOpenCvXml(path, text) : ParseYaml(path, text);
+  const bool headed = text.compare(0, 5, "%YAML") == 0;
+  if (!headed && !ros && !is_xml) throw FormatError(path, "line 1", "OpenCV's YAML files begin with %YAML:1.0");
+  Value root = is_xml ? ParseOpenCvXml(path, text) : ParseYaml(path, headed ? WithBlanks(text) : text);
   if (root.kind == Value::Kind::kList) {
     Value cameras;
     cameras.kind = Value::Kind::kTable;

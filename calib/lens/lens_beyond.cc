@@ -9,6 +9,7 @@
 #include "calib/covariance/projection_uncertainty.h"
 #include "calib/lens/lens_configs.h"
 #include "core/format.h"
+#include "geometry/rig/plausible.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -56,10 +57,12 @@ bool IsNearer(const BeyondBoards& a, const BeyondBoards& b) {
   return a.side_px < b.side_px || (std::isnan(b.side_px) && !std::isnan(a.side_px));
 }
 
-/// Whether it is to be taken instead: it passes more, or it does not fold in the image where the other does and neither fails.
+bool IsSound(const BeyondBoards& beyond) { return beyond.is_lens && beyond.folded <= kFoldSlack; }
+
+/// Whether it is to be taken instead: it passes more, or it is sound where the other is not and neither fails.
 bool IsSafer(const BeyondBoards& a, const BeyondBoards& b) {
   if (a.level != b.level) return a.level < b.level;
-  return a.level == Level::kWarn && a.folded <= kFoldSlack && b.folded > kFoldSlack;
+  return a.level == Level::kWarn && IsSound(a) && !IsSound(b);
 }
 
 /// Simpler, and no less honest where no board was: the curves of one or two parameters of other wide lenses claim to know
@@ -83,6 +86,7 @@ BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, doub
     const geometry::Camera& camera = fit.state.cameras[c];
     const bool wide = geometry::IsWide(camera.model);
     beyond.level = std::max(beyond.level, LevelOf(uncertainty.cameras[c], PixelLimitsOf(camera, need_px), wide));
+    if (!geometry::HasLensDecentring(camera)) beyond.is_lens = false, beyond.level = std::max(beyond.level, Level::kWarn);
     if (wide) continue;
     beyond.folded = std::max(beyond.folded, FindFolds(camera).share);
     if (beyond.folded > kFoldSlack) beyond.level = std::max(beyond.level, Level::kWarn);
@@ -92,7 +96,9 @@ BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, doub
 
 std::string ToString(const BeyondBoards& beyond) {
   const std::string sides = Format("%.2f px uncertain at the image's sides", beyond.side_px);
-  return beyond.folded > kFoldSlack ? sides + Format(", folded in %.0f %% of the image", 100 * beyond.folded) : sides;
+  const std::string decentred = beyond.is_lens ? "" : ", with a decentring that no lens has";
+  return beyond.folded > kFoldSlack ? sides + Format(", folded in %.0f %% of the image", 100 * beyond.folded) + decentred
+                                    : sides + decentred;
 }
 
 int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<bool>& near, int chosen,

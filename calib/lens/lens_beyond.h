@@ -14,17 +14,18 @@ namespace mvstudio::calib {
 struct BeyondBoards {
   enum class Level { kPass, kWarn, kFail };
   Level level = Level::kPass;
-  double side_px = 0;  ///< uncertainty at the image's sides; NaN: cannot be said
-  double folded = 0;   ///< share of the image
+  double side_px = 0;   ///< uncertainty at the image's sides; NaN: cannot be said
+  double folded = 0;    ///< share of the image
+  bool is_lens = true;  ///< its decentring is that of a lens (geometry::HasLensDecentring)
 };
 BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, double need_px);
 /// "31.8 px uncertain at the image's sides", "folded in 12 % of the image".
 std::string ToString(const BeyondBoards& beyond);
 
 /// The lens to take for `chosen`: of those that held-out boards do not tell from the best (`near`, one flag a candidate), the
-/// simplest that passes better where no board was, or warns as it does but does not fold in the image. `chosen` itself where
-/// none does. `note` then says which of them comes nearer than `chosen`, if one does, or why the other was taken. A lens that
-/// held-out boards tell from the best is never named.
+/// simplest that passes better where no board was, or warns as it does but is a lens and does not fold in the image. `chosen`
+/// itself where none does. `note` then says which of them comes nearer than `chosen`, if one does, or why the other was taken.
+/// A lens that held-out boards tell from the best is never named.
 int PassingLens(const std::vector<LensCandidate>& candidates, const std::vector<bool>& near, int chosen,
                 const BundleOptions& options, double need_px, std::string* note);
 

@@ -72,7 +72,7 @@ void Report(const Rig& rig, const std::string& code, const std::string& hint, co
 
 std::string CheckDecentring(const Camera& camera) {
   const double p = Decentring(camera);
-  if (!(p > kMaxDecentring)) return "";
+  if (HasLensDecentring(camera)) return "";
   const std::string order = BetterOrder(camera);
   return "a decentring (p1, p2) of " + Number(p) + " is not a lens's; 0.05 is far beyond any measured one" +
          (order.empty() ? "" : "; in the order " + order + " the terms make sense");
@@ -274,6 +274,8 @@ std::vector<Notice> ConflictsIn(const Rig& rig) {
   if (rig.gauge != kLensesOnly) CheckDistances(rig, &conflicts);  // nobody stated the poses
   return conflicts;
 }
+
+bool HasLensDecentring(const Camera& camera) { return !(Decentring(camera) > kMaxDecentring); }
 
 std::string WhyNotARotation(const Eigen::Matrix3d& matrix, double tolerance) {
   if (!matrix.allFinite()) return "not a rotation: it holds numbers that are not finite";

@@ -27,6 +27,9 @@ namespace mvstudio::geometry {
 /// No finding makes a rig unusable: wide fields and exotic optics are real.
 std::vector<Notice> ConflictsIn(const Rig& rig);
 
+/// |p1| and |p2| are at most 0.05 (CAL-DECENTRING).
+bool HasLensDecentring(const Camera& camera);
+
 /// A lens with its distortion terms in an order other than that of reading.
 struct TermOrder {
   std::string name;  ///< "k1 k2 k3 p1 p2"

@@ -139,6 +139,7 @@ RefineReport RunRefine(RefineOptions given, const RunContext& run) {
   if (!report.Placed()) return report;
   report.num_not_adjusted = input.rig.cameras.size() - posed.camera_of.size();
   report.refined = RefineFromKeypoints(posed.rig, posed.frames, input.limbs, train, test, options.adjust, run);
+  if (lenses_only) report.refined.suspect = {};  // a placement by these joints is no calibration that could be wrong
   if (report.refined.status != Status::kOk) {
     report.causes = WhyNoFit(report, posed, run);
     return report;

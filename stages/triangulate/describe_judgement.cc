@@ -135,6 +135,11 @@ CommandResult DescribeLoss(const Loss& loss, const PointFigures& points, const t
         Format("; for %d of %d the search for a point does not end (NotConverged)", loss.num_endless, points.num_tried);
     error.hint =
         "the rays of a point are parallel to what numbers hold: look at focal lengths and distances of the calibration";
+  } else if (loss.reason == Loss::Reason::kBehind) {
+    error.text += Format(": %d of %d would lie behind the cameras", loss.num_behind, points.num_tried);
+    error.hint =
+        "y counts from the lower edge in DLT coefficients, DLTdv and Argus (option 'flip-y'), or the file's poses go the other "
+        "way (option 'invert') or are left-handed (option 'mirror')";
   }
   result.errors.push_back(error);
   return result;

@@ -127,12 +127,14 @@ Loss PointStatistics::LossOf(const triangulate::TakeOptions& options) const {
   if (num_ok() > 0 && num_ok() >= kLostShare * static_cast<double>(num_triangulable_)) return loss;
   loss.kind = num_ok() == 0 ? Loss::Kind::kAll : Loss::Kind::kMost;
   CountScores(options.min_score, &loss);
-  loss.num_endless = Count(Status::kNotConverged);
+  loss.num_endless = Count(Status::kNotConverged), loss.num_behind = Count(Status::kBehindCamera);
   const bool by_score = loss.num_scored > 0 ? loss.num_below > 0 : loss.num_unscored > 0;
   if (num_triangulable_ == 0) {
     loss.reason = by_score ? Loss::Reason::kScores : Loss::Reason::kNothingInCommon;
   } else if (2 * loss.num_endless > num_tried_) {
     loss.reason = Loss::Reason::kEndlessSearch;
+  } else if (2 * loss.num_behind > num_tried_) {
+    loss.reason = Loss::Reason::kBehind;
   }
   return loss;
 }

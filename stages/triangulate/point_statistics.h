@@ -42,13 +42,14 @@ struct PointFigures {
 /// How many points are missing, and why where the scores or the statuses say it.
 struct Loss {
   enum class Kind { kNone, kMost, kAll };
-  enum class Reason { kUnknown, kScores, kNothingInCommon, kEndlessSearch };
+  enum class Reason { kUnknown, kScores, kNothingInCommon, kEndlessSearch, kBehind };
   Kind kind = Kind::kNone;
   Reason reason = Reason::kUnknown;
   int64_t num_scored = 0, num_below = 0;       ///< detections with a score, and those below the least score
   int64_t num_unscored = 0;                    ///< joints with coordinates and score 0
   std::array<double, 3> score_quantiles = {};  ///< 10, 50, 90 %
   int num_endless = 0;                         ///< points whose search does not end
+  int num_behind = 0;                          ///< points that would lie behind a camera
 };
 
 /// Accumulates them chunk by chunk.

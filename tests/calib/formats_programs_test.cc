@@ -139,7 +139,8 @@ TEST(OrbSlam, LensesAndTheSecondCamera) {
   const geometry::Rig one =
       ReadProgramFile("%YAML:1.0\n\nCamera.type: \"PinHole\"\n" + OrbLines("Camera1", 191, false) + size, kCv).rig;
   EXPECT_EQ(one.cameras[0].camera.model, LensModel::kBrown4);
-  const geometry::Rig old = ReadProgramFile("%YAML:1.0\n\n" + OrbLines("Camera", 191, false) + size, kCv).rig;
+  const geometry::Rig old =
+      ReadProgramFile("%YAML:1.0\n\n" + OrbLines("Camera", 191, false) + size + "Viewer.PointSize:2\n", kCv).rig;
   EXPECT_LT((PixelOf(old) - PixelOf(one)).norm(), 1e-12);
   const geometry::Rig rectified =
       ReadProgramFile(

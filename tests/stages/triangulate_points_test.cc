@@ -115,6 +115,22 @@ TEST(TriangulatePoints, ATakeIsLostBelowTheShare) {
   EXPECT_THAT(lost.errors[0].text, HasSubstr("only 49 of 100 joints"));
 }
 
+TEST(TriangulatePoints, PointsBehindTheCamerasAreCalledThat) {
+  PointStatistics statistics(2, {});
+  TakeResult take;
+  for (int f = 0; f < 20; ++f) {
+    statistics.AddFrames({Frame(f, true)}, {});
+    take.points.push_back(PointOf(f, 0, f < 15 ? Status::kBehindCamera : Status::kOutlier));
+  }
+  statistics.Add(take);
+  const Loss loss = statistics.LossOf({});
+  EXPECT_EQ(loss.reason, Loss::Reason::kBehind);
+  const PointFigures figures = statistics.Figures({}, {}, geometry::PointsSkeleton({"x", "y"}));
+  const CommandResult result = DescribeLoss(loss, figures, {});
+  EXPECT_THAT(result.errors.at(0).text, HasSubstr("15 of 20 would lie behind the cameras"));
+  EXPECT_THAT(result.errors.at(0).hint, HasSubstr("option 'flip-y'"));
+}
+
 CommandResult Inconsistent(Inconsistency what, const TakeResult& take) {
   TriangulateReport report;
   report.rig.cameras.push_back(triangulate::LookAt("a", {1, 2, 3}, {0, 0, 0}, 1000, 300, 400));  // diagonal 500 px
