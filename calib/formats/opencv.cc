@@ -33,7 +33,8 @@ constexpr std::initializer_list<const char*> kDistortionKeys = {"distortioncoeff
                                                                 "d",
                                                                 "dist",
                                                                 "distortionvector",
-                                                                "coeffs"};
+                                                                "coeffs",
+                                                                "kc"};
 /// The pose of the second of two cameras.
 constexpr std::initializer_list<const char*> kRotationKeys = {"r", "rotation", "rotationmatrix", "rot", "rmat"};
 constexpr std::initializer_list<const char*> kTranslationKeys = {"t", "translation", "translationvector", "trans", "tvec"};
@@ -90,7 +91,7 @@ Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const 
   if (width && height) {
     return {internal::ReadNumber(*width), internal::ReadNumber(*height)};
   }
-  const Entry* both = FindFirst(entries, {"resolution", "imagesize", "imgsize"});
+  const Entry* both = FindFirst(entries, {"resolution", "imagesize", "imgsize", "dim"});
   if (both && both->value.kind == internal::Value::Kind::kList && both->value.items.size() == 2)
     return {both->value.items[0].number, both->value.items[1].number};
   if (both && both->value.kind == internal::Value::Kind::kTable) {

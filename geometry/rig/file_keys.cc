@@ -88,7 +88,8 @@ bool HoldsOneOf(const std::string& text, std::initializer_list<const char*> piec
 
 /// Coefficients of a lens, by whatever name; not how sure they are, how many, or images without distortion.
 bool NamesDistortion(const std::string& plain) {
-  return HoldsOneOf(plain, {"distortion", "distcoef"}) &&
+  const bool begins = plain.rfind("dist", 0) == 0 && !HoldsOneOf(plain, {"distance", "distribution"});
+  return (begins || plain == "kc" || HoldsOneOf(plain, {"distortion", "distcoef"})) &&
          !HoldsOneOf(plain,
                      {"undist", "std", "sigma", "dev", "var", "num", "error", "model", "type", "map", "valid", "rectified"});
 }
