@@ -29,6 +29,11 @@ void RegisterPlan(CLI::App& app, Registry& registry) {
   AddOption(sub, "session", options->pipeline.session, "the session's folder")->required();
   AddOutput(sub, "--out", options->out, OutputKind::kFolder, "folder of the plan")->required();
   VisitStageChoice(OptionAdder{sub}, options->pipeline);
+  AddOption(
+      sub, "--task-seconds", options->task_seconds,
+      "pose2d and mask of a take that are foretold to take more than twice as long are cut by cameras and time into tasks of "
+      "about this many seconds; 0: a task is a whole stage")
+      ->capture_default_str();
   OptionAdder{sub}.StartGroup("Schedulers");
   AddChoices(sub, "--write", options->write, "schedulers to write files for: ninja, slurm, snakemake")->capture_default_str();
   VisitFields(OptionAdder{sub}, options->engine);

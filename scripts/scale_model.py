@@ -73,6 +73,10 @@ def template(plan):
     """Stage -> the stages that it waits for, whether it is of a take, and the measured seconds: from PLAN/plan.jsonl."""
     lines = (pathlib.Path(plan) / "plan.jsonl").read_text(encoding="utf-8").splitlines()
     tasks = [json.loads(line) for line in lines[1:]]
+    tasks = [t for t in tasks if not t.get("part")]  # parts are no stages
+    whole = {t["id"] for t in tasks}
+    for t in tasks:
+        t["after"] = [a for a in t["after"] if a in whole]
     stage_of, stages = {t["id"]: t["stage"] for t in tasks}, {}
     for t in tasks:
         if t["stage"] not in stages:

@@ -13,7 +13,8 @@ void RegisterPose2d(CLI::App& app, Registry& registry) {
   sub->get_option("--every")->check(CLI::Range(1, 1000000));
   registry.Add(sub, "pose2d", [options, sub](CommandContext& context) {
     options->given = GivenOptions(sub);
-    return Describe(stages::RunPose2d(*options, context.run));
+    return options->part.empty() ? Describe(stages::RunPose2d(*options, context.run))
+                                 : Describe(stages::RunPose2dPart(*options, context.run));
   });
 }
 

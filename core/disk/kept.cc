@@ -4,6 +4,7 @@
 #include <filesystem>
 
 #include "core/disk/files.h"
+#include "core/disk/manifest.h"
 #include "core/disk/trace.h"
 #include "core/error.h"
 #include "core/hash/sha256.h"
@@ -49,8 +50,7 @@ KeptResults::KeptResults(const CachePlace& place, const std::string& kind) : kin
 }
 
 std::optional<std::string> KeptResults::Load(const std::string& key) const {
-  std::error_code ignored;
-  if (!enabled() || !std::filesystem::is_regular_file(PathOf(key), ignored)) return std::nullopt;
+  if (!Has(key)) return std::nullopt;
   const UntracedScope untraced;
   try {
     std::string bytes = ReadFile(PathOf(key));
@@ -63,6 +63,11 @@ std::optional<std::string> KeptResults::Load(const std::string& key) const {
   return std::nullopt;
 }
 
+bool KeptResults::Has(const std::string& key) const {
+  std::error_code ignored;
+  return enabled() && std::filesystem::is_regular_file(PathOf(key), ignored);
+}
+
 void KeptResults::Store(const std::string& key, std::string bytes) const {
   if (!enabled()) return;
   const UntracedScope untraced;
@@ -71,6 +76,18 @@ void KeptResults::Store(const std::string& key, std::string bytes) const {
     WriteFileAtomic(PathOf(key), bytes);
   } catch (const std::exception& error) {
     Log(LogLevel::kWarning, kind_ + " are not kept: " + error.what());
+  }
+}
+
+void KeptResults::Remove(const std::string& key) const {
+  std::error_code ignored;
+  if (!enabled()) return;
+  const UntracedScope untraced;
+  try {
+    if (Has(key)) return RemoveOurs({PathOf(key)});
+    if (std::filesystem::is_directory(folder_ + "/" + key, ignored)) RemoveOurs({folder_ + "/" + key});
+  } catch (const std::exception& error) {
+    Log(LogLevel::kWarning, kind_ + " stay in the cache: " + error.what());
   }
 }
 

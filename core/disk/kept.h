@@ -90,7 +90,8 @@ class KeptReader {
   std::string_view bytes_;
 };
 
-/// Kept results of one kind: files FOLDER/KIND/KEY.KIND with a digest at their end. Damaged ones count as missing. Several
+/// Kept results of one kind: files FOLDER/KIND/KEY.KIND with a digest at their end;
+/// a key may name a folder, too (`camera/12`). Damaged ones count as missing. Several
 /// processes may use one folder.
 class KeptResults {
  public:
@@ -100,8 +101,12 @@ class KeptResults {
   const std::string& folder() const { return folder_; }
 
   std::optional<std::string> Load(const std::string& key) const;
+  /// Whether there is one; it may be damaged.
+  bool Has(const std::string& key) const;
   /// Never throws: on a full or read-only disk it only logs a warning.
   void Store(const std::string& key, std::string bytes) const;
+  /// Removes it, or with a folder as key all that is in it. Never throws.
+  void Remove(const std::string& key) const;
   /// Tells that what was loaded could not be decoded.
   void Damaged(const std::string& key) const;
 

@@ -16,6 +16,7 @@
 #include "core/join.h"
 #include "core/parallel.h"
 #include "core/statistics.h"
+#include "dataset/build/build_blocks.h"
 #include "dataset/build/build_camera.h"
 #include "dataset/build/footage_check.h"
 #include "dataset/build/joint_numbers.h"
@@ -332,6 +333,40 @@ BuildOptions WithPossibleMasks(BuildOptions options, const std::optional<OwnJoin
   return options;
 }
 
+/// What stands beside the images and masks, and what is to be said of them.
+void WriteDataset(const BuildInputs& inputs, const BuildOptions& options, const geometry::Rig& rig,
+                  const std::vector<CameraJob>& jobs, const std::vector<CameraResult>& results,
+                  const std::map<int, People>& poses, const std::optional<OwnJoints>& own,
+                  const std::map<std::string, internal::GivenMasks>& given, const RunContext& run, AtomicFolder* folder,
+                  BuildReport* report) {
+  Append(geometry::ConflictsIn(rig), &report->warnings);
+  report->sequence = options.sequence;
+  report->frames = static_cast<int>(poses.size());
+  geometry::Rig built_rig;
+  for (const CameraResult& r : results) {
+    built_rig.cameras.push_back(r.camera);
+    report->cameras.push_back(r.built);
+    report->images += r.built.images;
+    report->warnings.insert(report->warnings.end(), r.warnings.begin(), r.warnings.end());
+    AddGaps(r, report);
+    if (!given.empty()) AddGivenMasks(r.built, inputs.masks, report);
+  }
+  internal::WarnOfFootage(results, poses, folder->work_path(), options, run, &report->warnings);
+  if (!given.empty()) report->masks = given.begin()->second.meaning;
+  if (!given.empty() && report->given_masks == 0)
+    throw FormatError(inputs.masks, "",
+                      "no mask there has the number of a frame that is built: names must end in frame numbers");
+  NoteOffsets(inputs, rig, report);
+  const double frame_rate_hz = TakeFrameRate(results, options, &report->warnings);
+  WritePanopticCalibration(built_rig, folder->work_path() + "/calibration_" + options.sequence + ".json",
+                           "mvstudio, " + fs::path(inputs.calibration).filename().string());
+  WritePoses(poses, frame_rate_hz, folder->work_path());
+  if (own) WriteOwnJoints(*own, frame_rate_hz, folder->work_path());
+  WriteFileAtomic(folder->work_path() + "/dataset.json",
+                  Sidecar(inputs, options, jobs, results, poses, frame_rate_hz, report->skeleton));
+  folder->Commit();
+}
+
 }  // namespace
 
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& wanted, const RunContext& run) {
@@ -349,34 +384,15 @@ BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, cons
   std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path(), given);
   internal::RequireSizes(jobs, inputs.calibration, options);
   CheckViews(inputs, jobs, pose, &report);
-  const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
-
-  Append(geometry::ConflictsIn(rig), &report.warnings);
-  report.sequence = options.sequence;
-  report.frames = static_cast<int>(poses.size());
-  geometry::Rig built_rig;
-  for (const CameraResult& r : results) {
-    built_rig.cameras.push_back(r.camera);
-    report.cameras.push_back(r.built);
-    report.images += r.built.images;
-    report.warnings.insert(report.warnings.end(), r.warnings.begin(), r.warnings.end());
-    AddGaps(r, &report);
-    if (!given.empty()) AddGivenMasks(r.built, inputs.masks, &report);
-  }
-  internal::WarnOfFootage(results, poses, folder.work_path(), options, run, &report.warnings);
-  if (!given.empty()) report.masks = given.begin()->second.meaning;
-  if (!given.empty() && report.given_masks == 0)
-    throw FormatError(inputs.masks, "",
-                      "no mask there has the number of a frame that is built: names must end in frame numbers");
-  NoteOffsets(inputs, rig, &report);
-  const double frame_rate_hz = TakeFrameRate(results, options, &report.warnings);
-  WritePanopticCalibration(built_rig, folder.work_path() + "/calibration_" + options.sequence + ".json",
-                           "mvstudio, " + fs::path(inputs.calibration).filename().string());
-  WritePoses(poses, frame_rate_hz, folder.work_path());
-  if (own) WriteOwnJoints(*own, frame_rate_hz, folder.work_path());
-  WriteFileAtomic(folder.work_path() + "/dataset.json",
-                  Sidecar(inputs, options, jobs, results, poses, frame_rate_hz, report.skeleton));
-  folder.Commit();
+  const std::string key = inputs.kept.empty() ? "" : inputs.kept_key();
+  for (CameraJob& job : jobs) job.kept = key.empty() ? "" : inputs.kept + "/" + key;
+  internal::BlockKeeper keeper(inputs.kept, key);
+  keeper.During([&] {
+    const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
+    WriteDataset(inputs, options, rig, jobs, results, poses, own, given, run, &folder, &report);
+    return true;
+  });
+  keeper.Forget();
   return report;
 }
 

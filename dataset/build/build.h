@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -33,6 +34,11 @@ struct BuildInputs {
   std::vector<int> frames = {};  ///< time steps of the joints that are built, sorted; empty: all
   int first_frame = 0;           ///< number of the joints for the footage's first frame
   int first_mask = 0;            ///< the same of `masks`
+  /// Folder where blocks of frames are kept under `kept_key` as soon as they are made: what is there is not made again. All of
+  /// the key is removed when the dataset is there, or cannot be built; with it, in a hidden folder, that of other keys. Empty:
+  /// nothing is kept.
+  std::string kept = {};
+  std::function<std::string()> kept_key = {};  ///< of everything that the images and masks are made of
 };
 
 struct BuildOptions {

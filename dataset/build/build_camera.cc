@@ -8,10 +8,13 @@
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/disk/output.h"
 #include "core/disk/paths.h"
+#include "core/disk/trace.h"
 #include "core/error.h"
 #include "core/format.h"
 #include "core/text/shell_word.h"
+#include "dataset/build/build_blocks.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
@@ -220,39 +223,89 @@ double AreaFraction(const Image& mask) {
   return sum / (255.0 * static_cast<double>(mask.pixels.size()));
 }
 
-/// Second pass: images and masks of the time steps that have joints.
-void WriteFrames(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model,
-                 const BuildOptions& options, BuiltCamera* built) {
-  const std::string images = job.folder + "/hdImgs/" + job.name + "/", masks = job.folder + "/masks/" + job.name + "/";
-  const TimeSteps time_steps(job.footage);
-  auto source = OpenFrames(job.footage.path, {options.keep_undamaged});
-  while (auto frame = source->Advance()) {
-    Image rgb;
-    for (const int time_step : time_steps.Of(frame->number)) {
-      const auto people = job.poses->find(time_step);
-      if (people == job.poses->end()) continue;
-      if (rgb.empty()) rgb = source->FullImage();
-      const std::string name = FrameName(job.name, time_step);
-      WriteImage(rgb, images + name + (options.png ? ".png" : ".jpg"), options.jpeg_quality);
-      if (job.masks) {
-        const Image mask = GivenMask(*job.masks, frame->number, rgb.width, rgb.height);
-        if (mask.empty()) {
-          built->without_mask.push_back(time_step);
-        } else {
-          WriteImage(mask, masks + name + ".png");
-          built->mean_area_fraction += AreaFraction(mask);
-        }
-      } else if (model) {
-        const BodyMask mask = SegmentBody(rgb, ProjectBody(people->second, camera, options.mask), *model, options.mask);
-        WriteImage(mask.mask, masks + name + ".png");
-        AddToReport(mask, built);
+/// Second pass: images and masks of the time steps that have joints, block after block.
+class FrameWriter {
+ public:
+  FrameWriter(const CameraJob& job, const geometry::RigCamera& camera, const CameraMaskModel* model,
+              const BuildOptions& options)
+      : job_(job), camera_(camera), model_(model), options_(options), steps_(job.footage) {}
+
+  void WriteAll(BuiltCamera* built) {
+    bool ended = false;
+    for (int64_t number = 0; !ended; ++number) {
+      const std::string kept = BuiltBlockFolder(job_, number);
+      std::optional<BuiltBlock> block = ReadBuiltBlock(kept);
+      if (block) {
+        TakeBuiltBlock(kept, job_.folder);
+        for (int i = 0; i < block->built.images; ++i) job_.on_image();
+      } else {
+        block = kept.empty() || fs::exists(kept) ? Write(number, job_.folder) : WriteKept(number, kept);
       }
+      AddBlock(block->built, built);
+      ended = block->ended;
+    }
+    if (built->images > 0) built->mean_area_fraction /= built->images;
+  }
+
+ private:
+  BuiltBlock WriteKept(int64_t number, const std::string& kept) {
+    const UntracedScope untraced;
+    AtomicFolder folder(kept, false);
+    const BuiltBlock block = Write(number, folder.work_path());
+    WriteBuiltBlock(block, folder.work_path());
+    folder.Commit();
+    TakeBuiltBlock(kept, job_.folder);
+    return block;
+  }
+
+  BuiltBlock Write(int64_t number, const std::string& folder) {
+    if (!source_) source_ = OpenFrames(job_.footage.path, {options_.keep_undamaged});
+    BuiltBlock block;
+    while (position_ < (number + 1) * kBuildBlock) {
+      const auto frame = source_->Advance();
+      block.ended = !frame;
+      if (!frame) break;
+      if (position_++ >= number * kBuildBlock) WriteFrame(frame->number, folder, &block.built);
+    }
+    return block;
+  }
+
+  void WriteFrame(int64_t number, const std::string& folder, BuiltCamera* built) {
+    Image rgb;
+    for (const int step : steps_.Of(number)) {
+      const auto people = job_.poses->find(step);
+      if (people == job_.poses->end()) continue;
+      if (rgb.empty()) rgb = source_->FullImage();
+      const std::string name = FrameName(job_.name, step);
+      WriteImage(rgb, folder + "/hdImgs/" + job_.name + "/" + name + (options_.png ? ".png" : ".jpg"), options_.jpeg_quality);
+      WriteMask(rgb, number, step, people->second, folder + "/masks/" + job_.name + "/" + name + ".png", built);
       ++built->images;
-      job.on_image();
+      job_.on_image();
     }
   }
-  if (built->images > 0) built->mean_area_fraction /= built->images;
-}
+
+  void WriteMask(const Image& rgb, int64_t number, int step, const People& people, const std::string& path,
+                 BuiltCamera* built) const {
+    if (job_.masks) {
+      const Image mask = GivenMask(*job_.masks, number, rgb.width, rgb.height);
+      if (mask.empty()) return built->without_mask.push_back(step);
+      WriteImage(mask, path);
+      built->mean_area_fraction += AreaFraction(mask);
+    } else if (model_) {
+      const BodyMask mask = SegmentBody(rgb, ProjectBody(people, camera_, options_.mask), *model_, options_.mask);
+      WriteImage(mask.mask, path);
+      AddToReport(mask, built);
+    }
+  }
+
+  const CameraJob& job_;
+  const geometry::RigCamera& camera_;
+  const CameraMaskModel* model_;
+  const BuildOptions& options_;
+  const TimeSteps steps_;
+  std::unique_ptr<FrameSource> source_;
+  int64_t position_ = 0;  ///< of the next frame
+};
 
 double FrameRate(const CameraFootage& footage) {
   const std::string& path = footage.path;
@@ -295,7 +348,7 @@ CameraResult Build(const CameraJob& job, const BuildOptions& options) {
     result.built.background_known = model.background.KnownFraction();
   }
   samples.frames.clear();
-  WriteFrames(job, result.camera, masks ? &model : nullptr, options, &result.built);
+  FrameWriter(job, result.camera, masks ? &model : nullptr, options).WriteAll(&result.built);
   result.camera.camera.name = job.name;
   return result;
 }

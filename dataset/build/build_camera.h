@@ -23,6 +23,7 @@ struct CameraJob {
   const GivenMasks* masks = nullptr;  ///< null: they are made
   double joint_rms_px = 0;            ///< median reprojection error of the joints
   std::string folder;                 ///< of the dataset under construction
+  std::string kept = {};              ///< see BuildInputs
   std::function<void()> on_image;     ///< after each image
 };
 

@@ -16,15 +16,25 @@ namespace {
 
 std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
 
+int MaskFrameNumber(const FrameSource::Frame& frame) {
+  return static_cast<int>(std::clamp<int64_t>(frame.number, 0, std::numeric_limits<int>::max()));
+}
+
+void CountMask(const BodyMask& mask, TakeMasks* take) {
+  ++take->images;
+  take->empty += mask.area_fraction == 0;
+  take->area_fraction_sum += mask.area_fraction;
+  take->joints += mask.joints, take->joints_on_mask += mask.joints_on_mask, take->joints_supported += mask.joints_supported;
+}
+
 /// Calls `use(position, number, image)` for every frame; they must have one size and rising numbers. With `damage`, frames
-/// that do not decode are left out, and it gets a line for them. With `only`, `use` gets those frames alone.
+/// that do not decode are left out, and it gets a line for them.
 template <class Use>
-int EachFrame(const std::string& path, const Use& use, std::vector<std::string>* damage = nullptr,
-              const std::set<int>* only = nullptr) {
+int EachFrame(const std::string& path, const Use& use, std::vector<std::string>* damage = nullptr) {
   auto source = OpenFrames(path, {damage != nullptr});
   int position = 0, last = -1, width = 0, height = 0;
   while (auto frame = source->Next()) {
-    const int number = static_cast<int>(std::clamp<int64_t>(frame->number, 0, std::numeric_limits<int>::max()));
+    const int number = MaskFrameNumber(*frame);
     if (position == 0) width = frame->rgb.width, height = frame->rgb.height;
     if (position > 0 && number <= last) RefuseOrder(source->path(), frame->label, number, last);
     if (frame->rgb.width != width || frame->rgb.height != height) {
@@ -33,7 +43,7 @@ int EachFrame(const std::string& path, const Use& use, std::vector<std::string>*
           "is " + SizeText(frame->rgb.width, frame->rgb.height) + ", the ones before are " + SizeText(width, height));
     }
     last = number;
-    if (!only || only->count(number)) use(position, number, std::move(frame->rgb));
+    use(position, number, std::move(frame->rgb));
     ++position;
   }
   if (damage) *damage = source->Damage();
@@ -144,37 +154,44 @@ void Flicker::Add(const Image& rgb_before, const Image& mask_before, const Image
   changed_px += cv::countNonZero(same & rotated);
 }
 
-TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
-                      const std::function<Image(int)>& possible,
-                      const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options,
-                      bool keep_undamaged, const std::set<int>* only) {
-  TakeMasks take;
-  std::vector<std::string> damage;
+void TakeMasks::Add(const TakeMasks& more) {
+  images += more.images, empty += more.empty;
+  area_fraction_sum += more.area_fraction_sum, seconds += more.seconds;
+  joints += more.joints, joints_on_mask += more.joints_on_mask, joints_supported += more.joints_supported;
+  flicker.unmoving_px += more.flicker.unmoving_px, flicker.changed_px += more.flicker.changed_px;
+}
+
+TakeSegmenter::TakeSegmenter(const std::string& path, const SegmentTools& tools, bool keep_undamaged)
+    : tools_(tools), source_(OpenFrames(path, {keep_undamaged, false, false, true})) {}
+
+TakeSegmenter::~TakeSegmenter() = default;
+
+int64_t TakeSegmenter::Segment(int64_t first, int64_t end, const std::function<void(int, const Image&, const BodyMask&)>& use,
+                               TakeMasks* take) {
   Image previous_rgb, previous_mask;
-  double seconds = 0;
-  const auto segment = [&](int, int number, Image rgb) {
+  while (position_ < end) {
+    const auto frame = source_->Advance();
+    if (!frame) break;
+    if (position_++ < first) continue;
+    const int number = MaskFrameNumber(*frame);
+    if (tools_.only && tools_.only->count(number) == 0) continue;
+    Image rgb = source_->Image();
     const auto start = std::chrono::steady_clock::now();
     MaskHints hints;
-    hints.body = bodies.At(number);
-    const Image probability = net ? net(rgb, hints.body) : Image();
-    const Image room = possible ? possible(number) : Image();
+    hints.body = tools_.bodies->At(number);
+    const Image probability = tools_.net ? tools_.net(rgb, hints.body) : Image();
+    const Image room = tools_.possible ? tools_.possible(number) : Image();
     if (!probability.empty()) hints.probability = &probability;
     if (!room.empty()) hints.possible = &room;
-    if (take.images > 0) hints.previous_rgb = &previous_rgb, hints.previous_mask = &previous_mask;
-    BodyMask mask = SegmentPeople(rgb, hints, model, options);
-    seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (take.images > 0) take.flicker.Add(previous_rgb, previous_mask, rgb, mask.mask);
+    if (!previous_rgb.empty()) hints.previous_rgb = &previous_rgb, hints.previous_mask = &previous_mask;
+    BodyMask mask = SegmentPeople(rgb, hints, *tools_.model, *tools_.options);
+    take->seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    if (!previous_rgb.empty()) take->flicker.Add(previous_rgb, previous_mask, rgb, mask.mask);
     use(number, rgb, mask);
-    ++take.images;
-    take.empty += mask.area_fraction == 0;
-    take.mean_area_fraction += mask.area_fraction;
-    take.joints += mask.joints, take.joints_on_mask += mask.joints_on_mask, take.joints_supported += mask.joints_supported;
+    CountMask(mask, take);
     previous_rgb = std::move(rgb), previous_mask = std::move(mask.mask);
-  };
-  EachFrame(path, segment, keep_undamaged ? &damage : nullptr, only);
-  take.mean_area_fraction /= std::max(1, take.images);
-  take.ms_per_image = 1000 * seconds / std::max(1, take.images);
-  return take;
+  }
+  return std::max<int64_t>(0, position_ - first);
 }
 
 }  // namespace mvstudio::dataset

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <set>
 #include <string>
@@ -14,6 +16,8 @@
 
 /// Masks of one camera over a whole take: selects frames to learn from, learns, segments every frame.
 namespace mvstudio::dataset {
+
+class FrameSource;
 
 /// People of one image from 2D keypoints. The size of a limb in pixels follows from the longest limbs, assumed to be an
 /// adult's.
@@ -60,17 +64,42 @@ struct Flicker {
 
 struct TakeMasks {
   int images = 0, empty = 0;
-  double mean_area_fraction = 0;
+  double area_fraction_sum = 0;  ///< of all images
   int joints = 0, joints_on_mask = 0, joints_supported = 0;
   Flicker flicker;
-  double ms_per_image = 0;  ///< segmentation alone
+  double seconds = 0;  ///< of segmentation alone
+
+  double mean_area_fraction() const { return area_fraction_sum / std::max(1, images); }
+  double ms_per_image() const { return 1000 * seconds / std::max(1, images); }
+  void Add(const TakeMasks& more);
 };
 
-/// `possible(frame)`: where other cameras allow a person; empty image: anywhere; may be an empty function. `use` receives
-/// every frame's number, image and mask in order; with `only`, of those frames.
-TakeMasks SegmentTake(const std::string& path, const BodiesOfTake& bodies, const PersonNet& net, const CameraMaskModel& model,
-                      const std::function<Image(int)>& possible,
-                      const std::function<void(int, const Image&, const BodyMask&)>& use, const MaskOptions& options,
-                      bool keep_undamaged = false, const std::set<int>* only = nullptr);
+/// What is the same for all frames of a camera.
+struct SegmentTools {
+  const BodiesOfTake* bodies = nullptr;
+  PersonNet net;
+  const CameraMaskModel* model = nullptr;
+  std::function<Image(int)> possible;  ///< of a frame: where other cameras allow a person; empty image: anywhere; may be empty
+  const MaskOptions* options = nullptr;
+  const std::set<int>* only = nullptr;  ///< frames that get a mask; null: all
+};
+
+/// Masks of one camera, block after block.
+class TakeSegmenter {
+ public:
+  TakeSegmenter(const std::string& path, const SegmentTools& tools, bool keep_undamaged);
+  ~TakeSegmenter();
+
+  /// `use` receives number, image and mask of every frame whose position lies in [first, end), in order; frames before are
+  /// passed over. The first mask knows nothing of the frame before. Returns how many frames of the footage there were: less
+  /// than end - first at its end alone.
+  int64_t Segment(int64_t first, int64_t end, const std::function<void(int, const Image&, const BodyMask&)>& use,
+                  TakeMasks* take);
+
+ private:
+  SegmentTools tools_;
+  std::unique_ptr<FrameSource> source_;
+  int64_t position_ = 0;  ///< of the next frame
+};
 
 }  // namespace mvstudio::dataset

@@ -650,6 +650,7 @@ def dataset_build(
     masks: _Text = ...,
     first_mask: int = ...,
     no_masks: bool = ...,
+    cache: _List = ...,
     sequence: _Text = ...,
     png: bool = ...,
     jpeg_quality: int = ...,

@@ -4,6 +4,7 @@
 
 #include "core/choice/option_group.h"
 #include "core/choice/option_style.h"
+#include "core/disk/kept.h"
 #include "core/fields.h"
 #include "dataset/build/build.h"
 #include "stages/input/take_input.h"
@@ -24,6 +25,7 @@ struct DatasetBuildOptions {
   std::string masks;        ///< folder with a folder of masks for each camera; empty: those of the session's take, or new ones
   bool make_masks = false;  ///< without `masks`: make new ones also where the session's take has some
   bool no_masks = false;
+  CachePlace cache;  ///< of what a build that was cut has made; auto: beside `out`
   dataset::BuildOptions build;
   bool keep_sequence = false;  ///< build.sequence holds also where the session's take has a name
   bool keep_rate = false;      ///< build.frame_rate_hz holds also where the session or the joints state one
@@ -55,6 +57,9 @@ void VisitFields(Visitor&& visit, DatasetBuildOptions& o) {
         "is there, unless given");
   visit("first-mask", o.first_mask, "number of the first frame's mask, where frames count from 0; 1 is found in the same way");
   VisitStyled(visit, OptionStyle::kSwitch, "no-masks", o.no_masks, "no masks");
+  visit("cache", o.cache,
+        "where images and masks are kept until the dataset is there, so that a build that was cut goes on with the next 300 "
+        "frames: a folder, off, or auto: hidden beside option 'out', where they take no room of their own");
   VisitFields(visit, o.build);
 }
 

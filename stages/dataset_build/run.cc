@@ -5,13 +5,17 @@
 #include <filesystem>
 #include <utility>
 
+#include "core/disk/kept_key.h"
 #include "core/disk/paths.h"
+#include "core/disk/place.h"
 #include "core/error.h"
+#include "core/join.h"
 #include "dataset/build/scene_joints.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
 #include "dataset/pose/pose3d.h"
 #include "stages/dataset_build/mask_warnings.h"
+#include "stages/input/kept_footage.h"
 #include "stages/people/human_shape.h"
 
 namespace mvstudio::stages {
@@ -69,6 +73,42 @@ dataset::BuildInputs ToBuildInputs(DatasetBuildOptions* options, InputNotes* not
   return inputs;
 }
 
+/// To be raised whenever a build gives other images or masks than before.
+constexpr char kBuildVersion[] = "mvstudio dataset 1";
+
+/// Beside the dataset, hidden: SESSION/dataset/.kept-walk; empty: nothing is kept.
+std::string KeptPlace(const DatasetBuildOptions& options) {
+  if (!KeptResults(options.cache, "datasets").enabled()) return "";
+  if (options.cache.kind == CachePlace::Kind::kFolder) return KeptResults(options.cache, "datasets").folder();
+  const std::filesystem::path path = PathOnDisk(options.out);
+  return (path.parent_path() / (".kept-" + path.filename().string())).string();
+}
+
+/// Of everything that the images and masks are made of.
+std::string KeyOfBuild(const DatasetBuildOptions& options, const dataset::BuildInputs& inputs) {
+  const CachePlace nowhere{CachePlace::Kind::kOff, ""};
+  KeptKey key;
+  key.Add(kBuildVersion);
+  const auto add = [&](const std::string& path) {
+    const std::optional<std::string> digest = path.empty() ? "" : FootageDigest(nowhere, path);
+    key.Add(digest.value_or("none"));
+  };
+  for (const dataset::CameraFootage& footage : inputs.footage) {
+    key.Add(footage.camera);
+    add(footage.path), add(footage.plate);
+    const dataset::CameraTimeline* times = footage.timeline ? footage.timeline->Find(footage.camera) : nullptr;
+    if (times) key.Add(Join(times->frame_at, " ", [](int64_t frame) { return std::to_string(frame); }));
+  }
+  add(inputs.calibration), add(inputs.pose3d), add(inputs.masks);
+  key.Add(inputs.marker_unit + " " + inputs.skeleton + " " + RangesText(inputs.frames));
+  key.Add(std::to_string(inputs.first_frame) + " " + std::to_string(inputs.first_mask));
+  dataset::BuildOptions build = options.build;
+  build.overwrite = false;
+  key.AddFields(build);
+  key.Add(build.masks ? "masks" : "");
+  return key.Take();
+}
+
 }  // namespace
 
 bool DatasetBuildReport::OtherWorld() const { return built.world != dataset::kZUpWorld && built.world != calibrated_world; }
@@ -82,7 +122,10 @@ DatasetBuildReport RunDatasetBuild(DatasetBuildOptions options, const RunContext
   const auto start = std::chrono::steady_clock::now();
   DatasetBuildReport report;
   report.inputs = ToBuildInputs(&options, &report.notes);
+  report.inputs.kept = KeptPlace(options);
+  report.inputs.kept_key = [&] { return KeyOfBuild(options, report.inputs); };
   report.built = dataset::BuildDataset(report.inputs, options.out, options.build, run);
+  report.inputs.kept_key = nullptr;
   report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   report.calibrated_world = WorldText(dataset::ReadAnyCalibration(report.inputs.calibration));
   report.options = std::move(options);

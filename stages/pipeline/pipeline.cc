@@ -191,7 +191,9 @@ void FromString(const std::string& text, StageKind* kind) {
   *kind = KnownChoice(kStageWords, text, "stage " + text + ": expected " + Join(words, ", "));
 }
 
-std::string PipelineStage::name() const { return std::string(ToString(kind)) + (take.empty() ? "" : " " + take); }
+std::string PipelineStage::name() const {
+  return std::string(ToString(kind)) + (take.empty() ? "" : " " + take) + (part.empty() ? "" : " " + part);
+}
 
 std::vector<PipelineStage> PipelineOf(const Session& session, const PipelineOptions& options) {
   if (!options.take.empty()) dataset::TakeOf(session, options.take);

@@ -28,9 +28,10 @@ struct PipelineStage {
   std::string left_out;              ///< why this session does not need it; empty: it does
   bool may_fail = false;             ///< the others go on without its result
   StageNeed need = {};               ///< of a machine; filled by PredictNeeds
+  std::string part = {};             ///< of a plan: what the task keeps for the stage, see StagePart; empty: the stage itself
 
   CommandLine line() const { return {command, options}; }
-  std::string name() const;  ///< "calibrate", "triangulate take1"
+  std::string name() const;  ///< "calibrate", "triangulate take1", "mask take1 frames=cam_01:0-3"
 };
 
 /// All stages of a session, those that it does not need with the reason, each after those whose outputs it reads. What stands

@@ -110,7 +110,8 @@ std::vector<JobArray> ArraysOf(const Plan& plan, const std::vector<int>& ids, in
   std::vector<JobArray> arrays;
   for (const int id : ids) {
     const PlanTask& task = TaskOf(plan, id);
-    const std::string name(ToString(task.stage.kind));
+    const std::string part = task.stage.part.substr(0, task.stage.part.find('='));
+    const std::string name = std::string(ToString(task.stage.kind)) + (part.empty() ? "" : "-" + part);
     if (arrays.empty() || arrays.back().name != name || id - arrays.back().first >= max_array)
       arrays.push_back({id, name, {}, task.stage.kind == StageKind::kReport});
     arrays.back().ids.push_back(id);

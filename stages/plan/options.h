@@ -35,6 +35,7 @@ struct PlanOptions {
   PipelineOptions pipeline;
   std::string out;  ///< folder
   std::vector<Engine> write = {Engine::kNinja};
+  double task_seconds = 300;  ///< see CutStages; 0: a task is a stage of a take
   EngineOptions engine;
 };
 

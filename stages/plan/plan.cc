@@ -43,6 +43,7 @@ PlanJson TaskJson(const PlanTask& task) {
   PlanJson json = {{"id", task.id},
                    {"stage", ToString(task.stage.kind)},
                    {"take", task.stage.take},
+                   {"part", task.stage.part},
                    {"command", task.stage.command},
                    {"options", PlanJson::array()},
                    {"reads", task.stage.inputs},
@@ -65,6 +66,7 @@ PlanTask TaskFrom(const PlanJson& json, const std::string& session) {
   task.id = json.at("id").get<int>();
   FromString(json.at("stage").get<std::string>(), &task.stage.kind);
   task.stage.take = json.at("take").get<std::string>();
+  task.stage.part = json.value("part", "");
   task.stage.command = json.at("command").get<std::vector<std::string>>();
   for (const PlanJson& option : json.at("options"))
     task.stage.options.push_back({option.at("name").get<std::string>(), option.at("values").get<std::vector<std::string>>()});
@@ -77,6 +79,79 @@ PlanTask TaskFrom(const PlanJson& json, const std::string& session) {
   for (const PlanJson& input : json.at("inputs")) task.inputs.push_back(PrintFrom(input));
   return task;
 }
+
+/// `pose2d` chooses its net by the calibration, where there is one.
+bool ChoosesNet(const PipelineStage& stage) {
+  const auto names_it = [](const LineOption& option) { return option.name == "backend"; };
+  return stage.kind == StageKind::kPose2d && std::none_of(stage.options.begin(), stage.options.end(), names_it);
+}
+
+/// Stages in their order as tasks, each after those of its parts.
+class PlanMaker {
+ public:
+  PlanMaker(const std::vector<const PipelineStage*>& chosen, const StageRecords& earlier, const PartsByStage& parts)
+      : chosen_(chosen), earlier_(earlier), parts_(parts) {}
+
+  Plan Make() {
+    for (size_t first = 0, end = 0; first < chosen_.size(); first = end) {
+      while (end < chosen_.size() && chosen_[end]->kind == chosen_[first]->kind) ++end;
+      AddKind(first, end);
+    }
+    return std::move(plan_);
+  }
+
+ private:
+  /// Tasks of one kind and level stand in a row.
+  void AddKind(size_t first, size_t end) {
+    std::map<std::string, std::vector<int>> before;  // by stage: its parts of the level before
+    bool more = true;
+    for (size_t level = 0; more; ++level) {
+      more = false;
+      for (size_t i = first; i < end; ++i) {
+        const auto found = parts_.find(chosen_[i]->name());
+        if (found == parts_.end() || level >= found->second.size()) continue;
+        more = true;
+        std::vector<int> ids;
+        for (const PartTask& part : found->second[level])
+          ids.push_back(Add(part.stage, part.seconds, level == 0 ? After(*chosen_[i]) : before[chosen_[i]->name()]));
+        before[chosen_[i]->name()] = ids;
+      }
+    }
+    for (size_t i = first; i < end; ++i) {
+      std::vector<int> after = After(*chosen_[i]);
+      const std::vector<int>& own = before[chosen_[i]->name()];
+      after.insert(after.end(), own.begin(), own.end());
+      const auto last = earlier_.find(chosen_[i]->name());
+      const double seconds = SecondsOf(last == earlier_.end() ? nullptr : &last->second);
+      Add(*chosen_[i], own.empty() ? seconds : NAN, std::move(after));  // putting parts together was never measured
+    }
+  }
+
+  /// Ids of those whose outputs the stage reads, or looks at to choose.
+  std::vector<int> After(const PipelineStage& stage) const {
+    std::vector<int> after;
+    for (const PlanTask& other : plan_.tasks) {
+      const bool rig = ChoosesNet(stage) && other.stage.kind == StageKind::kCalibrate;
+      if (other.stage.part.empty() && (rig || Reads(stage, other.stage))) after.push_back(other.id);
+    }
+    return after;
+  }
+
+  int Add(const PipelineStage& stage, double seconds, std::vector<int> after) {
+    PlanTask task;
+    task.id = static_cast<int>(plan_.tasks.size()) + 1;
+    task.stage = stage, task.seconds = seconds, task.after = std::move(after);
+    for (const std::string& input : stage.inputs)
+      if (!MadeByAny(chosen_, input)) task.inputs.push_back(FingerprintOf(input));
+    plan_.tasks.push_back(std::move(task));
+    return plan_.tasks.back().id;
+  }
+
+  const std::vector<const PipelineStage*>& chosen_;
+  const StageRecords& earlier_;
+  const PartsByStage& parts_;
+  Plan plan_;
+};
 
 TaskState StateOf(const Plan& plan, const PlanTask& task, const std::set<int>& done) {
   const std::optional<StageRecord> marker = ReadTaskRecord(MarkerPath(plan, task), task);
@@ -92,28 +167,36 @@ TaskState StateOf(const Plan& plan, const PlanTask& task, const std::set<int>& d
   return waits ? TaskState::kWaiting : TaskState::kReady;
 }
 
+/// Ids of the tasks that make parts of the stage.
+std::vector<int> PartsOf(const Plan& plan, const PlanTask& task) {
+  std::vector<int> ids;
+  for (const PlanTask& other : plan.tasks) {
+    if (!other.stage.part.empty() && other.stage.kind == task.stage.kind && other.stage.take == task.stage.take)
+      ids.push_back(other.id);
+  }
+  return ids;
+}
+
 }  // namespace
 
 std::string_view ToString(TaskState state) { return WordOf(kTaskStateWords, state); }
 
-Plan PlanOf(const PipelineOptions& options, std::vector<const PipelineStage*> chosen, const StageRecords& earlier) {
+Plan PlanOf(const PipelineOptions& options, std::vector<const PipelineStage*> chosen, const StageRecords& earlier,
+            const PartsByStage& parts) {
   std::stable_sort(chosen.begin(), chosen.end(),
                    [](const PipelineStage* a, const PipelineStage* b) { return a->kind < b->kind; });
-  Plan plan;
+  Plan plan = PlanMaker(chosen, earlier, parts).Make();
   plan.session = options.session, plan.accept = options.accept;
-  for (const PipelineStage* stage : chosen) {
-    PlanTask task;
-    task.id = static_cast<int>(plan.tasks.size()) + 1;
-    task.stage = *stage;
-    for (const PlanTask& other : plan.tasks)
-      if (Reads(task.stage, other.stage)) task.after.push_back(other.id);
-    for (const std::string& input : stage->inputs)
-      if (!MadeByAny(chosen, input)) task.inputs.push_back(FingerprintOf(input));
-    const auto last = earlier.find(stage->name());
-    task.seconds = SecondsOf(last == earlier.end() ? nullptr : &last->second);
-    plan.tasks.push_back(std::move(task));
-  }
   return plan;
+}
+
+std::string KeptFolder(const std::string& plan) { return plan + "/kept"; }
+
+bool HasParts(const Plan& plan, const PlanTask& task) {
+  return task.stage.part.empty() && std::any_of(task.after.begin(), task.after.end(), [&](int id) {
+           const PipelineStage& earlier = TaskOf(plan, id).stage;
+           return !earlier.part.empty() && earlier.kind == task.stage.kind && earlier.take == task.stage.take;
+         });
 }
 
 std::string PlanText(const Plan& plan) {
@@ -192,6 +275,8 @@ std::vector<TaskState> StatesOf(const Plan& plan) {
   for (const PlanTask& task : plan.tasks) {
     states.push_back(StateOf(plan, task, done));
     if (states.back() == TaskState::kDone) done.insert(task.id);
+    if (states.back() != TaskState::kDone || !HasParts(plan, task)) continue;
+    for (const int id : PartsOf(plan, task)) states[static_cast<size_t>(id - 1)] = TaskState::kDone;  // they did their work
   }
   return states;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,14 @@ struct PlanTask {
   double seconds = NAN;  ///< as long as it took last time; NaN: never measured
 };
 
+/// A part of a stage as a task.
+struct PartTask {
+  PipelineStage stage;
+  double seconds = NAN;  ///< as foretold
+};
+/// By PipelineStage::name() of the stage: its parts, level by level.
+using PartsByStage = std::map<std::string, std::vector<std::vector<PartTask>>>;
+
 struct Plan {
   std::string folder;  ///< absolute
   std::string session, version;
@@ -25,9 +34,15 @@ struct Plan {
   std::vector<PlanTask> tasks;
 };
 
-/// A task for each of `chosen`, whose names were given paths from `options.session`. `earlier`: of SESSION/run.json, for the
-/// seconds.
-Plan PlanOf(const PipelineOptions& options, std::vector<const PipelineStage*> chosen, const StageRecords& earlier);
+/// A task for each of `chosen`, whose names were given paths from `options.session`, and before it those of its parts: each
+/// level of parts waits for the one before, the stage for the last. `earlier`: of SESSION/run.json, for the seconds.
+Plan PlanOf(const PipelineOptions& options, std::vector<const PipelineStage*> chosen, const StageRecords& earlier,
+            const PartsByStage& parts = {});
+
+/// PLAN/kept: what the parts keep for their stages. Machines share it.
+std::string KeptFolder(const std::string& plan);
+/// Whether other tasks make parts of this stage.
+bool HasParts(const Plan& plan, const PlanTask& task);
 
 /// PLAN/plan.jsonl: one line for the plan, one for each task.
 std::string PlanText(const Plan& plan);

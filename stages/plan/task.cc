@@ -79,9 +79,16 @@ class TaskRun {
     const StageKeeper keep = [&](const StageRecord* record) { Keep(record); };
     if (fs::exists(MarkerPath(plan_, task_))) RemoveOurs({MarkerPath(plan_, task_)});
     now.found = false;
-    report_.said = DoStage(task_.stage, std::move(now), earlier ? &*earlier : nullptr, {plan_.accept, options_.again}, keep,
+    report_.said = DoStage(WithKept(), std::move(now), earlier ? &*earlier : nullptr, {plan_.accept, options_.again}, keep,
                            tools_.call, &row_);
     if (row_.state != RowState::kFailed && kept_) Mark(*kept_);
+  }
+
+  /// The stage finds what its parts kept; its record knows nothing of it.
+  PipelineStage WithKept() const {
+    PipelineStage stage = task_.stage;
+    if (HasParts(plan_, task_)) stage.options.push_back({"cache", {KeptFolder(plan_.folder)}});
+    return stage;
   }
 
   void Keep(const StageRecord* record) {

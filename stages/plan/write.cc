@@ -6,6 +6,7 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/text/shell_word.h"
+#include "stages/plan/cut.h"
 #include "stages/plan/engines.h"
 #include "stages/plan/run.h"
 
@@ -49,7 +50,9 @@ PlanReport WritePlan(PlanOptions options, const PipelineTools& tools) {
   const PipelineReport ahead = RunPipeline(pipeline, tools);
   RequireAnyNeeded(ahead, pipeline.session);
   report.warnings = ahead.warnings;
-  report.plan = PlanOf(pipeline, StagesOfPlan(ahead), ahead.records);
+  const std::vector<const PipelineStage*> chosen = StagesOfPlan(ahead);
+  const std::string folder = fs::weakly_canonical(fs::absolute(options.out)).string();
+  report.plan = PlanOf(pipeline, chosen, ahead.records, CutStages(options, chosen, ahead.records, folder));
   std::vector<std::string> names = {"plan.jsonl"};
   for (const Engine engine : options.write) names.push_back(EngineFile(engine));
   const OutputFolder place(options.out, {report.session_file}, names);

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 
 #include "tests/support/run_cli.h"
@@ -21,7 +22,7 @@ class PlanCommands : public ::testing::Test {
     const CliRun made = RunCli({"synth", "--out", *folder_ / "s", "--cameras", "3", "--size", "320x240", "--board",
                                 "charuco:5x4:240mm:180mm", "--board-frames", "40", "--take-frames", "12"});
     ASSERT_EQ(made.exit, 0) << made.err;
-    fs::copy(*folder_ / "s", *folder_ / "straight", fs::copy_options::recursive);
+    for (const char* name : {"straight", "fresh"}) fs::copy(*folder_ / "s", *folder_ / name, fs::copy_options::recursive);
   }
   static void TearDownTestSuite() { delete folder_; }
   static std::string Path(const std::string& name) { return *folder_ / name; }
@@ -96,6 +97,45 @@ TEST_F(PlanCommands, DoWhatRunDoes) {
   EXPECT_THAT(changed.err, HasSubstr("write the plan anew"));
   EXPECT_EQ(RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "triangulate"}).exit, 2) << "it is there";
   EXPECT_EQ(RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "triangulate", "--overwrite"}).exit, 0);
+}
+
+/// Masks by cameras, joined by a task that finds what the others kept.
+TEST_F(PlanCommands, MasksInPartsAreThoseOfOneRun) {
+  for (const char* name : {"cut", "whole"}) fs::copy(Path("fresh"), Path(name), fs::copy_options::recursive);
+  const CliRun whole = RunCli({"run", Path("whole"), "--to", "mask"});
+  ASSERT_THAT(whole.exit, ::testing::AnyOf(0, 6)) << whole.err;
+  const auto masks = [](const std::string& session) {
+    std::map<std::string, std::string> files;
+    const std::string folder = Path(session + "/masks/take1");
+    for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+      if (entry.path().extension() == ".png") files[entry.path().string().substr(folder.size())] = Slurp(entry.path().string());
+    }
+    return files;
+  };
+  const CliRun plan = RunCli({"plan", Path("cut"), "--out", Path("parts"), "--to", "mask", "--task-seconds", "1", "--write",
+                              "ninja", "slurm", "snakemake"});
+  ASSERT_EQ(plan.exit, 0) << plan.err;
+  EXPECT_THAT(plan.out, HasSubstr("mask take1 frames=cam_02"));
+  EXPECT_THAT(Slurp(Path("parts/submit.sh")), HasSubstr("--job-name=mask-frames --array=0-2 "));
+  const auto states = [] {
+    std::map<std::string, int> counts;
+    const nlohmann::json json = RunCli({"jobs", "status", Path("parts"), "--json"}).Json();
+    for (const auto& task : json["metrics"]["tasks"]) ++counts[task["state"].get<std::string>()];
+    return counts;
+  };
+  const CliRun all = RunCli({"jobs", "submit", Path("parts")});
+  ASSERT_EQ(all.exit, 0) << all.err << Slurp(Path("parts/submit.log"));
+  EXPECT_EQ(states(), (std::map<std::string, int>{{"done", 3 + 3 + 1 + 3 + 1}})) << "samples, choice, frames, the whole";
+  EXPECT_EQ(masks("cut").size(), size_t{3 * 12 + 3});
+  EXPECT_EQ(masks("cut"), masks("whole"));
+  EXPECT_FALSE(fs::exists(Path("cut/masks/take1/part.json")));
+
+  // The parts did their work: that they are gone changes nothing, and a lost result is made without them.
+  fs::remove_all(Path("parts/kept")), fs::remove_all(Path("parts/parts"));
+  EXPECT_EQ(states().size(), 1u);
+  fs::remove_all(Path("cut/masks/take1"));
+  EXPECT_EQ(RunCli({"jobs", "retry", Path("parts")}).exit, 0);
+  EXPECT_EQ(masks("cut"), masks("whole"));
 }
 
 }  // namespace

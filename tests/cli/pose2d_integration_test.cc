@@ -101,6 +101,40 @@ TEST_F(Pose2dCommand, AnOnnxNetOfHeatMapsIsUsed) {
   EXPECT_TRUE(again.Json().contains("unchanged_since"));
 }
 
+/// What parts kept in any order, the whole joins to the bytes of a run without parts.
+TEST_F(Pose2dCommand, PartsAreJoinedByTheWhole) {
+  WriteFootage("A", 303), WriteFootage("B", 2);
+  WriteText(folder_ / "net.onnx", TinyOnnx(17, 9));
+  const auto words = [&](const std::string& out, const std::vector<std::string>& more) {
+    std::vector<std::string> all = OnnxWords(out);
+    all.insert(all.end(), {"--images", "B=" + (folder_ / "B")});
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  };
+  ASSERT_EQ(RunCli(words("alone", {"--cache", "off"})).exit, 0);
+  const std::string kept = folder_ / "kept";
+  EXPECT_EQ(RunCli(words("none", {"--part", "frames=A:1-1", "--cache", "off"})).exit, 2) << "nothing is kept";
+  EXPECT_EQ(RunCli(words("none", {"--part", "frames=C", "--cache", kept})).exit, 2) << "no such camera";
+  EXPECT_EQ(RunCli(words("none", {"--part", "samples=A", "--cache", kept})).exit, 2) << "that is of mask";
+  int number = 0;
+  for (const char* part : {"frames=B", "frames=A:1-1", "choice", "frames=A:0-0"}) {
+    const CliRun run = RunCli(words("part" + std::to_string(number++), {"--part", part, "--cache", kept}));
+    ASSERT_EQ(run.exit, 0) << run.err;
+    EXPECT_EQ(run.Json()["metrics"]["kept"], std::string(part) == "choice" ? 0 : 1) << part;
+  }
+  const CliRun whole = RunCli(words("whole", {"--cache", kept}));
+  ASSERT_EQ(whole.exit, 0) << whole.err;
+  size_t files = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder_ / "alone")) {
+    const std::string name = entry.path().filename().string();
+    if (entry.path().extension() != ".json" || name[0] == '.' || name == "pose2d.result.json") continue;
+    const std::string relative = entry.path().lexically_relative(folder_ / "alone").string();
+    EXPECT_EQ(Slurp(entry.path().string()), Slurp(folder_ / ("whole/" + relative))) << relative;
+    ++files;
+  }
+  EXPECT_EQ(files, 303u + 2u + 1u) << "and skeleton.json";
+}
+
 /// Three cameras side by side, 0.5 m apart, and the two spots 5 m before them.
 class Pose2dBudget : public Pose2dCommand {
  protected:

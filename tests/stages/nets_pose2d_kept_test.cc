@@ -10,7 +10,7 @@
 #include "stages/nets/pose2d/kept.h"
 #include "tests/support/temp_dir.h"
 
-/// A run of pose2d that was cut goes on by cameras.
+/// A run of pose2d that was cut goes on by cameras and blocks of time.
 namespace mvstudio::stages {
 namespace {
 
@@ -81,6 +81,44 @@ TEST_F(KeptPoses, ACutRunGoesOnAtTheCameraThatWasNotFinished) {
   net_->runs = 0;
   EXPECT_EQ(Bytes(DetectPoses(job_, backend_, run_)), whole);
   EXPECT_EQ(net_->runs, 0);
+}
+
+TEST_F(KeptPoses, ALongCameraGoesOnByBlocks) {
+  job_.footage.resize(1), job_.footage[0].path = folder_ / "raw/long";
+  for (int i = 0; i < kKeptBlock + 5; ++i)
+    dataset::WriteImage(Image(8, 6, 3, static_cast<uint8_t>(i < kKeptBlock ? 50 : 200)),
+                        folder_ / ("raw/long/" + std::to_string(1000 + i) + ".png"));
+  DetectJob alone = job_;
+  alone.cache.kind = CachePlace::Kind::kOff;
+  const std::vector<std::string> whole = Bytes(DetectPoses(alone, backend_, run_));
+  net_->fatal = 200;
+  EXPECT_THROW(DetectPoses(job_, backend_, run_), std::runtime_error);
+  net_->fatal = 50;  // the first block must not be asked for again
+  EXPECT_EQ(Bytes(DetectPoses(job_, backend_, run_)), whole);
+
+  DetectJob parts = job_;  // in any order, by whoever shares the folder
+  parts.cache = CacheIn(folder_ / "shared");
+  parts.first_block = 1;
+  EXPECT_EQ(DetectPoses(parts, backend_, run_)[0].frames, 5);
+  net_->fatal = 200;
+  parts.first_block = 0, parts.end_block = 1;
+  EXPECT_EQ(DetectPoses(parts, backend_, run_)[0].frames, kKeptBlock);
+  net_->runs = 0;
+  job_.cache = parts.cache;
+  EXPECT_EQ(Bytes(DetectPoses(job_, backend_, run_)), whole);
+  EXPECT_EQ(net_->runs, 0);
+}
+
+TEST_F(KeptPoses, ABlockOfAnotherCameraIsNone) {
+  const std::string one = BlockKey("a", 3), other = BlockKey("b", 3);
+  EXPECT_EQ(one, "a/000003");
+  EXPECT_NE(one, other);
+  PoseBlock block;
+  block.positions = 7, block.ended = true;
+  const PoseBlock again = DecodePoseBlock(EncodePoseBlock(block));
+  EXPECT_EQ(again.positions, 7);
+  EXPECT_TRUE(again.ended);
+  EXPECT_THROW(DecodePoseBlock("1234567"), DamagedBytes);
 }
 
 TEST_F(KeptPoses, WhatDecidesTheResultIsInTheKey) {

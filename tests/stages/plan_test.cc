@@ -9,6 +9,9 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "dataset/footage/image_io.h"
+#include "stages/input/part.h"
+#include "stages/plan/cut.h"
 #include "stages/plan/engines.h"
 #include "tests/support/temp_dir.h"
 
@@ -85,7 +88,8 @@ TEST_F(PlanFolder, TasksOfAStageStandInARowAndAfterWhatTheyRead) {
   for (const PlanTask& task : plan.tasks) names.push_back(task.stage.name());
   EXPECT_THAT(names, ElementsAre("calibrate", "pose2d run", "pose2d walk", "sync run", "sync walk", "triangulate run",
                                  "triangulate walk"));
-  EXPECT_THAT(plan.tasks[1].after, IsEmpty());
+  EXPECT_THAT(plan.tasks[0].after, IsEmpty());
+  EXPECT_THAT(plan.tasks[1].after, ElementsAre(1)) << "by the calibration a net is chosen";
   EXPECT_THAT(plan.tasks[4].after, ElementsAre(1, 3)) << "of its own take alone";
   EXPECT_THAT(plan.tasks[6].after, ElementsAre(1, 3, 5));
   ASSERT_EQ(plan.tasks[0].inputs.size(), 1u);
@@ -212,6 +216,100 @@ TEST_F(PlanFolder, TheReportIsMadeAfterFailures) {
   EXPECT_EQ(plan.tasks.back().after.size(), plan.tasks.size() - 1);
   EXPECT_THAT(Text(Engine::kSlurm, ids), HasSubstr("--job-name=report --array=0"));
   EXPECT_THAT(Text(Engine::kSlurm, ids), HasSubstr("--dependency=afterany:$job1:"));
+}
+
+/// A take of 700 images of one camera and 10 of another.
+TEST(PlanCut, LongStagesAreCutByCamerasAndTime) {
+  const testing::TempDir folder;
+  const std::string image = dataset::EncodeImage(Image(8, 6, 3), ".png");
+  for (const auto& [camera, frames] : {std::pair("a", 700), std::pair("b", 10)}) {
+    fs::create_directories(folder / ("raw/" + std::string(camera)));
+    for (int i = 0; i < frames; ++i)
+      std::ofstream(folder / ("raw/" + std::string(camera) + "/" + std::to_string(1000 + i) + ".png")) << image;
+  }
+  std::ofstream(folder / "calibration.json") << "rig";
+  std::ofstream(folder / "mvstudio.toml") << R"(schema = "mvstudio.session/1"
+units = "m"
+calibration = "calibration.json"
+cameras = ["a", "b"]
+[[takes]]
+name = "walk"
+kind = "people"
+[takes.footage]
+a = "raw/a"
+b = "raw/b"
+)";
+  PlanOptions options;
+  options.pipeline.session = folder.path(), options.pipeline.to = StageKind::kMask, options.task_seconds = 100;
+  const std::vector<PipelineStage> stages = PipelineOf(dataset::ReadSession(folder.path()), options.pipeline);
+  std::vector<const PipelineStage*> chosen;
+  for (const PipelineStage& stage : stages)
+    if (IsAskedFor(stage, options.pipeline) && stage.left_out.empty()) chosen.push_back(&stage);
+  const auto names = [&](const StageRecords& earlier) {
+    const Plan plan = PlanOf(options.pipeline, chosen, earlier, CutStages(options, chosen, earlier, "/plan"));
+    std::vector<std::string> all;
+    for (const PlanTask& task : plan.tasks) all.push_back(task.stage.name());
+    return all;
+  };
+  EXPECT_THAT(names({}), ElementsAre("pose2d walk choice", "pose2d walk frames=a:0-0", "pose2d walk frames=a:1-1",
+                                     "pose2d walk frames=a:2-2", "pose2d walk frames=b", "pose2d walk", "sync walk",
+                                     "triangulate walk", "mask walk"))
+      << "masks of 710 images take 85 s";
+  const Plan plan = PlanOf(options.pipeline, chosen, {}, CutStages(options, chosen, {}, "/plan"));
+  EXPECT_THAT(plan.tasks[0].after, IsEmpty());
+  EXPECT_THAT(plan.tasks[2].after, ElementsAre(1));
+  EXPECT_THAT(plan.tasks[5].after, ElementsAre(2, 3, 4, 5));
+  EXPECT_THAT(plan.tasks[6].after, ElementsAre(6)) << "parts are nobody's input";
+  EXPECT_NEAR(plan.tasks[3].seconds, 0.41 * 300, 1e-9);
+  EXPECT_TRUE(std::isnan(plan.tasks[5].seconds));
+  EXPECT_TRUE(HasParts(plan, plan.tasks[5]));
+  EXPECT_FALSE(HasParts(plan, plan.tasks[6]));
+  EXPECT_FALSE(HasParts(plan, plan.tasks[1]));
+  EXPECT_THAT(plan.tasks[4].stage.inputs, ElementsAre(folder / "raw/b")) << "not what other cameras filmed";
+  EXPECT_THAT(plan.tasks[0].stage.inputs, ElementsAre(folder / "raw/a", folder / "raw/b"));
+  EXPECT_THAT(plan.tasks[4].stage.line().Text(), HasSubstr("--part frames=b --out /plan/parts/pose2d-walk/1-"));
+  EXPECT_THAT(plan.tasks[4].stage.line().Text(), HasSubstr("--cache /plan/kept"));
+  const std::string text = PlanText(plan);
+  std::ofstream(folder / "plan.jsonl") << text;
+  EXPECT_EQ(PlanText(ReadPlan(folder.path())), text);
+  EngineOptions limits;
+  limits.program = "/usr/bin/mvstudio";
+  const std::string slurm = EngineText(Engine::kSlurm, plan, {1, 2, 3, 4, 5, 6}, limits);
+  EXPECT_THAT(slurm, HasSubstr("--job-name=pose2d-choice --array=0 "));
+  EXPECT_THAT(slurm, HasSubstr("--job-name=pose2d-frames --array=0-3 "));
+  EXPECT_THAT(slurm, HasSubstr("--job-name=pose2d --array=0 "));
+
+  options.task_seconds = 200;
+  EXPECT_EQ(names({}).size(), 4u) << "291 s are not more than twice 200";
+  StageRecord record;
+  record.seconds = 5000;  // with two cameras, on two threads at least where the machine has them
+  EXPECT_GT(names({{"pose2d walk", record}}).size(), 5u) << "what was measured counts";
+  options.task_seconds = 10;
+  options.pipeline.to = StageKind::kPose2d;
+  const PartsByStage parts = CutStages(options, chosen, {}, "/plan");
+  ASSERT_EQ(parts.at("mask walk").size(), 3u) << "samples, choice, frames";
+  EXPECT_EQ(parts.at("mask walk")[0].size(), 2u);
+  std::ofstream(folder / "mvstudio.toml", std::ios::app)
+      << "[run.pose2d]\nbackend = \"movenet\"\n[run.mask]\ncache = \"off\"\n";
+  const std::vector<PipelineStage> given = PipelineOf(dataset::ReadSession(folder.path()), options.pipeline);
+  chosen.clear();
+  for (const PipelineStage& stage : given) chosen.push_back(&stage);
+  const PartsByStage others = CutStages(options, chosen, {}, "/plan");
+  EXPECT_EQ(others.at("pose2d walk").size(), 1u) << "the net is no question";
+  EXPECT_EQ(others.count("mask walk"), 0u) << "its cache was chosen";
+  options.task_seconds = 0;
+  EXPECT_TRUE(CutStages(options, chosen, {}, "/plan").empty());
+  options.task_seconds = -1;
+  EXPECT_THROW(CutStages(options, chosen, {}, "/plan"), UsageError);
+}
+
+TEST(PlanCut, PartsAreReadAsTheyAreWritten) {
+  for (const char* text : {"choice", "samples=cam 1", "frames=a", "frames=a:0-0", "frames=a:b:3-17", "frames=a:b"})
+    EXPECT_EQ(ToString(ParsePart(text)), text);
+  EXPECT_EQ(ParsePart("frames=a:b:3-17").camera, "a:b");
+  EXPECT_EQ(ParsePart("frames=a:b:3-17").end_block, 18);
+  for (const char* text : {"", "frames=", "samples=", "frame=a", "frames=a:5-3", "frames=a:0-99999999999"})
+    EXPECT_THROW(ParsePart(text), UsageError) << text;
 }
 
 }  // namespace

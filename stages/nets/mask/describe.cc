@@ -55,14 +55,14 @@ MaskJson CameraMasksJson(const MaskStageReport& report, size_t c) {
           {"pictures", take.images},
           {"empty", take.empty},
           {"background_known", report.masks.cameras[c].background_known},
-          {"mean_area_fraction", take.mean_area_fraction},
+          {"mean_area_fraction", take.mean_area_fraction()},
           {"flicker", take.flicker.Share()},
           {"joints_on_mask", FiniteOrNull(take.joints_on_mask / joints)},
           {"joints_supported", FiniteOrNull(take.joints_supported / joints)},
           {"mask_outside_hull", FiniteOrNull(compared ? a.outside : std::nan(""))},
           {"hull_outside_mask", FiniteOrNull(compared ? a.missing : std::nan(""))},
           {"hull_blame", FiniteOrNull(compared ? a.blame : std::nan(""))},
-          {"ms_per_picture", take.ms_per_image}};
+          {"ms_per_picture", take.ms_per_image()}};
 }
 
 CommandResult DescribeMasks(const MaskStageReport& report) {
@@ -74,12 +74,12 @@ CommandResult DescribeMasks(const MaskStageReport& report) {
     const dataset::TakeMasks& take = report.masks.cameras[c].take;
     const std::string& name = report.cameras[c].name;
     images += take.images;
-    area += take.mean_area_fraction, flicker += take.flicker.Share(), ms += take.ms_per_image;
+    area += take.mean_area_fraction(), flicker += take.flicker.Share(), ms += take.ms_per_image();
     per_camera.push_back(CameraMasksJson(report, c));
     if (report.masks.hull.time_steps > 0)
       outside += report.masks.hull.Mean(c).outside, missing += report.masks.hull.Mean(c).missing;
     result.text += Format("  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms an image\n", name.c_str(), take.images,
-                          100 * take.mean_area_fraction, 100 * take.flicker.Share(), take.ms_per_image);
+                          100 * take.mean_area_fraction(), 100 * take.flicker.Share(), take.ms_per_image());
     if (!report.masks.cameras[c].sheet.empty())
       result.outputs.push_back({report.options.out + "/" + name + ".sheet.png", "overlay"});
   }

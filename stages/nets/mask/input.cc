@@ -5,6 +5,8 @@
 #include <set>
 
 #include "core/choice/frame_choice.h"
+#include "core/disk/kept_key.h"
+#include "core/disk/manifest.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/parallel.h"
@@ -18,6 +20,7 @@
 #include "stages/input/first_frames.h"
 #include "stages/input/pose3d_input.h"
 #include "stages/input/score_input.h"
+#include "stages/nets/mask/kept.h"
 #include "stages/words.h"
 
 namespace mvstudio::stages {
@@ -52,7 +55,18 @@ geometry::RigCamera MatchSize(const MaskStageOptions& options, const geometry::R
   return ApplySizeRule(camera, rule, w, h);
 }
 
-MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::MaskOptions& options, bool keep_undamaged) {
+/// From an earlier run or from the footage.
+dataset::FootageSamples SampleOrLoad(const MaskStageOptions& options, const dataset::CameraFootage& footage, std::string* key) {
+  const bool keep_undamaged = options.run.keep_undamaged;
+  const KeptResults kept(options.cache, kSamplesKind);
+  *key = SamplesKey(options.cache, footage, options.mask, keep_undamaged);
+  if (auto before = LoadKept(kept, *key, DecodeSamples)) return std::move(*before);
+  dataset::FootageSamples samples = dataset::SampleFootage(footage.path, options.mask.background_frames, keep_undamaged);
+  if (!key->empty()) kept.Store(*key, EncodeSamples(samples));
+  return samples;
+}
+
+MaskCamera SampleCamera(const MaskStageOptions& options, const dataset::CameraFootage& footage) {
   MaskCamera camera;
   camera.footage = footage;
   if (footage.timeline) {
@@ -63,7 +77,7 @@ MaskCamera SampleCamera(const dataset::CameraFootage& footage, const dataset::Ma
       if (frames[time_step] >= 0) camera.frame_at->emplace(static_cast<int>(time_step), static_cast<int>(frames[time_step]));
     }
   }
-  camera.samples = dataset::SampleFootage(footage.path, options.background_frames, keep_undamaged);
+  camera.samples = SampleOrLoad(options, footage, &camera.samples_key);
   if (footage.plate.empty()) return camera;
   camera.plate = dataset::ReadImage(footage.plate);
   if (camera.plate.width != camera.samples.width || camera.plate.height != camera.samples.height) {
@@ -195,12 +209,22 @@ void CheckArguments(const MaskStageOptions& options, const TakeInput& take) {
   if (!(options.hull.voxel_m > 0)) throw UsageError("option 'hull-voxel' must be positive");
 }
 
+/// The package's files are held against its hashes when they are read.
+std::string SelfieWeights() { return detect::PinnedModelPackage().integrity; }
+
+std::string OnnxWeights(const std::string& file, const detect::OnnxSegmenterOptions& options) {
+  KeptKey key;
+  key.Add(mvstudio::DigestOf(file).sha256);
+  key.AddFields(options);
+  return key.Take();
+}
+
 }  // namespace
 
 MaskJob ReadMaskJob(const MaskStageOptions& options, const TakeInput& take, InputNotes* notes, const RunContext& run) {
   CheckArguments(options, take);
   MaskJob job;
-  job.mask = options.mask, job.hull = options.hull, job.run = options.run;
+  job.mask = options.mask, job.hull = options.hull, job.run = options.run, job.cache = options.cache;
   if (!options.pose3d.empty()) {
     job.poses = ReadCoco19Poses(options.pose3d, options.marker_unit);
     notes->inputs.push_back(options.pose3d);
@@ -209,7 +233,7 @@ MaskJob ReadMaskJob(const MaskStageOptions& options, const TakeInput& take, Inpu
   {
     ProgressStage stage(run, "reading footage", static_cast<int64_t>(take.footage.size()));
     ParallelFor(static_cast<int64_t>(take.footage.size()), run.num_threads,
-                [&](int64_t c) { job.cameras[c] = SampleCamera(take.footage[c], options.mask, options.run.keep_undamaged); });
+                [&](int64_t c) { job.cameras[c] = SampleCamera(options, take.footage[c]); });
     stage.Advance(static_cast<int64_t>(take.footage.size()));
   }
   NumberPoses(options, &job, notes);
@@ -223,12 +247,13 @@ MaskJob ReadMaskJob(const MaskStageOptions& options, const TakeInput& take, Inpu
 std::vector<MaskBackend> MaskBackends(const MaskStageOptions& options, InputNotes* notes) {
   const std::string& name = options.backend;
   if (name == "background") return {{"background", nullptr}};
-  if (name == "selfie") return {{"selfie", detect::SelfieSegmenter()}};
-  if (name.rfind("onnx:", 0) == 0) return {{name, detect::OnnxSegmenter(name.substr(5), options.onnx)}};
+  if (name == "selfie") return {{"selfie", detect::SelfieSegmenter(), SelfieWeights()}};
+  if (name.rfind("onnx:", 0) == 0)
+    return {{name, detect::OnnxSegmenter(name.substr(5), options.onnx), OnnxWeights(name.substr(5), options.onnx)}};
   if (name != "auto") throw UsageError("option 'backend' " + name + ": known are auto, background, selfie, onnx:FILE");
   std::vector<MaskBackend> backends = {{"background", nullptr}};
   if (detect::HasModel("selfie")) {
-    backends.push_back({"selfie", detect::SelfieSegmenter()});
+    backends.push_back({"selfie", detect::SelfieSegmenter(), SelfieWeights()});
   } else {
     notes->warnings.push_back(
         {"MSK-NONET", "the net 'selfie' is not installed: only 'background' can be tried", "mvstudio models fetch"});

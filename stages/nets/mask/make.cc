@@ -13,6 +13,7 @@
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/masks/sheet.h"
+#include "stages/nets/mask/kept.h"
 
 namespace mvstudio::stages {
 namespace fs = std::filesystem;
@@ -105,61 +106,144 @@ void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& 
   });
 }
 
+int TilePx(const MaskJob& job) { return job.run.sheet_tiles > 40 ? 110 : 240; }
+
 struct TakePass {
   std::vector<MaskCameraResult> cameras;
   std::vector<int> time_steps;  ///< that any camera has, ascending
   std::vector<int> shared;      ///< those that most cameras have: all, unless one has none of the others' frames
 };
 
-MaskCameraResult SegmentCamera(const MaskJob& job, const MaskCamera& camera, const MaskBackend& backend,
-                               const CameraMaskModel& model, const std::string& folder, const std::string& room,
-                               const std::function<void(int)>& on_frame) {
-  const std::string& name = camera.footage.camera;
-  MakeFolder(folder + "/" + name);
-  if (job.run.soft) MakeFolder(folder + "/soft/" + name);
+/// One pass over the footage of all cameras.
+struct PassPlan {
+  const MaskBackend* backend = nullptr;
+  std::string folder;    ///< that gets the masks; empty: they are kept alone
+  std::string room;      ///< folder of where the others allow people; empty: anywhere
+  std::string room_key;  ///< of RoomKey; empty: nothing of this pass is kept where there is a room
+  int64_t first_block = 0, end_block = std::numeric_limits<int64_t>::max();
+};
+
+/// The masks of one camera, block after block.
+class CameraMasker {
+ public:
+  CameraMasker(const MaskJob& job, const MaskCamera& camera, const CameraMaskModel& model, const PassPlan& pass)
+      : job_(job),
+        camera_(camera),
+        ranks_(camera.wanted ? std::vector<int>(camera.wanted->begin(), camera.wanted->end()) : camera.samples.all),
+        every_(std::max(1, camera.num_wanted() / std::max(1, job.run.sheet_tiles))),
+        segmenter_(camera.footage.path, ToolsOf(model, pass), job.run.keep_undamaged) {}
+
+  MaskBlock Make(int64_t number, const std::function<void()>& on_frame) {
+    MaskBlock block;
+    block.positions = segmenter_.Segment(
+        number * kKeptBlock, (number + 1) * kKeptBlock,
+        [&](int frame, const Image& rgb, const BodyMask& mask) {
+          block.frames.push_back({frame, dataset::EncodeImage(mask.mask, ".png"), "", TileOf(frame, rgb, mask.mask)});
+          if (job_.run.soft) block.frames.back().soft = dataset::EncodeImage(mask.soft, ".png");
+          on_frame();
+        },
+        &block.take);
+    return block;
+  }
+
+ private:
+  dataset::SegmentTools ToolsOf(const CameraMaskModel& model, const PassPlan& pass) const {
+    dataset::SegmentTools tools;
+    tools.bodies = &camera_.bodies, tools.net = NetOf(*pass.backend), tools.model = &model, tools.options = &job_.mask;
+    tools.only = camera_.wanted ? &*camera_.wanted : nullptr;
+    if (pass.room.empty()) return tools;
+    tools.possible = [room = pass.room, name = camera_.footage.camera](int frame) {
+      const std::string path = MaskPath(room, name, frame);
+      return fs::exists(path) ? dataset::ReadImage(path, true) : Image();
+    };
+    return tools;
+  }
+
+  /// Of the contact sheet, which shows frames spread over the take; empty for the others.
+  Image TileOf(int frame, const Image& rgb, const Image& mask) const {
+    const auto rank = static_cast<int>(std::lower_bound(ranks_.begin(), ranks_.end(), frame) - ranks_.begin());
+    if (rank % every_ != every_ / 2 || rank / every_ >= job_.run.sheet_tiles) return {};
+    return dataset::ContactSheet({{rgb, mask, {}}}, 1, TilePx(job_), true);
+  }
+
+  const MaskJob& job_;
+  const MaskCamera& camera_;
+  const std::vector<int> ranks_;  ///< frames that get a mask
+  const int every_;
+  dataset::TakeSegmenter segmenter_;
+};
+
+void WriteMaskBlock(const MaskBlock& block, const std::string& folder, const std::string& camera) {
+  for (const MaskBlock::Frame& frame : block.frames) {
+    WriteFileAtomic(MaskPath(folder, camera, frame.number), frame.mask);
+    if (!frame.soft.empty()) WriteFileAtomic(MaskPath(folder + "/soft", camera, frame.number), frame.soft);
+  }
+}
+
+Image SheetOf(const MaskJob& job, std::vector<Image> images) {
   std::vector<dataset::SheetTile> tiles;
-  const int every = std::max(1, camera.num_wanted() / std::max(1, job.run.sheet_tiles));
-  int position = 0;
-  const auto possible = [&](int frame) {
-    const std::string path = MaskPath(room, name, frame);
-    return fs::exists(path) ? dataset::ReadImage(path, true) : Image();
-  };
+  for (Image& one : images) {
+    Image nothing(one.width, one.height, 1, 0);
+    tiles.push_back({std::move(one), std::move(nothing), {}});
+  }
+  if (tiles.empty()) return {};
+  return dataset::ContactSheet(tiles, job.run.sheet_tiles > 40 ? 14 : 6, TilePx(job) + 8, false);
+}
+
+/// Calls `on_frame` after every frame that got a mask, and `on_block` with the key of each block that is kept.
+MaskCameraResult SegmentCamera(const MaskJob& job, const MaskCamera& camera, const CameraMaskModel& model, const PassPlan& pass,
+                               const std::function<void()>& on_frame,
+                               const std::function<void(const std::string&)>& on_block = {}) {
+  const std::string& name = camera.footage.camera;
+  if (!pass.folder.empty()) MakeFolder(pass.folder + "/" + name);
+  if (!pass.folder.empty() && job.run.soft) MakeFolder(pass.folder + "/soft/" + name);
+  const KeptResults kept(job.cache, kMasksKind);
+  const bool keeps = kept.enabled() && (pass.room.empty() || !pass.room_key.empty());
+  const std::string base = keeps ? MasksKey(job, camera, *pass.backend, pass.room_key) : "";
+  CameraMasker masker(job, camera, model, pass);
   MaskCameraResult result;
   result.background_known = model.background.KnownFraction();
-  const int tile_px = job.run.sheet_tiles > 40 ? 110 : 240;
-  result.take = dataset::SegmentTake(
-      camera.footage.path, camera.bodies, NetOf(backend), model, room.empty() ? std::function<Image(int)>() : possible,
-      [&](int frame, const Image& rgb, const BodyMask& mask) {
-        dataset::WriteImage(mask.mask, MaskPath(folder, name, frame));
-        if (job.run.soft) dataset::WriteImage(mask.soft, MaskPath(folder + "/soft", name, frame));
-        if (position % every == every / 2 && int(tiles.size()) < job.run.sheet_tiles) {
-          const Image one = dataset::ContactSheet({{rgb, mask.mask, {}}}, 1, tile_px, true);
-          tiles.push_back({one, Image(one.width, one.height, 1, 0), {}});
-        }
-        ++position;
-        on_frame(frame);
-      },
-      job.mask, job.run.keep_undamaged, camera.wanted ? &*camera.wanted : nullptr);
-  if (!tiles.empty()) result.sheet = dataset::ContactSheet(tiles, job.run.sheet_tiles > 40 ? 14 : 6, tile_px + 8, false);
+  std::vector<Image> tiles;
+  for (int64_t number = pass.first_block; number < pass.end_block; ++number) {
+    const std::string key = base.empty() ? "" : BlockKey(base, number);
+    std::optional<MaskBlock> block = LoadKept(kept, key, DecodeMaskBlock);
+    if (!block) {
+      block = masker.Make(number, on_frame);
+      if (!key.empty()) kept.Store(key, EncodeMaskBlock(*block));
+    } else {
+      for (size_t i = 0; i < block->frames.size(); ++i) on_frame();
+    }
+    if (!pass.folder.empty()) WriteMaskBlock(*block, pass.folder, name);
+    result.take.Add(block->take);
+    for (MaskBlock::Frame& frame : block->frames) {
+      result.frames.push_back(frame.number);
+      if (!frame.tile.empty()) tiles.push_back(std::move(frame.tile));
+    }
+    if (on_block && !key.empty()) on_block(key);
+    if (block->positions < kKeptBlock) break;
+  }
+  result.sheet = SheetOf(job, std::move(tiles));
   return result;
 }
 
-TakePass SegmentAll(const MaskJob& job, const MaskBackend& backend, const std::vector<CameraMaskModel>& models,
-                    const std::string& folder, const std::string& room, const RunContext& run) {
+TakePass SegmentAll(const MaskJob& job, const std::vector<CameraMaskModel>& models, const PassPlan& plan,
+                    const RunContext& run) {
   TakePass pass;
   pass.cameras.resize(job.cameras.size());
   int64_t total = 0;
   for (const MaskCamera& camera : job.cameras) total += camera.num_wanted();
-  ProgressStage stage(run, room.empty() ? "masks" : "masks within the visual hull", total);
+  ProgressStage stage(run, plan.room.empty() ? "masks" : "masks within the visual hull", total);
   std::mutex mutex;
-  std::map<int, int> seen;
   ParallelFor(static_cast<int64_t>(job.cameras.size()), run.num_threads, [&](int64_t c) {
-    pass.cameras[c] = SegmentCamera(job, job.cameras[c], backend, models[c], folder, room, [&](int frame) {
+    pass.cameras[c] = SegmentCamera(job, job.cameras[c], models[c], plan, [&] {
       const std::lock_guard<std::mutex> lock(mutex);
-      ++seen[job.cameras[c].TimeStepOf(frame)];
       stage.Advance();
     });
   });
+  std::map<int, int> seen;
+  for (size_t c = 0; c < pass.cameras.size(); ++c) {
+    for (const int frame : pass.cameras[c].frames) ++seen[job.cameras[c].TimeStepOf(frame)];
+  }
   int most = 0;
   for (const auto& [time_step, count] : seen) {
     if (time_step < 0) continue;
@@ -168,6 +252,18 @@ TakePass SegmentAll(const MaskJob& job, const MaskBackend& backend, const std::v
     if (count == most) pass.shared.push_back(time_step);
   }
   return pass;
+}
+
+/// What is known of a camera, from an earlier run or learned now.
+dataset::LearnedCamera LearnOrLoad(const MaskJob& job, const MaskCamera& camera, const MaskBackend& backend,
+                                   const dataset::PersonNet& net) {
+  const KeptResults kept(job.cache, kModelsKind);
+  const std::string key = kept.enabled() ? ModelKey(job, camera, backend) : "";
+  if (auto before = LoadKept(kept, key, DecodeLearned)) return std::move(*before);
+  dataset::LearnedCamera learned =
+      dataset::LearnTakeCamera(camera.samples, camera.bodies, net, camera.plate.empty() ? nullptr : &camera.plate, job.mask);
+  if (!key.empty()) kept.Store(key, EncodeLearned(learned));
+  return learned;
 }
 
 }  // namespace
@@ -215,8 +311,7 @@ MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_fra
   std::mutex mutex;
   ParallelFor(static_cast<int64_t>(n), run.num_threads, [&](int64_t c) {
     const MaskCamera& camera = job.cameras[c];
-    learned[c] =
-        dataset::LearnTakeCamera(camera.samples, camera.bodies, net, camera.plate.empty() ? nullptr : &camera.plate, job.mask);
+    learned[c] = LearnOrLoad(job, camera, backend, net);
     for (size_t i = 0; i < time_steps.size() && learned[c].status == Status::kOk; ++i) {
       const auto& own = camera.samples.numbers;
       const int frame = camera.FrameAt(time_steps[i]);
@@ -251,14 +346,25 @@ MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_fra
   return trial;
 }
 
+std::vector<std::string> KeepMasks(const MaskJob& job, const MaskCamera& camera, const MaskBackend& backend,
+                                   const CameraMaskModel& model, int64_t first_block, int64_t end_block,
+                                   const RunContext& run) {
+  ProgressStage stage(run, "masks", camera.num_wanted());
+  std::vector<std::string> keys;
+  SegmentCamera(
+      job, camera, model, {&backend, "", "", "", first_block, end_block}, [&] { stage.Advance(); },
+      [&](const std::string& key) { keys.push_back(std::string(kMasksKind) + "/" + key); });
+  return keys;
+}
+
 MaskRunResult MakeMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<CameraMaskModel>& models,
                         const std::string& folder, const RunContext& run) {
-  TakePass pass = SegmentAll(job, backend, models, folder, "", run);
+  TakePass pass = SegmentAll(job, models, {&backend, folder, "", ""}, run);
   const bool together = job.has_calibration() && job.cameras.size() > 1;
   if (job.run.hull && together) {
     const ScratchFolder room(folder);
     WriteRoom(job, folder, room.path(), pass.time_steps, run);
-    pass = SegmentAll(job, backend, models, folder, room.path(), run);
+    pass = SegmentAll(job, models, {&backend, folder, room.path(), RoomKey(job, backend)}, run);
   }
   MaskRunResult result;
   result.cameras = std::move(pass.cameras);

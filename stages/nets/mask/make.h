@@ -26,6 +26,7 @@ struct MaskCamera {
   std::optional<std::map<int, int>> frame_at;
   /// Frames that get a mask; none: all.
   std::optional<std::set<int>> wanted = {};
+  std::string samples_key = {};  ///< of the samples, where they are kept; empty: nothing of this camera is
 
   /// -1: none.
   int FrameAt(int time_step) const;
@@ -41,6 +42,7 @@ struct MaskJob {
   dataset::MaskOptions mask;
   dataset::HullOptions hull;
   MaskRunOptions run;
+  CachePlace cache = {};  ///< of what a run that was cut has made
   bool has_calibration() const { return !cameras.empty() && cameras[0].camera.has_value(); }
 };
 
@@ -48,6 +50,7 @@ struct MaskJob {
 struct MaskBackend {
   std::string name;
   std::shared_ptr<const detect::Segmenter> net;  ///< null: background
+  std::string weights = {};                      ///< tells the net from any others; empty with a net: nothing is kept
 };
 
 /// A backend tried on a few frames.
@@ -69,7 +72,8 @@ MaskTrial TryBackend(const MaskJob& job, const MaskBackend& backend, bool on_fra
 struct MaskCameraResult {
   dataset::TakeMasks take;
   double background_known = 0;
-  Image sheet;  ///< may be empty
+  std::vector<int> frames = {};  ///< that got a mask, in order
+  Image sheet;                   ///< may be empty
 };
 
 struct MaskRunResult {
@@ -78,7 +82,13 @@ struct MaskRunResult {
   std::vector<size_t> disagreeing;
 };
 
-/// Writes the masks of the whole take to `folder`.
+/// Keeps the masks of one camera's blocks, from `first_block` up to before `end_block`, without what other cameras exclude.
+/// Writes nothing else. Returns KIND/KEY of each.
+std::vector<std::string> KeepMasks(const MaskJob& job, const MaskCamera& camera, const MaskBackend& backend,
+                                   const dataset::CameraMaskModel& model, int64_t first_block, int64_t end_block,
+                                   const RunContext& run);
+
+/// Writes the masks of the whole take to `folder`. Blocks of frames that were kept are not made again.
 MaskRunResult MakeMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<dataset::CameraMaskModel>& models,
                         const std::string& folder, const RunContext& run);
 

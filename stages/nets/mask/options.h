@@ -5,6 +5,7 @@
 
 #include "core/choice/option_group.h"
 #include "core/choice/option_style.h"
+#include "core/disk/kept.h"
 #include "dataset/detect/segment/segment.h"
 #include "dataset/masks/mask_take.h"
 #include "dataset/masks/size_rule.h"
@@ -54,6 +55,8 @@ struct MaskStageOptions {
   PoseChanges changes;              ///< what the 2D joints mean; its frames are the time steps that get masks
   std::string out;                  ///< new folder; empty: that of the session's take
   MaskRunOptions run;
+  CachePlace cache;
+  std::string part;  ///< see ParsePart; empty: all of it
   std::string backend = "auto";
   std::vector<NamedPath> truth;  ///< folders or patterns of exact masks
   detect::OnnxSegmenterOptions onnx;
@@ -80,6 +83,12 @@ void VisitFields(Visitor&& visit, MaskStageOptions& o) {
   StartGroup(visit, "Output");
   VisitStyled(visit, OptionStyle::kFolder, "out", o.out, "new folder; the session's masks/TAKE unless given");
   VisitFields(visit, o.run);
+  visit("cache", o.cache,
+        "where masks are kept until all are there, so that a run that was cut goes on with the next 300 frames: a folder, off, "
+        "or auto: $MVSTUDIO_CACHE, $XDG_CACHE_HOME/mvstudio or ~/.cache/mvstudio");
+  visit("part", o.part,
+        "keep a part for a later run with the same option 'cache', and write a list alone: samples=CAMERA, choice (of the "
+        "backend), frames=CAMERA or frames=CAMERA:3-5 (blocks of 300 frames)");
   StartGroup(visit, "Backend");
   visit("backend", o.backend,
         "background (what the images show without people), selfie (a small net), onnx:FILE, or auto: the one whose masks agree "

@@ -8,6 +8,7 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
+#include "stages/nets/mask/kept.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -47,16 +48,75 @@ std::vector<std::string> MaskInputs(const TakeInput& take, const MaskStageOption
   return paths;
 }
 
-/// The models of the best trial; those of the others are not kept.
+/// Trials of an earlier run, where there are several backends.
+std::vector<MaskTrial> KeptTrials(const MaskStageOptions& options, const std::string& key) {
+  return LoadKept(KeptResults(options.cache, kChoiceOfMasksKind), key, DecodeMaskTrials).value_or(std::vector<MaskTrial>());
+}
+
+/// The models of the best trial; those of the others are not kept. `choice`: key of the trials; may be empty.
 std::vector<dataset::CameraMaskModel> TryAll(const MaskJob& job, const std::vector<MaskBackend>& backends,
-                                             const RunContext& run, MaskStageReport* report) {
-  for (const MaskBackend& backend : backends) report->trials.push_back(TryBackend(job, backend, backends.size() > 1, run));
+                                             const std::string& choice, const RunContext& run, MaskStageReport* report) {
+  const bool several = backends.size() > 1;
+  if (several) report->trials = KeptTrials(report->options, choice);
+  const bool tried = report->trials.size() == backends.size();
+  if (tried) {
+    const size_t best = BestTrial(report->trials);
+    report->trials[best].models = TryBackend(job, backends[best], false, run).models;
+  } else {
+    report->trials.clear();
+    for (const MaskBackend& backend : backends) report->trials.push_back(TryBackend(job, backend, several, run));
+    if (several && !choice.empty()) KeptResults(job.cache, kChoiceOfMasksKind).Store(choice, EncodeMaskTrials(report->trials));
+  }
   report->chosen = BestTrial(report->trials);
   MaskTrial& best = report->trials[report->chosen];
   if (!best.failed_camera.empty()) report->outcome = MaskOutcome::kNobody;
   std::vector<dataset::CameraMaskModel> models = std::move(best.models);
   for (MaskTrial& trial : report->trials) trial.models.clear();
   return models;
+}
+
+void CheckMaskPart(const MaskStageOptions& options) {
+  if (options.out.empty()) throw UsageError("option 'part' needs option 'out', a folder for the list of what is kept");
+  if (!KeptResults(options.cache, kMasksKind).enabled())
+    throw UsageError("option 'part' keeps its result: give option 'cache'");
+}
+
+bool HasCamera(const TakeInput& take, const std::string& camera) {
+  return std::any_of(take.footage.begin(), take.footage.end(), [&](const auto& one) { return one.camera == camera; });
+}
+
+/// The take as if it had this camera alone.
+TakeInput OnlyCamera(const std::string& camera, TakeInput take, MaskStageOptions* options) {
+  const auto others = [&](const auto& one) { return one.camera != camera; };
+  take.footage.erase(std::remove_if(take.footage.begin(), take.footage.end(), others), take.footage.end());
+  const auto named = [&](const NamedPath& one) { return one.name != camera; };
+  options->pose2d.erase(std::remove_if(options->pose2d.begin(), options->pose2d.end(), named), options->pose2d.end());
+  return take;
+}
+
+/// The number of the backend that all cameras' trials choose.
+size_t ChosenBackend(const MaskStageOptions& options, const TakeInput& take, const std::vector<MaskBackend>& backends,
+                     const RunContext& run, PartReport* part) {
+  if (backends.size() < 2) return 0;
+  const std::string choice = MaskChoiceKey(options, take, backends);
+  const std::vector<MaskTrial> before = KeptTrials(options, choice);
+  if (before.size() == backends.size()) return BestTrial(before);
+  MaskStageReport report;
+  report.options = options;
+  TryAll(ReadMaskJob(options, take, &part->notes, run), backends, choice, run, &report);
+  if (!choice.empty()) part->kept.push_back(std::string(kChoiceOfMasksKind) + "/" + choice);
+  return report.chosen;
+}
+
+void KeepMaskFrames(const StagePart& part, MaskStageOptions options, const TakeInput& take, const MaskBackend& backend,
+                    const RunContext& run, PartReport* report) {
+  const TakeInput alone = OnlyCamera(part.camera, take, &options);
+  const MaskJob job = ReadMaskJob(options, alone, &report->notes, run);
+  const MaskTrial trial = TryBackend(job, backend, false, run);
+  if (!trial.failed_camera.empty()) return;  // the whole says so
+  const std::vector<std::string> keys =
+      KeepMasks(job, job.cameras[0], backend, trial.models[0], part.first_block, part.end_block, run);
+  report->kept.insert(report->kept.end(), keys.begin(), keys.end());
 }
 
 /// Sheets, and the scores against exact masks; `folder` is where the masks are now.
@@ -100,12 +160,40 @@ MaskStageReport RunMask(MaskStageOptions options, const RunContext& run) {
   const MaskJob job = ReadMaskJob(options, take, &report.notes, run);
   for (const MaskCamera& camera : job.cameras) report.cameras.push_back({camera.footage.camera, camera.samples.damage});
   if (!job.poses.empty()) report.pose_frames.emplace(job.poses.begin()->first, job.poses.rbegin()->first);
-  const std::vector<dataset::CameraMaskModel> models = TryAll(job, backends, run, &report);
+  const std::string choice = MaskChoiceKey(options, take, backends);
+  const std::vector<dataset::CameraMaskModel> models = TryAll(job, backends, choice, run, &report);
   if (report.outcome == MaskOutcome::kNobody) return report;
   report.masks = MakeMasks(job, backends[report.chosen], models, folder.work_path(), run);
   FinishMasks(folder.work_path(), &report);
   folder.Commit();
+  ForgetMasks(job, backends, choice);
   report.wall_s = std::chrono::duration<double>(MaskClock::now() - start).count();
+  return report;
+}
+
+PartReport RunMaskPart(MaskStageOptions options, const RunContext& run) {
+  const StagePart part = ParsePart(options.part);
+  CheckMaskPart(options);
+  PartReport report{{}, options.part, options.out, {}};
+  TakeInput take = ReadTakeInput(options.take, &report.notes);
+  if (part.kind != PartKind::kChoice && !HasCamera(take, part.camera))
+    throw UsageError("option 'part': the take has no footage of camera " + part.camera);
+  LeaveOutUncalibrated(options.calib.empty() ? take.calibration : options.calib, &take, &report.notes);
+  FillMaskOptions(take, &options, &report.notes);
+  AtomicFolder folder(options.out, options.run.overwrite, MaskInputs(take, options));
+  const bool left_out = part.kind != PartKind::kChoice && !HasCamera(take, part.camera);
+  if (left_out) {
+    report.notes.partial = true;
+  } else if (part.kind == PartKind::kSamples) {
+    const MaskJob job = ReadMaskJob(options, OnlyCamera(part.camera, take, &options), &report.notes, run);
+    report.kept.push_back(std::string(kSamplesKind) + "/" + job.cameras[0].samples_key);
+  } else {
+    const std::vector<MaskBackend> backends = MaskBackends(options, &report.notes);
+    const size_t chosen = ChosenBackend(options, take, backends, run, &report);
+    if (part.kind == PartKind::kFrames) KeepMaskFrames(part, options, take, backends[chosen], run, &report);
+  }
+  WritePart(report, folder.work_path());
+  folder.Commit();
   return report;
 }
 

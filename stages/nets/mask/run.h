@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/progress.h"
+#include "stages/input/part.h"
 #include "stages/input_notes.h"
 #include "stages/nets/mask/input.h"
 
@@ -41,5 +42,8 @@ struct MaskStageReport {
 /// Makes masks and writes the folder options.out. Throws UsageError, IoError, FormatError, NothingLeftError and
 /// MissingToolError; footage of which nothing can be learned is a report (MaskOutcome).
 MaskStageReport RunMask(MaskStageOptions options, const RunContext& run = {});
+
+/// Keeps the part options.part for RunMask with the same options and cache, and lists it in options.out. Throws as RunMask.
+PartReport RunMaskPart(MaskStageOptions options, const RunContext& run = {});
 
 }  // namespace mvstudio::stages

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <mutex>
 
 #include "core/disk/kept_key.h"
 #include "core/disk/manifest.h"
 #include "core/error.h"
-#include "core/log.h"
 #include "core/parallel.h"
 #include "dataset/detect/joints/pose_overlay.h"
 #include "dataset/detect/models/models.h"
@@ -51,55 +51,138 @@ std::vector<Person2d> Poses(const std::vector<detect::TrackedPerson>& people) {
   return poses;
 }
 
-void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, const PoseBackend& backend,
-                  const std::function<void()>& on_frame, CameraPoses* camera) {
-  const TimeSteps time_steps(footage);
-  const std::unique_ptr<dataset::FrameSource> source = dataset::OpenFrames(footage.path, {true, false, true});
-  detect::PoseTracker tracker(*backend.net, backend.finder.get(), job.options, backend.plan);
-  const int64_t between = std::max<int64_t>(1, source->num_frames() / std::max(1, job.overlays));
-  const auto seconds_since = [](std::chrono::steady_clock::time_point start) {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  };
-  for (int64_t position = 0;; ++position) {
+double SecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+/// One camera's footage, block after block.
+class CameraBlocks {
+ public:
+  CameraBlocks(const DetectJob& job, const dataset::CameraFootage& footage, const PoseBackend& backend)
+      : job_(job), footage_(footage), backend_(backend), time_steps_(footage) {}
+
+  /// The next block; frames before it are passed over. At most `most` frames of it are looked at.
+  void Detect(int64_t number, int64_t most, const std::function<void()>& on_frame, PoseBlock* block) {
+    if (!source_) source_ = dataset::OpenFrames(footage_.path, {true, false, true});
+    while (position_ < number * kKeptBlock && source_->Advance()) ++position_;
+    const size_t told = source_->Damage().size();
+    detect::PoseTracker tracker(*backend_.net, backend_.finder.get(), job_.options, backend_.plan);
+    block->ended = position_ < number * kKeptBlock;
+    while (!block->ended && position_ < (number + 1) * kKeptBlock) {
+      block->ended = !Next(&tracker, most, on_frame, &block->poses);
+      block->positions += !block->ended;
+    }
+    const std::vector<std::string> damage = source_->Damage();
+    block->poses.damage.assign(damage.begin() + static_cast<std::ptrdiff_t>(told), damage.end());
+  }
+
+ private:
+  /// False: there is none, or none that was asked for.
+  bool Next(detect::PoseTracker* tracker, int64_t most, const std::function<void()>& on_frame, CameraPoses* camera) {
     const auto reading = std::chrono::steady_clock::now();
-    std::optional<dataset::FrameSource::Frame> frame = source->Advance();
-    if (!frame || (job.max_frames > 0 && camera->frames >= job.max_frames)) break;
-    std::vector<int> numbers = time_steps.Of(frame->number);
+    std::optional<dataset::FrameSource::Frame> frame = source_->Advance();
+    if (!frame || camera->frames >= most) return false;
+    const int64_t position = position_++;
+    std::vector<int> numbers = time_steps_.Of(frame->number);
     on_frame();
-    if (!job.frames.empty()) {
-      if (!numbers.empty() && numbers.front() > job.frames.back()) break;
+    if (!job_.frames.empty()) {
+      if (!numbers.empty() && numbers.front() > job_.frames.back()) return false;
       camera->numbers.insert(camera->numbers.end(), numbers.begin(), numbers.end());
-      const auto other = [&](int number) { return !std::binary_search(job.frames.begin(), job.frames.end(), number); };
+      const auto other = [&](int number) { return !std::binary_search(job_.frames.begin(), job_.frames.end(), number); };
       numbers.erase(std::remove_if(numbers.begin(), numbers.end(), other), numbers.end());
     }
-    if (position < job.first || position % job.every != 0 || numbers.empty()) continue;
-    const Image rgb = source->FullImage();
-    camera->read_s += seconds_since(reading);
+    if (position < job_.first || position % job_.every != 0 || numbers.empty()) return true;
+    const Image rgb = source_->FullImage();
+    camera->read_s += SecondsSince(reading);
+    Look(rgb, position, numbers, tracker, camera);
+    return true;
+  }
+
+  void Look(const Image& rgb, int64_t position, const std::vector<int>& numbers, detect::PoseTracker* tracker,
+            CameraPoses* camera) const {
     const auto start = std::chrono::steady_clock::now();
-    const std::vector<Person2d> people = Poses(tracker.Next(rgb));
-    camera->seconds += seconds_since(start);
+    const std::vector<Person2d> people = Poses(tracker->Next(rgb));
+    camera->seconds += SecondsSince(start);
     for (const int number : numbers) camera->track.frames[number] = people;
     camera->width = rgb.width, camera->height = rgb.height;
     camera->frames += 1;
     camera->frames_with_people += !people.empty();
-    if (static_cast<int>(camera->overlays.size()) < job.overlays && position % between == 0) {
-      camera->overlays[numbers[0]] = detect::DrawPoses(rgb, people, backend.net->skeleton());
-    }
+    const int64_t between = std::max<int64_t>(1, source_->num_frames() / std::max(1, job_.overlays));
+    if (static_cast<int>(camera->overlays.size()) < job_.overlays && position % between == 0)
+      camera->overlays[numbers[0]] = detect::DrawPoses(rgb, people, backend_.net->skeleton());
   }
-  camera->damage = source->Damage();
+
+  const DetectJob& job_;
+  const dataset::CameraFootage& footage_;
+  const PoseBackend& backend_;
+  TimeSteps time_steps_;
+  std::unique_ptr<dataset::FrameSource> source_;
+  int64_t position_ = 0;  ///< of the next frame
+};
+
+/// What a block adds to a camera.
+void AppendBlock(CameraPoses block, int overlays, CameraPoses* camera) {
+  for (auto& [frame, people] : block.track.frames) camera->track.frames[frame] = std::move(people);
+  for (auto& [frame, image] : block.overlays) {
+    if (static_cast<int>(camera->overlays.size()) < overlays) camera->overlays[frame] = std::move(image);
+  }
+  camera->damage.insert(camera->damage.end(), block.damage.begin(), block.damage.end());
+  camera->numbers.insert(camera->numbers.end(), block.numbers.begin(), block.numbers.end());
+  camera->frames += block.frames, camera->frames_with_people += block.frames_with_people;
+  if (block.width > 0) camera->width = block.width, camera->height = block.height;
+  camera->seconds += block.seconds, camera->read_s += block.read_s;
 }
 
-/// False: the camera's failure says why.
-bool DetectOrFail(const DetectJob& job, const dataset::CameraFootage& footage, const PoseBackend& backend,
-                  const std::function<void()>& on_frame, CameraPoses* camera) {
+/// A block of an earlier run.
+std::optional<PoseBlock> KeptBlock(const KeptResults& kept, const std::string& key) {
+  const std::optional<std::string> bytes = kept.Load(key);
+  if (!bytes) return std::nullopt;
   try {
-    DetectCamera(job, footage, backend, on_frame, camera);
+    return DecodePoseBlock(*bytes);
+  } catch (const DamagedBytes&) {
+    kept.Damaged(key);
+  }
+  return std::nullopt;
+}
+
+/// `base`: of the blocks' keys; nothing: they are not kept.
+void DetectCamera(const DetectJob& job, const dataset::CameraFootage& footage, const PoseBackend& backend,
+                  const std::optional<std::string>& base, const std::function<void(int64_t)>& on_frames, CameraPoses* camera) {
+  const KeptResults kept(job.cache, kPosesKind);
+  CameraBlocks blocks(job, footage, backend);
+  bool ended = false;
+  for (int64_t number = job.first_block; number < job.end_block && !ended; ++number) {
+    const std::string key = base ? BlockKey(*base, number) : "";
+    std::optional<PoseBlock> block = base ? KeptBlock(kept, key) : std::nullopt;
+    if (block) {
+      on_frames(block->positions);
+    } else {
+      block.emplace();
+      const int64_t most = job.max_frames > 0 ? job.max_frames - camera->frames : std::numeric_limits<int64_t>::max();
+      try {
+        blocks.Detect(
+            number, most, [&] { on_frames(1); }, &*block);
+      } catch (const Error&) {
+        AppendBlock(std::move(block->poses), job.overlays, camera);
+        throw;
+      }
+      if (base) kept.Store(key, EncodePoseBlock(*block));
+    }
+    ended = block->ended;
+    AppendBlock(std::move(block->poses), job.overlays, camera);
+  }
+}
+
+/// The camera's failure says why there is no result.
+void DetectOrFail(const DetectJob& job, const dataset::CameraFootage& footage, const PoseBackend& backend,
+                  const std::optional<std::string>& base, const std::function<void(int64_t)>& on_frames, CameraPoses* camera) {
+  try {
+    DetectCamera(job, footage, backend, base, on_frames, camera);
   } catch (const IoError& error) {
     camera->failure = error.what();
   } catch (const FormatError& error) {
     camera->failure = error.what();
   }
-  return camera->failure.empty();
 }
 
 /// Frames that will be looked at, as the footage itself says; 0 where one of the cameras does not.
@@ -115,18 +198,6 @@ int64_t NumFrames(const DetectJob& job) {
     }
   }
   return total;
-}
-
-/// What the camera gave in an earlier run.
-std::optional<CameraPoses> KeptCamera(const KeptResults& kept, const std::string& key) {
-  const std::optional<std::string> bytes = kept.Load(key);
-  if (!bytes) return std::nullopt;
-  try {
-    return DecodeCameraPoses(*bytes);
-  } catch (const DamagedBytes&) {
-    kept.Damaged(key);
-  }
-  return std::nullopt;
 }
 
 /// Which nets these are: the package's files are held against its hashes when they are read.
@@ -177,7 +248,7 @@ std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& ba
   const auto count = static_cast<int>(job.footage.size());
   std::vector<CameraPoses> cameras(job.footage.size());
   ProgressStage stage(run, "keypoints by " + backend.name, NumFrames(job));
-  const KeptResults kept(job.cache, "keypoints");
+  const bool keeps = KeptResults(job.cache, kPosesKind).enabled() && job.max_frames == 0 && job.first == 0;
   std::mutex mutex;
   ParallelFor(count, threads, [&](int64_t c) {
     detect::SetGraphThreads(std::max(1, threads / std::max(1, count)));
@@ -186,16 +257,8 @@ std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& ba
       const std::lock_guard<std::mutex> lock(mutex);
       stage.Advance(frames);
     };
-    const auto key = kept.enabled() ? CameraPosesKey(job, job.footage[idx], backend) : std::nullopt;
-    if (auto before = key ? KeptCamera(kept, *key) : std::nullopt) {
-      Log(LogLevel::kInfo, "camera " + job.footage[idx].camera + ": its keypoints were kept from an earlier run");
-      cameras[idx] = std::move(*before);
-      on_frames(cameras[idx].frames * int64_t{job.every});
-    } else if (DetectOrFail(
-                   job, job.footage[idx], backend, [&] { on_frames(1); }, &cameras[idx]) &&
-               key) {
-      kept.Store(*key, EncodeCameraPoses(cameras[idx]));
-    }
+    const auto base = keeps ? CameraPosesKey(job, job.footage[idx], backend) : std::nullopt;
+    DetectOrFail(job, job.footage[idx], backend, base, on_frames, &cameras[idx]);
     cameras[idx].track.camera = job.footage[idx].camera;
   });
   return cameras;

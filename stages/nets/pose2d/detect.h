@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <map>
 #include <memory>
 #include <string>
@@ -54,11 +55,13 @@ struct DetectJob {
   std::vector<int> frames = {};  ///< sorted numbers, as poses are numbered; empty: all
   CachePlace cache = {};         ///< of what cameras gave before
   int first = 0;                 ///< frames of the footage that are passed over, in trials, of which nothing is kept
+  /// Blocks of kKeptBlock frames of the footage that are looked at, up to before the last.
+  int64_t first_block = 0, end_block = std::numeric_limits<int64_t>::max();
 };
 
 /// Runs the cameras in parallel. Frames have the number of the time step where the footage has a timeline, else their own.
-/// A camera with unreadable footage has a failure; the others continue. What a camera gave is kept as soon as it is there, so
-/// that a run that was cut goes on by cameras.
+/// A camera with unreadable footage has a failure; the others continue. What a block of a camera gave is kept as soon as it is
+/// there, so that a run that was cut goes on with the next; people are looked for anew at the begin of each block.
 std::vector<CameraPoses> DetectPoses(const DetectJob& job, const PoseBackend& backend, const RunContext& run);
 
 }  // namespace mvstudio::stages

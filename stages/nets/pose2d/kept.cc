@@ -1,6 +1,5 @@
 #include "stages/nets/pose2d/kept.h"
 
-#include "calib/detect/detection_cache.h"
 #include "core/disk/kept_key.h"
 #include "core/join.h"
 
@@ -8,31 +7,16 @@ namespace mvstudio::stages {
 namespace {
 
 /// To be raised whenever nets, tracking or this layout give other results than before.
-constexpr char kPosesVersion[] = "mvstudio keypoints 1";
+constexpr char kPosesVersion[] = "mvstudio keypoints 2";
 
 static_assert(sizeof(dataset::Keypoint2d) == 3 * sizeof(double));
-
-void PutImage(const Image& image, KeptWriter* out) {
-  out->Put<int32_t>(image.width), out->Put<int32_t>(image.height), out->Put<int32_t>(image.channels);
-  out->PutAll(image.pixels.data(), image.pixels.size());
-}
-
-Image GetImage(KeptReader* in) {
-  Image image;
-  image.width = in->Get<int32_t>(), image.height = in->Get<int32_t>(), image.channels = in->Get<int32_t>();
-  image.pixels = in->All<uint8_t>();
-  if (image.width < 0 || image.height < 0 || image.channels < 0 ||
-      image.pixels.size() != size_t(image.width) * size_t(image.height) * size_t(image.channels))
-    throw DamagedBytes();
-  return image;
-}
 
 }  // namespace
 
 std::optional<std::string> CameraPosesKey(const DetectJob& job, const dataset::CameraFootage& footage,
                                           const PoseBackend& backend) {
   if (backend.weights.empty()) return std::nullopt;
-  const std::optional<std::string> content = calib::ContentDigest(footage.path);
+  const std::optional<std::string> content = FootageDigest(job.cache, footage.path);
   if (!content) return std::nullopt;
   KeptKey key;
   key.Add(kPosesVersion);
@@ -82,6 +66,20 @@ CameraPoses DecodeCameraPoses(const std::string& bytes) {
   }
   if (!in.AtEnd()) throw DamagedBytes();
   return camera;
+}
+
+std::string EncodePoseBlock(const PoseBlock& block) {
+  KeptWriter out;
+  out.Put<int64_t>(block.positions), out.Put<uint8_t>(block.ended ? 1 : 0);
+  return out.Take() + EncodeCameraPoses(block.poses);
+}
+
+PoseBlock DecodePoseBlock(const std::string& bytes) {
+  KeptReader in(bytes);
+  PoseBlock block;
+  block.positions = in.Get<int64_t>(), block.ended = in.Get<uint8_t>() != 0;
+  block.poses = DecodeCameraPoses(bytes.substr(sizeof(int64_t) + 1));
+  return block;
 }
 
 }  // namespace mvstudio::stages

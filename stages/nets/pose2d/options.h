@@ -26,6 +26,7 @@ struct Pose2dOptions {
   std::string frames;  ///< "80-99" or "1,4,7-9"; empty: all
   int every = 1;
   CachePlace cache;
+  std::string part;  ///< see ParsePart; empty: all of it
   bool overwrite = false;
   detect::PoseOptions pose;
   detect::OnnxOptions onnx;
@@ -53,8 +54,12 @@ void VisitFields(Visitor&& visit, Pose2dOptions& o) {
   visit("frames", o.frames, "80-99 or 1,4,7-9: frames of the footage; all unless given");
   visit("every", o.every, "use every n-th frame of the footage; the others have no keypoints");
   visit("cache", o.cache,
-        "where a camera's keypoints are kept, so that a run that was cut goes on with the next: a folder, off, or auto: "
+        "where keypoints are kept, so that a run that was cut goes on with the next 300 frames: a folder, off, or auto: "
         "$MVSTUDIO_CACHE, $XDG_CACHE_HOME/mvstudio or ~/.cache/mvstudio");
+  visit(
+      "part", o.part,
+      "keep a part for a later run with the same option 'cache', and write a list alone: choice (of the net), frames=CAMERA or "
+      "frames=CAMERA:3-5 (blocks of 300 frames)");
   VisitStyled(visit, OptionStyle::kSwitch, "overwrite", o.overwrite, "replace the output folder");
   VisitFields(visit, o.pose);
   VisitFields(visit, o.onnx);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <filesystem>
 #include <iterator>
-#include <limits>
 
 #include "core/choice/frame_choice.h"
 #include "core/disk/files.h"
@@ -17,7 +16,9 @@
 #include "stages/frame_notice.h"
 #include "stages/input/calib_read.h"
 #include "stages/nets/pose2d/budget.h"
+#include "stages/nets/pose2d/choose.h"
 #include "stages/nets/pose2d/existing.h"
+#include "stages/nets/pose2d/kept.h"
 #include "stages/words.h"
 
 namespace mvstudio::stages {
@@ -25,43 +26,11 @@ namespace {
 
 constexpr char kExistingPoses[] = "openpose:";
 
+bool IsExisting(const Pose2dOptions& options) { return options.backend.rfind(kExistingPoses, 0) == 0; }
+
 /// The folder of keypoints that are there; empty: they are to be detected.
 std::string ExistingFolder(const Pose2dOptions& options) {
-  const bool existing = options.backend.rfind(kExistingPoses, 0) == 0;
-  return existing ? options.backend.substr(sizeof(kExistingPoses) - 1) : "";
-}
-
-std::vector<dataset::Pose2dTrack> PoseTracks(const std::vector<CameraPoses>& cameras) {
-  std::vector<dataset::Pose2dTrack> tracks;
-  for (const CameraPoses& camera : cameras) tracks.push_back(camera.track);
-  return tracks;
-}
-
-PoseBackend OpenNet(const std::string& name, const Pose2dOptions& options) {
-  return OpenPoseBackend(name, options.models, options.pose.quality, options.onnx);
-}
-
-/// The backend whose keypoints agree best on frames spread over the take.
-std::string ChoosePoseBackend(const Pose2dOptions& options, const DetectJob& job, const geometry::Rig& rig,
-                              const RunContext& run, std::vector<Pose2dTrial>* trials) {
-  const std::vector<std::string> names = InstalledPoseBackends(options.models);
-  if (rig.cameras.size() < 2 || job.footage.size() < 2 || names.size() < 2) return names[0];
-  DetectJob trial = job;
-  trial.overlays = 0;
-  trial.cache.kind = CachePlace::Kind::kOff;  // a few frames are not worth reading all footage for its digest
-  trial.max_frames = options.trial_frames;
-  trial.every = std::max(options.every, FramesOf(job.footage[0]) / std::max(1, options.trial_frames));
-  std::string best = names[0];
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const std::string& name : names) {
-    const PoseBackend backend = OpenNet(name, options);
-    const std::vector<CameraPoses> cameras = DetectPoses(trial, backend, run);
-    trials->push_back(
-        {name, MeasureAgreement(PoseTracks(cameras), backend.net->skeleton(), rig, options.pose.max_persons, run)});
-    const double median_px = trials->back().agreement.median_px;
-    if (median_px < lowest) lowest = median_px, best = name;
-  }
-  return best;
+  return IsExisting(options) ? options.backend.substr(sizeof(kExistingPoses) - 1) : "";
 }
 
 void DetectAll(Pose2dOptions options, DetectJob job, const geometry::Rig& rig, double started_s, const RunContext& run,
@@ -70,8 +39,8 @@ void DetectAll(Pose2dOptions options, DetectJob job, const geometry::Rig& rig, d
     report->budget = ChooseNet(job, rig, started_s, run, &options);
     job.options = options.pose, job.every = options.every;
   }
-  report->backend = options.backend == "auto" ? ChoosePoseBackend(options, job, rig, run, &report->trials) : options.backend;
-  const PoseBackend backend = OpenNet(report->backend, options);
+  report->backend = ChoosePoseBackend(options, job, rig, run, &report->trials);
+  const PoseBackend backend = OpenPoseBackend(report->backend, options.models, options.pose.quality, options.onnx);
   report->skeleton = backend.net->skeleton();
   report->cameras = DetectPoses(job, backend, run);
 }
@@ -192,6 +161,68 @@ std::vector<std::string> CamerasWithPoses(const std::vector<CameraPoses>& camera
   return names;
 }
 
+/// What is read before anything is detected.
+struct Pose2dInput {
+  TakeInput take;
+  std::string calibration;  ///< may be empty
+  geometry::Rig rig;
+
+  /// What the output must not lie in.
+  std::vector<std::string> Paths(const Pose2dOptions& options) const {
+    std::vector<std::string> paths = take.Paths();
+    paths.insert(paths.end(), {ExistingFolder(options), options.calib, options.skeleton});
+    return paths;
+  }
+};
+
+Pose2dInput ReadPose2dInput(const Pose2dOptions& options, InputNotes* notes) {
+  const bool existing = IsExisting(options);
+  CheckBudgetForPoses(options, existing);
+  Pose2dInput input;
+  input.take = ReadTakeInput(options.take, notes);
+  if (input.take.footage.empty() && !existing)
+    throw UsageError("no footage: give option 'video' or option 'images' for each camera, or option 'session'");
+  input.calibration = options.calib.empty() ? input.take.calibration : options.calib;
+  input.rig = RigFor(input.calibration, notes);
+  RequireSharedCamera(input.rig, input.calibration, CamerasWithFootage(input.take.footage));
+  return input;
+}
+
+DetectJob JobOf(const Pose2dOptions& options, const Pose2dInput& input) {
+  DetectJob job{input.take.footage, options.pose, options.overlays, options.every, 0, {}, options.cache};
+  if (!options.frames.empty()) job.frames = ParseRanges("option 'frames'", options.frames);
+  return job;
+}
+
+void CheckPart(const Pose2dOptions& options, const StagePart& part) {
+  if (part.kind == PartKind::kSamples) throw UsageError("option 'part' " + options.part + ": pose2d learns from no samples");
+  if (options.out.empty()) throw UsageError("option 'part' needs option 'out', a folder for the list of what is kept");
+  if (!KeptResults(options.cache, kPosesKind).enabled())
+    throw UsageError("option 'part' keeps its result: give option 'cache'");
+  if (options.budget.Asked() || IsExisting(options))
+    throw UsageError("option 'part' goes with nets that look at each frame: without option 'budget' and openpose:FOLDER");
+}
+
+dataset::CameraFootage FootageOfPart(const std::string& camera, const std::vector<dataset::CameraFootage>& footage) {
+  for (const dataset::CameraFootage& one : footage) {
+    if (one.camera == camera) return one;
+  }
+  throw UsageError("option 'part': no camera " + camera + "; the take has " + Join(CamerasWithFootage(footage), ", "));
+}
+
+/// Those of the part that are there.
+std::vector<std::string> KeptBlocks(const DetectJob& job, const PoseBackend& backend) {
+  std::vector<std::string> there;
+  const KeptResults kept(job.cache, kPosesKind);
+  const std::optional<std::string> base = CameraPosesKey(job, job.footage.front(), backend);
+  for (int64_t block = job.first_block; base && block < job.end_block; ++block) {
+    const std::string key = BlockKey(*base, block);
+    if (!kept.Has(key)) break;
+    there.push_back(std::string(kPosesKind) + "/" + key);
+  }
+  return there;
+}
+
 }  // namespace
 
 bool Pose2dReport::FoundPeople() const {
@@ -205,33 +236,46 @@ std::string Pose2dOverlayPath(const std::string& out, const std::string& camera,
 Pose2dReport RunPose2d(const Pose2dOptions& options, const RunContext& run) {
   Pose2dReport report;
   const double started_s = options.budget.NowSeconds();
-  const bool existing = options.backend.rfind(kExistingPoses, 0) == 0;
-  CheckBudgetForPoses(options, existing);
-  const TakeInput take = ReadTakeInput(options.take, &report.notes);
-  if (take.footage.empty() && !existing)
-    throw UsageError("no footage: give option 'video' or option 'images' for each camera, or option 'session'");
-  const std::string calibration = options.calib.empty() ? take.calibration : options.calib;
-  const geometry::Rig rig = RigFor(calibration, &report.notes);
-  RequireSharedCamera(rig, calibration, CamerasWithFootage(take.footage));
-  report.out = options.out.empty() ? take.Folder("pose2d") : options.out;
+  const bool existing = IsExisting(options);
+  const Pose2dInput input = ReadPose2dInput(options, &report.notes);
+  report.out = options.out.empty() ? input.take.Folder("pose2d") : options.out;
   if (report.out.empty()) throw UsageError("option 'out' is needed without option 'session'");
-  std::vector<std::string> inputs = take.Paths();
-  inputs.insert(inputs.end(), {ExistingFolder(options), options.calib, options.skeleton});
-  AtomicFolder folder(report.out, options.overwrite, inputs);
-  std::vector<int> frames;
-  if (!options.frames.empty()) frames = ParseRanges("option 'frames'", options.frames);
+  AtomicFolder folder(report.out, options.overwrite, input.Paths(options));
   if (existing) {
-    ReadAll(options, take, &report);
-    RequireSharedCamera(rig, calibration, CamerasWithPoses(report.cameras));
+    ReadAll(options, input.take, &report);
+    RequireSharedCamera(input.rig, input.calibration, CamerasWithPoses(report.cameras));
   } else {
-    DetectAll(options, {take.footage, options.pose, options.overlays, options.every, 0, frames, options.cache}, rig, started_s,
-              run, &report);
+    DetectAll(options, JobOf(options, input), input.rig, started_s, run, &report);
   }
-  LimitPoses(frames, &report.cameras, &report.notes);
+  LimitPoses(JobOf(options, input).frames, &report.cameras, &report.notes);
   RequireFrames(report.cameras);
-  report.other_sizes = OtherSizes(report.cameras, rig);
-  report.agreement = MeasureAgreement(PoseTracks(report.cameras), report.skeleton, rig, options.pose.max_persons, run);
+  report.other_sizes = OtherSizes(report.cameras, input.rig);
+  report.agreement = MeasureAgreement(PoseTracks(report.cameras), report.skeleton, input.rig, options.pose.max_persons, run);
   WritePoses(started_s, &folder, &report);
+  return report;
+}
+
+PartReport RunPose2dPart(const Pose2dOptions& options, const RunContext& run) {
+  const StagePart part = ParsePart(options.part);
+  CheckPart(options, part);
+  PartReport report{{}, options.part, options.out, {}};
+  const Pose2dInput input = ReadPose2dInput(options, &report.notes);
+  AtomicFolder folder(report.out, options.overwrite, input.Paths(options));
+  DetectJob job = JobOf(options, input);
+  std::vector<Pose2dTrial> trials;
+  const std::string name = ChoosePoseBackend(options, job, input.rig, run, &trials);
+  if (part.kind == PartKind::kFrames) {
+    job.footage = {FootageOfPart(part.camera, job.footage)};
+    job.first_block = part.first_block, job.end_block = part.end_block;
+    const PoseBackend backend = OpenPoseBackend(name, options.models, options.pose.quality, options.onnx);
+    const CameraPoses camera = DetectPoses(job, backend, run).front();
+    if (!camera.failure.empty()) report.notes.partial = true;
+    if (!camera.failure.empty())
+      report.notes.warnings.push_back({"POSE-CAMERA", camera.failure, "the others go on without it"});
+    report.kept = KeptBlocks(job, backend);
+  }
+  WritePart(report, folder.work_path());
+  folder.Commit();
   return report;
 }
 

@@ -7,18 +7,14 @@
 #include "core/progress.h"
 #include "geometry/skeleton/skeleton.h"
 #include "stages/budget/report.h"
+#include "stages/input/part.h"
 #include "stages/input_notes.h"
+#include "stages/nets/pose2d/choose.h"
 #include "stages/nets/pose2d/detect.h"
 #include "stages/nets/pose2d/options.h"
 #include "stages/people/pose2d_quality.h"
 
 namespace mvstudio::stages {
-
-/// A net tried on a few frames.
-struct Pose2dTrial {
-  std::string backend;
-  PoseAgreement agreement;
-};
 
 /// Footage of another size than the calibration states; px.
 struct Pose2dOtherSize {
@@ -45,6 +41,10 @@ struct Pose2dReport {
 /// Detects keypoints, or reads those that are there, and writes the folder. Throws UsageError, IoError, FormatError,
 /// NothingLeftError and MissingToolError; a camera without a result is a report unless all are.
 Pose2dReport RunPose2d(const Pose2dOptions& options, const RunContext& run = {});
+
+/// Keeps the part options.part for RunPose2d with the same options and cache, and lists it in options.out. A camera whose
+/// footage cannot be read is a warning: the whole names it. Throws as RunPose2d.
+PartReport RunPose2dPart(const Pose2dOptions& options, const RunContext& run = {});
 
 /// OUT/overlay/CAMERA_%08d.jpg
 std::string Pose2dOverlayPath(const std::string& out, const std::string& camera, int frame);
