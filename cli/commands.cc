@@ -47,6 +47,7 @@ constexpr Command kCommands[] = {
     {"triangulate", RegisterTriangulate},
     {"error-budget", RegisterErrorBudget},
     {"markers", RegisterMarkers},
+    {"tradeoff all", RegisterTradeoffAll},
     {"tradeoff calibrate", RegisterTradeoffCalibrate},
     {"tradeoff triangulate", RegisterTradeoffTriangulate},
     {"tradeoff pack", RegisterTradeoffPack},

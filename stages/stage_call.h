@@ -30,6 +30,7 @@ struct CallOutcome {
   CommandResult result;
   double seconds = NAN;      ///< NaN: it ended before it could say so
   double peak_rss_mb = NAN;  ///< of a process of its own
+  double cpu_s = NAN;        ///< user and system time of a process of its own and of those that it started
 };
 
 /// Does what the line does when it is typed, and keeps its result in its folder. What goes wrong there is in the outcome.

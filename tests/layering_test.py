@@ -176,6 +176,7 @@ MAY_INCLUDE |= {
     "stages/sync": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/budget": CORE | {"stages"},
     "stages/triangulate": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/calib", "stages/people"},
+    "stages/fronts": WITHOUT_TORCH | {"stages", "stages/budget", "stages/dataset", "stages/study"},
     "stages/tradeoff": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input", "stages/people", "stages/study"},
     "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input"},
     "stages/plan": WITHOUT_TORCH | {"stages", "stages/input", "stages/pipeline"},

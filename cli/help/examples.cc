@@ -50,6 +50,7 @@ constexpr Example kExamples[] = {
     {"markers convert", "pose3d --out walk.c3d --frame-rate 60"},
     {"markers angles", "pose3d --frame-rate 60 --out angles"},
     {"markers events", "pose3d --frame-rate 60 --out events"},
+    {"tradeoff all", "--quick --out tradeoffs.html"},
     {"tradeoff calibrate", "--board charuco:8x5:24mm:18mm --camera cam1=cam1.mp4 --camera cam2=cam2.mp4 --out speed"},
     {"tradeoff triangulate", "--calib calib/calibration.json --pose2d cam1=pose2d/cam1 --pose2d cam2=pose2d/cam2"},
     {"tradeoff pack", "dataset --out speed"},

@@ -11,6 +11,7 @@ void RegisterSynth(CLI::App& app, Registry& registry);
 void RegisterBoard(CLI::App& app, Registry& registry);
 void RegisterCalibrate(CLI::App& app, Registry& registry);
 void RegisterCalib(CLI::App& app, Registry& registry);
+void RegisterTradeoffAll(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffCalibrate(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffTriangulate(CLI::App& tradeoff, Registry& registry);
 void RegisterTradeoffPack(CLI::App& tradeoff, Registry& registry);

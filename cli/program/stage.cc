@@ -1,5 +1,7 @@
 #include "cli/program/stage.h"
 
+#include <sys/resource.h>
+
 #include <cmath>
 
 #include "cli/program/result.h"
@@ -18,6 +20,14 @@ std::vector<std::string> After(const std::string& program, const std::vector<std
   std::vector<std::string> argv = {program};
   argv.insert(argv.end(), words.begin(), words.end());
   return argv;
+}
+
+/// Of all children that have been awaited, s.
+double ChildrenCpuSeconds() {
+  rusage usage{};
+  getrusage(RUSAGE_CHILDREN, &usage);
+  const auto seconds = [](const timeval& t) { return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec); };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
 }
 
 LineOutcome RunHere(const std::vector<std::string>& words, const CommandContext& context) {
@@ -70,7 +80,10 @@ stages::StageCall CallsIn(const CommandContext& context) {
 
 stages::ChildCall ChildCallsIn(const CommandContext& context) {
   return [&context](const stages::CommandLine& line, const std::string& folder, const std::function<void()>& poll) {
-    return OutcomeOf(RunStage(line.Words(), context, {StageMode::kChild, folder, poll}));
+    const double before_s = ChildrenCpuSeconds();
+    stages::CallOutcome outcome = OutcomeOf(RunStage(line.Words(), context, {StageMode::kChild, folder, poll}));
+    outcome.cpu_s = ChildrenCpuSeconds() - before_s;
+    return outcome;
   };
 }
 

@@ -8,6 +8,21 @@
 #include "report/svg/svg.h"
 
 namespace mvstudio::report {
+namespace {
+
+void DrawMethod(SvgCanvas* canvas, double x, double y, const ParetoPoint& p, const std::string& tip) {
+  const double radius = p.on_front ? 5 : 3.5;
+  const std::string fill = p.on_front ? "f0" : "f1";
+  if (p.style == PointStyle::kSquare) {
+    canvas->Rect(x - radius, y - radius, 2 * radius, 2 * radius, fill, tip);
+    return;
+  }
+  if (p.style == PointStyle::kRinged) canvas->Rings({{x, y}}, "axis", radius + 3.5, 1.5);
+  canvas->Circle(x, y, radius, fill, tip);
+}
+
+}  // namespace
+
 std::string ParetoChart(const ParetoChartSpec& spec) {
   constexpr double kTitle = 22, kAxis = 42, kHeight = 340;
   std::vector<double> xs, ys;
@@ -28,11 +43,13 @@ std::string ParetoChart(const ParetoChartSpec& spec) {
   canvas.Polyline(line, "s0", 1.5, true);
   for (const ParetoPoint& p : spec.points) {
     const std::string tip = p.name + ": " + FormatNumber(p.cost, 3) + ", " + FormatNumber(p.error, 4);
-    canvas.Circle(x(p.cost), y(p.error), p.on_front ? 5 : 3.5, p.on_front ? "f0" : "f1", tip);
+    DrawMethod(&canvas, x(p.cost), y(p.error), p, tip);
   }
   constexpr double kRightAndUp = -0.6;
   std::vector<PointLabel> labels;
-  for (const ParetoPoint& p : front) labels.push_back({{x(p.cost), y(p.error)}, p.name, kRightAndUp});
+  for (const ParetoPoint& p : spec.points) {
+    if (p.on_front || p.style != PointStyle::kDot) labels.push_back({{x(p.cost), y(p.error)}, p.name, kRightAndUp});
+  }
   DrawPointLabels(&canvas, labels, top, bottom);
   return canvas.Finish();
 }

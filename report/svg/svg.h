@@ -139,11 +139,15 @@ struct CellGridSpec {
 };
 std::string CellGrid(const CellGridSpec& spec);
 
+/// How a method stands out: a ring around its dot, or a square in place of it.
+enum class PointStyle { kDot, kRinged, kSquare };
+
 /// Methods by cost and error; those on the Pareto front are connected and named.
 struct ParetoPoint {
   std::string name;
   double cost = 0, error = 0;
   bool on_front = false;
+  PointStyle style = PointStyle::kDot;  ///< others are named as well
 };
 struct ParetoChartSpec {
   std::string title;

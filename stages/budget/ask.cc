@@ -56,7 +56,10 @@ std::string SecondsText(double seconds) {
   return Format("%ldh %ldmin", static_cast<long>(whole / 3600), static_cast<long>(whole % 3600 / 60));
 }
 
-std::string_view ToString(ErrorUnit unit) { return unit == ErrorUnit::kPx ? "px" : "mm"; }
+std::string_view ToString(ErrorUnit unit) {
+  if (unit == ErrorUnit::kPercent) return "%";
+  return unit == ErrorUnit::kPx ? "px" : "mm";
+}
 
 ErrorTarget ParseTarget(const std::string& text, const std::string& option) {
   constexpr AmountUnit kLengths[] = {{"mm", 1}, {"cm", 10}, {"m", 1000}};
@@ -64,6 +67,7 @@ ErrorTarget ParseTarget(const std::string& text, const std::string& option) {
   const auto [value, unit] = TakeAmount(&rest);
   if (rest.empty() && value > 0) {
     if (unit == "px") return {value, ErrorUnit::kPx};
+    if (unit == "%") return {value, ErrorUnit::kPercent};
     for (const AmountUnit& length : kLengths) {
       if (unit == length.name && std::isfinite(value * length.factor)) return {value * length.factor, ErrorUnit::kMm};
     }

@@ -34,6 +34,12 @@ std::string SettingTrial::Name() const {
   return text.empty() ? "the settings as they are" : text;
 }
 
+bool AnyReaches(const std::vector<SettingTrial>& trials, double target) {
+  return std::any_of(trials.begin(), trials.end(), [target](const SettingTrial& trial) {
+    return trial.IsTried() && trial.short_of.empty() && JudgedError(trial) <= target;
+  });
+}
+
 SettingChoice ChooseSetting(const std::vector<SettingTrial>& trials, double budget_s, double target) {
   const auto cheaper = [](const SettingTrial& a, const SettingTrial& b) { return a.predicted_s < b.predicted_s; };
   const auto better = [](const SettingTrial& a, const SettingTrial& b) { return JudgedError(a) < JudgedError(b); };

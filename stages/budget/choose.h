@@ -32,6 +32,11 @@ struct SettingChoice {
   int index = 0;  ///< of kNothingFits the cheapest
 };
 
+/// Whether a setting that was tried reaches the target: what is dearer for sure need not be tried then. `target`: NaN for none.
+bool AnyReaches(const std::vector<SettingTrial>& trials, double target);
+/// Why it was not.
+inline constexpr char kCheaperReaches[] = "a cheaper setting reaches the target";
+
 /// With a target the cheapest trial that is within the budget and reaches it; else, and without one, the best within the
 /// budget, or of those not worse by more than a standard error of their difference that of least uncertainty, then the
 /// cheapest. Within the budget is what is predicted to stay below it by a standard deviation. `target`: NaN for none.

@@ -87,13 +87,6 @@ ordered_json PredictionJson(const BudgetReport& report) {
   return json;
 }
 
-std::string ProcessorName() {
-  const std::string text = ReadFile("/proc/cpuinfo");
-  const size_t key = text.find("model name"), colon = text.find(": ", key);
-  if (key == std::string::npos || colon == std::string::npos) return "";
-  return text.substr(colon + 2, text.find('\n', colon) - colon - 2);
-}
-
 ordered_json MachineJson() {
   ordered_json json = {{"processor", ProcessorName()}, {"cores", std::thread::hardware_concurrency()}};
   double load = 0;
@@ -126,6 +119,13 @@ std::vector<Notice> WarningsOf(const BudgetReport& report) {
 }
 
 }  // namespace
+
+std::string ProcessorName() {
+  const std::string text = ReadFile("/proc/cpuinfo");
+  const size_t key = text.find("model name"), colon = text.find(": ", key);
+  if (key == std::string::npos || colon == std::string::npos) return "";
+  return text.substr(colon + 2, text.find('\n', colon) - colon - 2);
+}
 
 void Choose(double elapsed_s, BudgetReport* report) {
   for (SettingTrial& trial : report->trials) {

@@ -37,6 +37,8 @@ CommandResult Describe(const BudgetReport& report);
 
 /// The name of the file of predictions, one JSON object a line, in the output folder.
 inline constexpr char kPredictionsFile[] = "predictions.jsonl";
+/// Of this machine, as its kernel calls it; may be empty.
+std::string ProcessorName();
 /// Appends the prediction and its outcome.
 void KeepPrediction(const BudgetReport& report, const std::string& folder);
 

@@ -30,7 +30,7 @@ class AvatarRun {
   void AddRow(const avatar::HistoryRow& row, double wall_s);
   /// Checkpoint, history, texture preview and sample images, each file atomically.
   void Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_pack) const;
-  /// pictures/step_NNNNNN.png: truth, rendering, error and network input of the middle image of the pack.
+  /// samples/step_NNNNNN.png: truth, rendering, error and network input of the middle image of the pack.
   void SaveImage(avatar::Trainer& trainer, const avatar::AvatarPack& pack) const;
   /// Files written so far.
   std::vector<CommandResult::Output> Outputs() const;

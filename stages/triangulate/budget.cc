@@ -146,7 +146,7 @@ void ChooseWithinBudget(const PoseInput& input, double started_s, const RunConte
   constexpr double kTrialShare = 0.2;  // of the budget
   BudgetReport& budget = report->budget.emplace();
   budget.stage = "triangulate", budget.asked = report->options.budget;
-  if (const auto target = budget.asked.Target()) budget.unit = target->unit;
+  if (const auto wanted = budget.asked.Target()) budget.unit = wanted->unit;
   const double num_frames = static_cast<double>(input.frames.size());
   budget.sizes = {{"frames", num_frames}, {"cameras", static_cast<double>(input.cameras.size())}};
   budget.threads = ResolveThreads(run.num_threads);
@@ -156,11 +156,17 @@ void ChooseWithinBudget(const PoseInput& input, double started_s, const RunConte
   const UntracedScope untraced;
   const RunContext silent{nullptr, run.num_threads, run.seed};
   ProgressStage stage(run, "trial for the budget", static_cast<int64_t>(settings.size() * parts.size()));
+  const auto target = budget.asked.Target();
   for (const BudgetSetting& setting : settings) {
+    const bool reached = target && AnyReaches(budget.trials, target->value);
     SettingTrial& trial = budget.trials.emplace_back();
     trial.flags = setting.flags, trial.size = num_frames;
     if (budget.trials.size() > 1 && budget.asked.NowSeconds() - begin_s > most_s) {
       trial.why_not = "a fifth of the budget had gone into the trial";
+      continue;
+    }
+    if (reached) {
+      trial.why_not = kCheaperReaches;
       continue;
     }
     trial.parts = {{"points"}, {"checks", static_cast<double>(triangulate::kMostClockFrames)}};

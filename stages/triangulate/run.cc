@@ -56,7 +56,10 @@ void CheckOptions(const TriangulateOptions& options, const std::optional<Project
     throw UsageError("option 'calib' is required, or a session that has a calibration (option 'session')");
   if (options.out.empty()) throw UsageError("option 'out' is required, or a session to write to (option 'session')");
   CheckChunks(options, project);
-  (void)options.budget.BudgetSeconds(), (void)options.budget.Target();  // what they cannot be must not cost the run
+  (void)options.budget.BudgetSeconds();  // what they cannot be must not cost the run
+  const std::optional<ErrorTarget> target = options.budget.Target();
+  if (target && target->unit == ErrorUnit::kPercent)
+    throw UsageError("option 'target' " + options.budget.target + ": joints have errors in px or mm");
   CheckFootage(options);
   CheckReferences(options);  // a wrong path must not cost the run
   if (in_session && !options.pose.changes.rate.empty())

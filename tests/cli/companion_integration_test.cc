@@ -85,11 +85,12 @@ TEST_F(CompanionTest, EachCommandRunsWhereItsLibrariesAre) {
     EXPECT_TRUE(single.exit == 0 || single.exit == 8) << single.err;
     if (single.exit == 8) with_torch.push_back(names.back());
   }
-  EXPECT_EQ(names, (std::vector<std::string>{"demo",    "synth",     "session",     "run",          "plan",        "task",
-                                             "jobs",    "board",     "calibrate",   "calib",        "models",      "pose2d",
-                                             "mask",    "sync",      "triangulate", "error-budget", "markers",     "dataset",
-                                             "avatar",  "metrics",   "report",      "view",         "render",      "doctor",
-                                             "version", "calibrate", "triangulate", "pack",         "predictions", "avatar"}));
+  EXPECT_EQ(names,
+            (std::vector<std::string>{"demo",        "synth",        "session", "run",     "plan",   "task",      "jobs",
+                                      "board",       "calibrate",    "calib",   "models",  "pose2d", "mask",      "sync",
+                                      "triangulate", "error-budget", "markers", "dataset", "avatar", "metrics",   "report",
+                                      "view",        "render",       "doctor",  "version", "all",    "calibrate", "triangulate",
+                                      "pack",        "predictions",  "avatar"}));
   EXPECT_EQ(with_torch,
             (std::vector<std::string>{"demo", "run", "task", "models", "pose2d", "mask", "avatar", "metrics", "avatar"}));
 }

@@ -1,3 +1,4 @@
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -10,6 +11,7 @@
 #include "dataset/footage/image_io.h"
 #include "tests/detect/tiny_onnx.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/temp_dir.h"
 
 namespace mvstudio {
 namespace {
@@ -155,6 +157,80 @@ TEST(MaskCommand, WrongArgumentsAreNamed) {
   const CliRun missing = RunCli({"mask", "--images", camera, "--backend", "selfie", "--out", out}, "MVSTUDIO_MODELS=/nowhere ");
   EXPECT_EQ(missing.exit, 8);
   EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+/// A studio of three small cameras and its truth: what a budget needs.
+class MaskBudget : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const CliRun made = RunCli({"synth", "--out", Path("studio"), "--cameras", "3", "--size", "160x120", "--board-frames", "0",
+                                "--take-frames", "20", "--samples", "1"});
+    ASSERT_EQ(made.exit, 0) << made.err;
+  }
+  std::string Path(const std::string& name) const { return folder_.path() + "/" + name; }
+  CliRun Run(const std::string& out, const std::vector<std::string>& more) const {
+    std::vector<std::string> words = {"mask", "--backend", "background", "--out", Path(out), "--json"};
+    for (const char* camera : {"cam_01", "cam_02", "cam_03"})
+      words.insert(words.end(), {"--video", std::string(camera) + "=" + Path("studio/raw/take1/") + camera + ".mp4"});
+    words.insert(words.end(), more.begin(), more.end());
+    return RunCli(words);
+  }
+  std::vector<std::string> WithRig(std::vector<std::string> more) const {
+    more.insert(more.end(), {"--calib", Path("studio/truth/calibration.json"), "--pose3d", Path("studio/truth/pose3d")});
+    return more;
+  }
+
+  testing::TempDir folder_;
+};
+
+/// What a budget chose gives the masks of the same flags by hand; predictions of both runs stay.
+TEST_F(MaskBudget, ChoosesWhatCanBeRepeatedByHand) {
+  const CliRun run = Run("out", WithRig({"--budget", "1h"}));
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  const nlohmann::json budget = run.Json()["metrics"]["budget"];
+  ASSERT_EQ(budget["trials"].size(), 3u) << "coarse, as it is, with the hull";
+  EXPECT_EQ(budget["error_unit"], "%");
+  const double predicted = budget["predicted_error"], actual = budget["actual_error"];
+  EXPECT_NEAR(actual, predicted, 0.3 * predicted);
+  EXPECT_NEAR(actual, 100 * run.Json()["metrics"]["disagreement_with_hull"].get<double>(), 1e-9);
+  EXPECT_GT(budget["predicted_seconds"], 0);
+  EXPECT_EQ(budget["reasons"].size(), 1u + 2u + 3u) << budget["reasons"];
+  std::vector<std::string> flags;
+  for (const auto& [option, value] : budget["chosen"].items()) {
+    flags.push_back("--" + option);
+    if (value != "on") flags.push_back(value);
+  }
+  ASSERT_EQ(Run("hand", WithRig(flags)).exit, 0);
+  for (const char* name : {"/cam_01/00000000.png", "/cam_02/00000010.png", "/cam_03/00000019.png"})
+    EXPECT_EQ(testing::Slurp(Path(std::string("out") + name)), testing::Slurp(Path(std::string("hand") + name))) << name;
+  ASSERT_EQ(Run("out", WithRig({"--target", "90%", "--overwrite"})).exit, 0);
+  const std::string kept = testing::Slurp(Path("out/predictions.jsonl"));
+  EXPECT_EQ(std::count(kept.begin(), kept.end(), '\n'), 2);
+}
+
+TEST_F(MaskBudget, WhatIsGivenStays) {
+  const CliRun run = Run("out", WithRig({"--budget", "1h", "--mask-coarse-side", "320", "--hull"}));
+  ASSERT_EQ(run.exit, 0) << run.out << run.err;
+  const nlohmann::json budget = run.Json()["metrics"]["budget"];
+  EXPECT_EQ(budget["trials"].size(), 1u);
+  EXPECT_TRUE(budget["chosen"].empty()) << budget["chosen"];
+}
+
+TEST_F(MaskBudget, WhatCannotBeJudgedKeptOrReachedIsSaid) {
+  const CliRun blind = Run("out", {"--budget", "1h"});
+  EXPECT_EQ(blind.exit, 2);
+  EXPECT_THAT(blind.out, ::testing::HasSubstr("--calib"));
+  const CliRun length = Run("out", WithRig({"--target", "1px"}));
+  EXPECT_EQ(length.exit, 2);
+  EXPECT_THAT(length.out, ::testing::HasSubstr("in percent"));
+  const CliRun hasty = Run("out", WithRig({"--budget", "1ms"}));
+  EXPECT_EQ(hasty.exit, 2);
+  EXPECT_THAT(hasty.out, ::testing::HasSubstr("is predicted to take"));
+  EXPECT_FALSE(std::filesystem::exists(Path("out")));
+  const CliRun bold = Run("out", WithRig({"--target", "0.01%"}));
+  EXPECT_EQ(bold.exit, 0) << bold.out;
+  EXPECT_THAT(bold.out, ::testing::HasSubstr("BUD-TARGET"));
+  EXPECT_THAT(bold.err, ::testing::HasSubstr("is out of reach: the best is"));
 }
 
 }  // namespace

@@ -88,6 +88,7 @@ const Row kRows[] = {
     {"dataset pack", 3, "apart --crop 32 --out new", "none of the 3 pictures"},
     {"dataset pack", 3, "bare --crop 32 --out new", "holds no images of any camera"},
     {"dataset pack", 2, "empty --crop 32 --out new", "no camera sees a person"},
+    {"tradeoff all", 3, "--session none --out new.html", "holds no mvstudio.toml"},
     {"tradeoff predictions", 2, "none", "no predictions.jsonl is there"},
     {"tradeoff pack", 2, "empty --out new", "no camera sees a person"},
     {"dataset export", 3, "apart --to colmap --out new", "none of the 3 images"},

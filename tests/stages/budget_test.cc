@@ -38,6 +38,8 @@ TEST(Budget, TargetsHaveUnits) {
   EXPECT_EQ(ParseTarget("0.2px", "target").unit, ErrorUnit::kPx);
   EXPECT_DOUBLE_EQ(ParseTarget("0.5cm", "target").value, 5);
   EXPECT_DOUBLE_EQ(ParseTarget("0.001m", "target").value, 1);
+  EXPECT_DOUBLE_EQ(ParseTarget("12.5%", "target").value, 12.5);
+  EXPECT_EQ(ParseTarget("12.5%", "target").unit, ErrorUnit::kPercent);
   for (const char* hostile : {"", "1", "px", "0px", "-1mm", "1in", "1mm1mm", "1pxx", "nanpx", "1 px"})
     EXPECT_THROW(ParseTarget(hostile, "target"), UsageError) << hostile;
 }
@@ -105,6 +107,17 @@ SettingTrial TrialOf(double predicted_s, double error, double sigma) {
   SettingTrial trial;
   trial.parts.emplace_back(), trial.predicted_s = predicted_s, trial.error = error, trial.error_sigma = sigma;
   return trial;
+}
+
+TEST(Budget, ATargetThatIsReachedNeedsNoDearerTrial) {
+  std::vector<SettingTrial> trials = {TrialOf(1, 3, 0.1), TrialOf(2, 2, 0.1)};
+  EXPECT_TRUE(AnyReaches(trials, 2));
+  EXPECT_FALSE(AnyReaches(trials, 1.9));
+  EXPECT_FALSE(AnyReaches(trials, std::nan(""))) << "nobody asked for a target";
+  trials[1].short_of = "too few boards";
+  EXPECT_FALSE(AnyReaches(trials, 2));
+  trials[0].error = std::nan("");
+  EXPECT_FALSE(AnyReaches(trials, 100)) << "an error that could not be judged";
 }
 
 TEST(Budget, TheChoiceOnASmallFront) {

@@ -239,6 +239,7 @@ CommandResult Describe(const MaskStageReport& report) {
   result.Add(MaskStageWarnings(report));
   result.Add(DescribeJoints(report));
   result.Add(DescribeTruth(report));
+  if (report.budget) result.Add(Describe(*report.budget));
   result.metrics["wall_s"] = report.wall_s;
   return result;
 }

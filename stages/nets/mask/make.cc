@@ -73,19 +73,24 @@ std::vector<Image> ReadMasks(const MaskJob& job, const std::string& folder, int 
   return masks;
 }
 
-dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& folder, const std::vector<int>& time_steps,
-                                     const RunContext& run) {
-  std::vector<VisualHull> hulls(time_steps.size());
-  ProgressStage stage(run, "visual hulls", static_cast<int64_t>(time_steps.size()));
+std::vector<VisualHull> HullsOf(const MaskJob& job, const std::string& folder, const std::vector<int>& steps,
+                                const RunContext& run) {
+  std::vector<VisualHull> hulls(steps.size());
+  ProgressStage stage(run, "visual hulls", static_cast<int64_t>(steps.size()));
   std::mutex mutex;
-  ParallelFor(static_cast<int64_t>(time_steps.size()), run.num_threads, [&](int64_t i) {
-    hulls[i] = Carve(job, time_steps[i], ReadMasks(job, folder, time_steps[i]));
+  ParallelFor(static_cast<int64_t>(steps.size()), run.num_threads, [&](int64_t i) {
+    hulls[i] = Carve(job, steps[i], ReadMasks(job, folder, steps[i]));
     hulls[i].cells.clear();
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
   });
+  return hulls;
+}
+
+dataset::HullSummary CompareWithHull(const MaskJob& job, const std::string& folder, const std::vector<int>& steps,
+                                     const RunContext& run) {
   dataset::HullSummary summary;
-  for (const VisualHull& hull : hulls) summary.Add(hull);
+  for (const VisualHull& hull : HullsOf(job, folder, steps, run)) summary.Add(hull);
   return summary;
 }
 
@@ -355,6 +360,17 @@ std::vector<std::string> KeepMasks(const MaskJob& job, const MaskCamera& camera,
       job, camera, model, {&backend, "", "", "", first_block, end_block}, [&] { stage.Advance(); },
       [&](const std::string& key) { keys.push_back(std::string(kMasksKind) + "/" + key); });
   return keys;
+}
+
+std::vector<double> HullDisagreements(const MaskJob& job, const std::string& folder, const std::vector<int>& steps,
+                                      const RunContext& run) {
+  std::vector<double> disagreements;
+  for (const VisualHull& hull : HullsOf(job, folder, steps, run)) {
+    dataset::HullSummary one;
+    one.Add(hull);
+    disagreements.push_back(one.skipped == 0 ? one.Disagreement() : kNone);
+  }
+  return disagreements;
 }
 
 MaskRunResult MakeMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<CameraMaskModel>& models,

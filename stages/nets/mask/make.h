@@ -92,6 +92,11 @@ std::vector<std::string> KeepMasks(const MaskJob& job, const MaskCamera& camera,
 MaskRunResult MakeMasks(const MaskJob& job, const MaskBackend& backend, const std::vector<dataset::CameraMaskModel>& models,
                         const std::string& folder, const RunContext& run);
 
+/// How far the masks in `folder` disagree with the visual hull at each time step (HullSummary::Disagreement, a part of 1); NaN
+/// where there is no hull.
+std::vector<double> HullDisagreements(const MaskJob& job, const std::string& folder, const std::vector<int>& steps,
+                                      const RunContext& run);
+
 /// FOLDER/CAMERA/%08d.png
 std::string MaskPath(const std::string& folder, const std::string& camera, int frame);
 

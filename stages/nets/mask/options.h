@@ -1,5 +1,6 @@
 #pragma once
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "dataset/masks/mask_take.h"
 #include "dataset/masks/size_rule.h"
 #include "dataset/masks/visual_hull.h"
+#include "stages/budget/ask.h"
 #include "stages/input/calib_read.h"
 #include "stages/input/pose_changes.h"
 #include "stages/input/pose_input.h"
@@ -62,6 +64,8 @@ struct MaskStageOptions {
   detect::OnnxSegmenterOptions onnx;
   dataset::MaskOptions mask;
   dataset::HullOptions hull;
+  BudgetOptions budget;
+  std::set<std::string> given;  ///< names of options that a budget must leave alone though they have their defaults
 };
 
 template <class Visitor>
@@ -99,6 +103,9 @@ void VisitFields(Visitor&& visit, MaskStageOptions& o) {
   VisitFields(visit, o.mask);
   StartGroup(visit, "Visual hull");
   VisitFields(visit, o.hull);
+  VisitBudget(visit, o.budget,
+              "disagreement with the visual hull that is enough, e.g. 12%: the cheapest setting that a trial predicts to reach "
+              "it");
 }
 
 }  // namespace mvstudio::stages

@@ -5,9 +5,11 @@
 #include <filesystem>
 #include <utility>
 
+#include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
+#include "stages/nets/mask/budget.h"
 #include "stages/nets/mask/kept.h"
 
 namespace mvstudio::stages {
@@ -119,6 +121,43 @@ void KeepMaskFrames(const StagePart& part, MaskStageOptions options, const TakeI
   report->kept.insert(report->kept.end(), keys.begin(), keys.end());
 }
 
+/// What is learned already, by the setting that the budget chose.
+std::vector<dataset::CameraMaskModel> ChooseWithin(const std::vector<MaskBackend>& backends, const std::string& folder,
+                                                   double started_s, double reading_s, const RunContext& run, MaskJob* job,
+                                                   MaskBackend* backend, MaskStageReport* report) {
+  ChosenMasks chosen = ChooseMasks(backends, report->options, folder, started_s, reading_s, run, job);
+  *backend = std::move(chosen.backend);
+  if (chosen.learned.failed_camera.empty()) {
+    report->budget = std::move(chosen.budget);
+  } else {
+    report->outcome = MaskOutcome::kNobody;
+  }
+  std::vector<dataset::CameraMaskModel> models = std::move(chosen.learned.models);
+  chosen.learned.models.clear();
+  report->trials.push_back(std::move(chosen.learned));
+  return models;
+}
+
+/// What came of the budget, beside what came of earlier ones in the folder that is replaced.
+void KeepMaskBudget(double started_s, const std::string& folder, MaskStageReport* report) {
+  BudgetReport& budget = *report->budget;
+  const dataset::HullSummary& hull = report->masks.hull;
+  budget.actual_error = hull.sums.empty() ? std::nan("") : 100 * hull.Disagreement();
+  budget.actual_s = budget.asked.NowSeconds() - started_s;
+  const std::string earlier = report->options.out + "/" + kPredictionsFile;
+  if (std::filesystem::exists(earlier)) WriteFileAtomic(folder + "/" + kPredictionsFile, ReadFile(earlier));
+  KeepPrediction(budget, folder);
+}
+
+/// What cannot be must not cost the run.
+void CheckBudgetForMasks(const BudgetOptions& budget) {
+  (void)budget.BudgetSeconds();
+  const std::optional<ErrorTarget> target = budget.Target();
+  if (target && target->unit != ErrorUnit::kPercent)
+    throw UsageError("option 'target' " + budget.target +
+                     ": masks have their disagreement with the visual hull in percent: 12%");
+}
+
 /// Sheets, and the scores against exact masks; `folder` is where the masks are now.
 void FinishMasks(const std::string& folder, MaskStageReport* report) {
   for (size_t c = 0; c < report->cameras.size(); ++c) {
@@ -150,6 +189,8 @@ std::vector<std::string> MaskStageReport::WithoutJoints() const {
 
 MaskStageReport RunMask(MaskStageOptions options, const RunContext& run) {
   const MaskClock::time_point start = MaskClock::now();
+  const double started_s = options.budget.NowSeconds();
+  CheckBudgetForMasks(options.budget);
   MaskStageReport report;
   TakeInput take = ReadTakeInput(options.take, &report.notes);
   LeaveOutUncalibrated(options.calib.empty() ? take.calibration : options.calib, &take, &report.notes);
@@ -157,15 +198,23 @@ MaskStageReport RunMask(MaskStageOptions options, const RunContext& run) {
   report.options = options;
   AtomicFolder folder(options.out, options.run.overwrite, MaskInputs(take, options));
   const std::vector<MaskBackend> backends = MaskBackends(options, &report.notes);
-  const MaskJob job = ReadMaskJob(options, take, &report.notes, run);
+  const double reading_from_s = options.budget.NowSeconds();
+  MaskJob job = ReadMaskJob(options, take, &report.notes, run);
+  const double reading_s = options.budget.NowSeconds() - reading_from_s;
   for (const MaskCamera& camera : job.cameras) report.cameras.push_back({camera.footage.camera, camera.samples.damage});
   if (!job.poses.empty()) report.pose_frames.emplace(job.poses.begin()->first, job.poses.rbegin()->first);
-  const std::string choice = MaskChoiceKey(options, take, backends);
-  const std::vector<dataset::CameraMaskModel> models = TryAll(job, backends, choice, run, &report);
+  const std::string choice = options.budget.Asked() ? "" : MaskChoiceKey(options, take, backends);
+  MaskBackend backend;
+  const std::vector<dataset::CameraMaskModel> models =
+      options.budget.Asked() ? ChooseWithin(backends, folder.work_path(), started_s, reading_s, run, &job, &backend, &report)
+                             : TryAll(job, backends, choice, run, &report);
   if (report.outcome == MaskOutcome::kNobody) return report;
-  report.masks = MakeMasks(job, backends[report.chosen], models, folder.work_path(), run);
+  if (!report.budget) backend = backends[report.chosen];
+  report.masks = MakeMasks(job, backend, models, folder.work_path(), run);
   FinishMasks(folder.work_path(), &report);
+  if (report.budget) KeepMaskBudget(started_s, folder.work_path(), &report);
   folder.Commit();
+  if (report.budget) ForgetMasks(job, {backend}, "");
   ForgetMasks(job, backends, choice);
   report.wall_s = std::chrono::duration<double>(MaskClock::now() - start).count();
   return report;

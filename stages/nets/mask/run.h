@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/progress.h"
+#include "stages/budget/report.h"
 #include "stages/input/part.h"
 #include "stages/input_notes.h"
 #include "stages/nets/mask/input.h"
@@ -33,6 +34,7 @@ struct MaskStageReport {
   std::optional<std::pair<int, int>> pose_frames;  ///< first and last of the 3D joints, where there are some
   std::vector<TruthScore> truth;                   ///< of options.truth, in its order
   double wall_s = 0;
+  std::optional<BudgetReport> budget;
 
   bool AllEmpty() const;
   /// Cameras in which no joint guided a mask, where joints were given.

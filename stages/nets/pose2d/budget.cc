@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 
 #include "core/disk/trace.h"
@@ -115,16 +116,21 @@ void TryNets(const DetectJob& stretch, const geometry::Rig& rig, const Pose2dOpt
   std::map<std::string, double> crop_s;  // of the stretch
   ProgressStage stage(run, "trial for the budget", static_cast<int64_t>(settings->size()));
   const RunContext silent{nullptr, run.num_threads, run.seed};
+  const auto target = budget->asked.Target();
+  double enough_s = std::numeric_limits<double>::infinity();  // that a setting took in the trial which reaches the target
   for (const NetSetting& setting : *settings) {
     const double before_s = budget->asked.NowSeconds(), left_s = most_s - (before_s - begin_s);
     const auto known = crop_s.find(setting.backend);
     const double crops = CropsOf(setting.quality);
     SettingTrial trial;
-    if (!budget->trials.empty() && (left_s < 0 || (known != crop_s.end() && known->second * crops > left_s))) {
+    if (known != crop_s.end() && known->second * crops >= enough_s) {
+      trial.why_not = kCheaperReaches;
+    } else if (!budget->trials.empty() && (left_s < 0 || (known != crop_s.end() && known->second * crops > left_s))) {
       trial.why_not = "it would take more than a fifth of the budget to try it";
     } else {
       trial = TryNet(stretch, rig, setting, num_frames, options, silent);
       crop_s[setting.backend] = (budget->asked.NowSeconds() - before_s) / crops;
+      if (target && trial.error <= target->value) enough_s = std::min(enough_s, crop_s[setting.backend] * crops);
     }
     budget->trials.push_back(Named(std::move(trial), setting, options));
     stage.Advance();
