@@ -9,7 +9,7 @@ void RegisterRender(CLI::App& app, Registry& registry) {
   render->require_subcommand(1);
   const auto options = std::make_shared<stages::OverlayOptions>();
   CLI::App* sub = render->add_subcommand(
-      "overlay", "Footage with joints, residuals and masks drawn over it, as videos and a contact sheet");
+      "overlay", "Footage with joints, residuals, masks, boards and the body drawn over it, as videos and a contact sheet");
   AddOption(sub, "PATH", options->scene.path, "folder of a session, a dataset or a run; or points in 3D (.trc, .c3d)")
       ->required();
   AddOptions(sub, *options);

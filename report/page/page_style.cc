@@ -14,9 +14,7 @@ constexpr char kStyle[] = R"css(
 --c0:#4aa8e0;--c1:#f08a3c;--c2:#3cc79c;--c3:#dd8fba;--c4:#e9b03c;--c5:#86cbf0;--c6:#98a2ad;--c7:#bf9a78;}}
 @media print{:root{--ground:#fff;--card:#fff;--ink:#000;--muted:#444;--rule:#bbb;--grid:#ddd;--look:#f4f4f4;
 --pass:#00694c;--pass-bg:#fff;--warn:#7a4d00;--warn-bg:#fff;--fail:#a3260b;--fail-bg:#fff;
---c0:#0072b2;--c1:#d55e00;--c2:#009e73;--c3:#b5528c;--c4:#c98500;--c5:#3f9fd6;--c6:#6b7480;--c7:#7d5a3c;}
-nav{display:none}body{font-size:10pt;max-width:none;padding:0}section{border-top:1px solid var(--rule)}
-figure,tr,.card,.fix li{break-inside:avoid}h2,h3{break-after:avoid}}
+--c0:#0072b2;--c1:#d55e00;--c2:#009e73;--c3:#b5528c;--c4:#c98500;--c5:#3f9fd6;--c6:#6b7480;--c7:#7d5a3c;}}
 *{box-sizing:border-box}
 body{margin:0 auto;padding:1.5rem 1.5rem 3rem;max-width:78rem;background:var(--ground);color:var(--ink);
 font:15px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans-serif}
@@ -89,7 +87,6 @@ padding:.5rem .7rem;border:1px solid var(--rule);border-radius:.3rem;background:
 .studio .timeline i{position:absolute;top:-3px;bottom:-3px;width:2px;margin-left:-1px;background:var(--ink);pointer-events:none}
 @media (max-width:40rem){.studio .stage{height:min(26rem,60vh)}.studio .names{font-size:.7em}
 .studio aside{left:.5rem;right:.5rem;top:auto;bottom:.5rem;width:auto;max-height:45%}.studio aside img{display:none}}
-@media print{#studio{display:none}}
 svg{max-width:100%;height:auto;display:block}
 svg text{fill:var(--ink);font:12px system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans-serif}
 svg text.t{font-weight:600;font-size:13px}svg text.m{fill:var(--muted)}svg text.x{font-size:10.5px}
@@ -107,6 +104,8 @@ svg .over-edge{stroke:#000;stroke-opacity:.55;fill:none}svg .over-ring{stroke:#f
 svg .over-needle{stroke:#ff5c3b;fill:none}svg .over-cross{stroke:#ff4fd8;fill:none}svg .over-bone{stroke:#46c8ff;fill:none}
 .soft{fill-opacity:.16}.dots{stroke-linecap:round}.faint{opacity:.45}
 footer{margin-top:2rem;padding-top:.6rem;border-top:1px solid var(--rule);color:var(--muted);font-size:.86em}
+@media print{nav,#studio{display:none}body{font-size:10pt;max-width:none;padding:0}
+figure,tr,.card,.fix li{break-inside:avoid}h2,h3{break-after:avoid}}
 )css";
 
 }  // namespace

@@ -13,6 +13,6 @@ function isSoftware() {
 }
 
 for (const root of document.querySelectorAll('.studio[data-scene]')) {
-  const canvas = document.createElement('canvas'), context = contextOf(canvas, { antialias: !isSoftware() });
+  const canvas = document.createElement('canvas'), context = contextOf(canvas, { antialias: !isSoftware(), alpha: false });
   if (context) new Studio(root, canvas, context);
 }

@@ -1,5 +1,5 @@
 // The view, its controls and its state in the address.
-import { AmbientLight, DirectionalLight, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from 'three/build/three.module.js';
+import { AmbientLight, Color, DirectionalLight, PerspectiveCamera, Scene, Vector3, WebGLRenderer } from 'three/build/three.module.js';
 import { OrbitControls } from 'three/examples/jsm/controls/OrbitControls.js';
 import { BodyView } from './body.js';
 import { People } from './data.js';
@@ -39,7 +39,7 @@ export class Studio {
   }
 
   makeView(canvas, context) {
-    this.renderer = new WebGLRenderer({ canvas, context, antialias: true, alpha: true });
+    this.renderer = new WebGLRenderer({ canvas, context, antialias: true, alpha: false });
     this.renderer.setPixelRatio(Math.min(2, devicePixelRatio || 1));
     this.world = new Scene();
     this.view = new PerspectiveCamera(VIEW_DEG, 1, 0.002 * this.bounds.radius, 60 * this.bounds.radius);
@@ -129,6 +129,7 @@ export class Studio {
 
   theme() {
     this.colours = readTheme(this.root);
+    this.renderer.setClearColor(new Color(this.colours.ground));
     this.bodies.colour(this.colours);
     this.body.colour(this.colours);
     if (this.strip) this.strip.colour(this.colours);
@@ -302,8 +303,11 @@ export class Studio {
     this.root.dataset.draws = Number(this.root.dataset.draws || 0) + 1;
   }
 
+  /** Only where they moved: the page is drawn anew below each of them. */
   placeNames() {
-    const width = this.stage.clientWidth, height = this.stage.clientHeight;
+    const width = this.stage.clientWidth, height = this.stage.clientHeight, placed = [width, height, this.camera, ...this.view.matrixWorld.elements, this.view.fov].join();
+    if (placed === this.placed) return;
+    this.placed = placed;
     this.scene.cameras.forEach((camera, i) => {
       const p = this.rig.at(camera).project(this.view), label = this.labels[i];
       label.hidden = !(p.z > -1 && p.z < 1 && Math.abs(p.x) < 1 && Math.abs(p.y) < 1);

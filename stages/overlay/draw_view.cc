@@ -5,6 +5,7 @@
 
 #include "dataset/footage/image_io.h"
 #include "dataset/views/draw.h"
+#include "stages/overlay/draw_solids.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -40,12 +41,14 @@ Image BlankFrame(const Scene& scene, const SceneCamera& camera) {
 }  // namespace
 
 Image DrawnView(const Scene& scene, size_t camera_idx, const SceneView& view, const Image& frame, const Image& mask,
-                int tile_px, const OverlayMarks& marks) {
+                int tile_px, const OverlayMarks& marks, const SolidsNow& solids) {
   Image whole = frame.empty() ? BlankFrame(scene, scene.cameras.at(camera_idx)) : frame;
   const bool has_mask = marks.masks && mask.width == whole.width && mask.height == whole.height && !mask.empty();
   Image tile = tile_px > 0 ? dataset::Reduced(whole, tile_px) : whole;
   const ToTile to{tile.width / static_cast<double>(whole.width), tile.height / static_cast<double>(whole.height)};
   if (has_mask) dataset::DrawMaskOutline(tile_px > 0 ? dataset::Reduced(mask, tile_px) : mask, kOutline, &tile);
+  if (const int lens = scene.cameras.at(camera_idx).rig_idx; lens >= 0)
+    DrawSolids(solids, scene.rig.cameras[static_cast<size_t>(lens)], {to.x, to.y}, &tile);
   if (marks.joints3d) {
     for (const auto& [person, joints] : view.projected)
       DrawPerson(scene, joints, person % 2 == 0 ? kPerson : kOtherPerson, to, &tile);
@@ -59,6 +62,17 @@ Image DrawnView(const Scene& scene, size_t camera_idx, const SceneView& view, co
     for (const auto& [from, at] : view.residuals) dataset::DrawSegment(to(from), to(at), kBonePx, kArrow, &tile);
   }
   return tile;
+}
+
+Image WithRender(const Image& tile, const Image& render) {
+  Image both(2 * tile.width, tile.height, 3);
+  dataset::PasteImage(tile, 0, 0, &both);
+  if (render.empty()) return both;
+  const double share =
+      std::min({1.0, static_cast<double>(tile.width) / render.width, static_cast<double>(tile.height) / render.height});
+  const int longer_px = std::max(1, static_cast<int>(share * std::max(render.width, render.height)));
+  dataset::PasteImage(dataset::Reduced(render, longer_px), tile.width, 0, &both);
+  return both;
 }
 
 Image GridOf(const std::vector<Image>& images) {

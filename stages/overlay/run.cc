@@ -45,16 +45,33 @@ double RateOf(const Scene& scene, double asked_hz) {
   return kUsualRateHz;
 }
 
+using FilesByNumber = std::map<int64_t, std::string>;
+
+/// Images of a folder by the number in their names.
+FilesByNumber NumberedFiles(const dataset::FootageFiles& found) {
+  FilesByNumber files;
+  for (size_t i = 0; i < found.images.numbers.size() && i < found.paths.size(); ++i)
+    files.emplace(found.images.numbers[i], found.paths[i]);
+  return files;
+}
+
+/// One camera's images below a folder of renders; none where it has no folder there.
+FilesByNumber RendersOf(const std::string& folder, const std::string& camera) {
+  const std::string of_camera = folder + "/" + dataset::Slug(camera);
+  std::error_code none;
+  if (folder.empty() || !fs::is_directory(of_camera, none)) return {};
+  return NumberedFiles(dataset::ListFootage(of_camera));
+}
+
 /// One camera's masks by the number in their names, and what their values mean.
 struct MaskFiles {
-  std::map<int64_t, std::string> files;
+  FilesByNumber files;
   dataset::MaskMeaning meaning;
 
   explicit MaskFiles(const std::string& folder) {
     if (folder.empty()) return;
     const dataset::FootageFiles found = dataset::ListFootage(folder);
-    for (size_t i = 0; i < found.images.numbers.size() && i < found.paths.size(); ++i)
-      files.emplace(found.images.numbers[i], found.paths[i]);
+    files = NumberedFiles(found);
     meaning = dataset::MeaningOfMasks(found.paths);
   }
   Image At(int64_t number) const {
@@ -87,16 +104,29 @@ class OverlayVideos {
 
 class OverlayDrawer {
  public:
-  OverlayDrawer(const Scene& scene, const OverlayOptions& options) : scene_(scene), options_(options), store_(scene.root, 0) {
-    for (const SceneCamera& camera : scene.cameras) masks_.emplace_back(options.marks.masks ? camera.mask_folder : "");
+  OverlayDrawer(const Scene& scene, const OverlaySolids& solids, const OverlayOptions& options)
+      : scene_(scene), solids_(solids), options_(options), store_(scene.root, 0) {
+    for (const SceneCamera& camera : scene.cameras) {
+      masks_.emplace_back(options.marks.masks ? camera.mask_folder : "");
+      renders_.push_back(RendersOf(options.beside, camera.name));
+    }
+    const bool has_render = std::any_of(renders_.begin(), renders_.end(), [](const auto& files) { return !files.empty(); });
+    if (!options.beside.empty() && !has_render)
+      throw UsageError("option 'beside' " + options.beside + ": has no folder CAMERA of images for any of " +
+                       std::to_string(scene.cameras.size()) +
+                       " cameras; make one by mvstudio avatar render with option 'frame' camera");
   }
   std::vector<Image> At(int step) {
     std::vector<Image> tiles;
+    const SolidsNow now = SolidsAt(solids_, step);
     for (size_t c = 0; c < scene_.cameras.size(); ++c) {
       const SceneView view = ViewAt(scene_, c, step);
       const Image frame = store_.Read(scene_.cameras[c].footage, view.frame);
       num_missing_ += frame.empty() && !scene_.cameras[c].footage.empty();
-      tiles.push_back(DrawnView(scene_, c, view, frame, masks_[c].At(view.frame), options_.tile_px, options_.marks));
+      tiles.push_back(DrawnView(scene_, c, view, frame, masks_[c].At(view.frame), options_.tile_px, options_.marks, now));
+      if (renders_[c].empty()) continue;
+      const auto render = renders_[c].find(step);
+      tiles[c] = WithRender(tiles[c], render == renders_[c].end() ? Image() : dataset::ReadImage(render->second));
     }
     return tiles;
   }
@@ -104,9 +134,11 @@ class OverlayDrawer {
 
  private:
   const Scene& scene_;
+  const OverlaySolids& solids_;
   const OverlayOptions& options_;
   FrameStore store_;
   std::vector<MaskFiles> masks_;
+  std::vector<FilesByNumber> renders_;
   size_t num_missing_ = 0;
 };
 
@@ -130,9 +162,11 @@ OverlayReport RunOverlay(const OverlayOptions& options, const RunContext& run) {
   if (scene.cameras.empty() || steps.empty())
     throw UsageError(options.scene.path + ": has neither footage nor joints at these time steps; nothing is drawn");
   report.rate_hz = RateOf(scene, options.rate_hz);
+  const OverlaySolids solids = ReadSolids(options, scene, &report.notes);
+  if (!options.beside.empty()) report.notes.inputs.push_back(options.beside);
   AtomicFolder folder(options.out, options.overwrite, report.notes.inputs);
   OverlayVideos videos(folder.work_path(), report.rate_hz);
-  OverlayDrawer drawer(scene, options);
+  OverlayDrawer drawer(scene, solids, options);
   const std::set<size_t> places = SheetPlaces(steps.size(), options.num_sheet);
   std::vector<Image> sheet;
   for (size_t i = 0; i < steps.size(); ++i) {

@@ -59,7 +59,7 @@ TEST(MaskCommand, BackgroundFromMotionAlone) {
   EXPECT_EQ(*mask.Pixel(80, 60), 255);
   EXPECT_EQ(*mask.Pixel(5, 5), 0);
   EXPECT_TRUE(std::filesystem::exists(out + "/soft/A/00000003.png"));
-  EXPECT_TRUE(std::filesystem::exists(out + "/A.sheet.png"));
+  EXPECT_TRUE(std::filesystem::exists(out + "/A.sheet.jpg"));
   EXPECT_TRUE(std::filesystem::exists(out + "/mask.result.json"));
 }
 

@@ -72,7 +72,7 @@ TEST(MaskStage, ABlockThatWalksIsMaskedExactly) {
   EXPECT_EQ(report.truth[0].images, kBlockFrames);
   EXPECT_EQ(report.truth[0].worst, 1);
   EXPECT_TRUE(std::filesystem::exists(folder / "out/a/00000011.png"));
-  EXPECT_TRUE(std::filesystem::exists(folder / "out/a.sheet.png"));
+  EXPECT_TRUE(std::filesystem::exists(folder / "out/a.sheet.jpg"));
   const CommandResult said = Describe(report);
   EXPECT_EQ(said.exit, kExitOk);
   EXPECT_THAT(MetricNames(said),
@@ -82,7 +82,7 @@ TEST(MaskStage, ABlockThatWalksIsMaskedExactly) {
   EXPECT_EQ(said.metrics["truth"]["worst_picture"], folder / "out/a/00000000.png") << "where it is now, not where it was made";
   ASSERT_THAT(said.outputs, SizeIs(2));
   EXPECT_EQ(said.outputs[0].role, "masks");
-  EXPECT_EQ(said.outputs[1].path, folder / "out/a.sheet.png");
+  EXPECT_EQ(said.outputs[1].path, folder / "out/a.sheet.jpg");
   EXPECT_EQ(said.folder, folder / "out");
   options.backend = "colour", options.run.overwrite = true;
   EXPECT_THAT(MessageOf<UsageError>([&] { RunMask(options); }), HasSubstr("option 'backend' colour"));

@@ -81,7 +81,7 @@ CommandResult DescribeMasks(const MaskStageReport& report) {
     result.text += Format("  %s: %d masks, person on %.1f %%, flicker %.4f %%, %.0f ms an image\n", name.c_str(), take.images,
                           100 * take.mean_area_fraction(), 100 * take.flicker.Share(), take.ms_per_image());
     if (!report.masks.cameras[c].sheet.empty())
-      result.outputs.push_back({report.options.out + "/" + name + ".sheet.png", "overlay"});
+      result.outputs.push_back({report.options.out + "/" + name + ".sheet.jpg", "overlay"});
   }
   const double n = static_cast<double>(report.cameras.size());
   result.metrics["cameras"] = report.cameras.size();

@@ -111,7 +111,7 @@ void WriteRoom(const MaskJob& job, const std::string& masks, const std::string& 
   });
 }
 
-int TilePx(const MaskJob& job) { return job.run.sheet_tiles > 40 ? 110 : 240; }
+int TilePx(const MaskJob& job) { return job.run.sheet_tiles > 40 ? 110 : 160; }
 
 struct TakePass {
   std::vector<MaskCameraResult> cameras;
