@@ -141,7 +141,7 @@ STAGE_LIBRARIES = LIBRARIES - {"dataset/exports", "dataset/exports/read", "synth
 WITHOUT_TORCH = {f for f in STAGE_LIBRARIES if not needs_torch(f)}
 NET_ROOM = STAGE_LIBRARIES | {"stages", "stages/budget", "stages/input", "stages/nets"}
 MAY_INCLUDE |= {
-    "stages": {"core", "core/text"},
+    "stages": {"core", "core/disk", "core/text"},
     "stages/input": WITHOUT_TORCH | {"stages", "dataset/exports/read"},
     "stages/calib": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/serve": {"core"},

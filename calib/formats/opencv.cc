@@ -5,6 +5,7 @@
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 #include "calib/formats/formats.h"
+#include "calib/formats/opencv_keys.h"
 #include "calib/formats/opencv_yaml.h"
 #include "calib/formats/rig_tables.h"
 #include "calib/formats/slam.h"
@@ -20,71 +21,13 @@ using internal::Entries;
 using internal::Entry;
 using internal::FindEntry;
 using internal::FindFirst;
+using internal::kDistortionKeys;
+using internal::kRotationKeys;
+using internal::kTranslationKeys;
+using internal::StereoKeys;
+using internal::StereoKeysOf;
 
 constexpr std::initializer_list<const char*> kMatrixKeys = {"cameramatrix", "k", "mtx"};
-constexpr std::initializer_list<const char*> kDistortionKeys = {"distortioncoefficients",
-                                                                "distortioncoeffs",
-                                                                "distortioncoef",
-                                                                "distcoeffs",
-                                                                "distcoeff",
-                                                                "distcoefs",
-                                                                "distcoef",
-                                                                "distortion",
-                                                                "d",
-                                                                "dist",
-                                                                "distortionvector",
-                                                                "coeffs",
-                                                                "kc"};
-/// The pose of the second of two cameras.
-constexpr std::initializer_list<const char*> kRotationKeys = {"r", "rotation", "rotationmatrix", "rot", "rmat"};
-constexpr std::initializer_list<const char*> kTranslationKeys = {"t", "translation", "translationvector", "trans", "tvec"};
-
-/// Names of the matrices and coefficients of both cameras.
-struct StereoKeys {
-  std::string matrix1, distortion1, matrix2, distortion2;
-};
-
-/// A name with the side behind it (M1, cameraMatrixL, camera_matrix_left), or before it (left_camera_matrix).
-struct Sides {
-  const char *first, *second;
-  bool before = false;
-
-  std::string Name(const std::string& word, const char* side) const { return before ? side + word : word + side; }
-};
-constexpr Sides kSides[] = {{"1", "2"},
-                            {"left", "right"},
-                            {"l", "r"},
-                            {"0", "1"},
-                            {"left", "right", true},
-                            {"cam1", "cam2", true},
-                            {"cam0", "cam1", true},
-                            {"camera1", "camera2", true}};
-
-bool IsMatrix(const Entries& entries, const std::string& key) {
-  const auto found = entries.find(key);
-  return found != entries.end() && (found->second.value.kind == internal::Value::Kind::kTable ||
-                                    found->second.value.kind == internal::Value::Kind::kList);
-}
-
-/// Those that the entries have: both matrices, which a number of that name (a lens's k1) is not. Names with coefficients come
-/// before names without.
-std::optional<StereoKeys> StereoKeysOf(const Entries& entries) {
-  std::optional<StereoKeys> found;
-  for (const char* word : {"m", "k", "cameramatrix", "intrinsicmatrix", "mtx"}) {
-    for (const Sides& sides : kSides) {
-      StereoKeys keys{sides.Name(word, sides.first), "", sides.Name(word, sides.second), ""};
-      if (!IsMatrix(entries, keys.matrix1) || !IsMatrix(entries, keys.matrix2)) continue;
-      for (const char* distortion : kDistortionKeys) {
-        const std::string first = sides.Name(distortion, sides.first);
-        if (!IsMatrix(entries, first)) continue;
-        return StereoKeys{keys.matrix1, first, keys.matrix2, sides.Name(distortion, sides.second)};
-      }
-      if (!found) found = keys;
-    }
-  }
-  return found;
-}
-
 Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const ReadOptions& options) {
   const Entry* width = FindFirst(entries, {"imagewidth", "width"});
   const Entry* height = FindFirst(entries, {"imageheight", "height"});

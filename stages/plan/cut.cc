@@ -9,7 +9,7 @@
 #include "core/parallel.h"
 #include "dataset/footage/frames.h"
 #include "stages/input/kept_footage.h"
-#include "stages/input/part.h"
+#include "stages/part.h"
 #include "stages/pipeline/need.h"
 
 namespace mvstudio::stages {

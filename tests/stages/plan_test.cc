@@ -10,7 +10,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
-#include "stages/input/part.h"
+#include "stages/part.h"
 #include "stages/plan/cut.h"
 #include "stages/plan/engines.h"
 #include "tests/support/temp_dir.h"

@@ -7,7 +7,7 @@
 
 #include "core/progress.h"
 #include "stages/budget/report.h"
-#include "stages/input/part.h"
+#include "stages/part.h"
 #include "stages/input_notes.h"
 #include "stages/nets/mask/input.h"
 

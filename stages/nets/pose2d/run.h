@@ -7,7 +7,7 @@
 #include "core/progress.h"
 #include "geometry/skeleton/skeleton.h"
 #include "stages/budget/report.h"
-#include "stages/input/part.h"
+#include "stages/part.h"
 #include "stages/input_notes.h"
 #include "stages/nets/pose2d/choose.h"
 #include "stages/nets/pose2d/detect.h"

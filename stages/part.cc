@@ -1,4 +1,4 @@
-#include "stages/input/part.h"
+#include "stages/part.h"
 
 #include <cstdio>
 
