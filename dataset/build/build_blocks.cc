@@ -37,6 +37,10 @@ std::optional<BuiltBlock> ReadBuiltBlock(const std::string& folder) {
   if (folder.empty() || !fs::exists(path)) return std::nullopt;
   try {
     if (!FilesInTheWay(folder).empty()) throw FormatError(folder, "", "holds other files than were written");
+    const std::optional<Manifest> listed = ReadManifest(folder);
+    for (const auto& [name, entry] : listed ? listed->files : std::map<std::string, ManifestEntry>{}) {
+      if (!fs::exists(folder + "/" + name)) throw FormatError(folder, name, "is gone");
+    }
     const Json json = ParseJson(ReadFile(path), path);
     BuiltBlock block;
     block.built.images = json.at("images"), block.built.mean_area_fraction = json.at("area");

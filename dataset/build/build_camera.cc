@@ -8,6 +8,7 @@
 
 #include "core/check.h"
 #include "core/disk/files.h"
+#include "core/disk/lock.h"
 #include "core/disk/output.h"
 #include "core/disk/paths.h"
 #include "core/disk/trace.h"
@@ -250,6 +251,7 @@ class FrameWriter {
  private:
   BuiltBlock WriteKept(int64_t number, const std::string& kept) {
     const UntracedScope untraced;
+    const OutputLockScope locks;  // that of each block ends with it
     AtomicFolder folder(kept, false);
     const BuiltBlock block = Write(number, folder.work_path());
     WriteBuiltBlock(block, folder.work_path());

@@ -1,19 +1,18 @@
-// Residuals over time as coloured cells; each leads to the worst time step in it.
+// Residuals over time as coloured bars; each leads to the worst time step in it.
+import { Color } from 'three/build/three.module.js';
 import { element } from './element.js';
 
-const HEIGHT = 26;
+const HEIGHT = 26, GOOD_PX = 2, BAD_PX = 10;  // the same in every take, and on the page of `view`
 
 export class Strip {
   constructor(people, go) {
     this.people = people;
     this.go = go;
     const { spans } = people, known = spans.map((span) => span[2]).filter((v) => v !== null).sort((a, b) => a - b);
-    const at = (share) => (known.length > 0 ? known[Math.floor(share * (known.length - 1))] : 0);
-    this.least = at(0.02);
-    this.most = Math.max(at(0.98), 1.2 * this.least, 1e-3);
+    this.most = Math.max(known.length > 0 ? known[Math.floor(0.98 * (known.length - 1))] : 0, GOOD_PX);
     this.canvas = element('canvas', { width: spans.length, height: HEIGHT });
     this.here = element('i');
-    const text = 'Residual over time: pale at ' + Number(this.least.toPrecision(2)) + '\u2009px, full at ' + Number(this.most.toPrecision(2)) + '\u2009px and above; grey from below: share of joints without a position. A click shows the worst time step there.';
+    const text = 'Residual over time: full height at ' + Number(this.most.toPrecision(2)) + '\u2009px; green up to ' + GOOD_PX + '\u2009px, orange from ' + BAD_PX + '\u2009px; grey from above: share of joints without a position. A click shows the worst time step there.';
     this.box = element('div', { class: 'timeline', role: 'slider', tabindex: '0', 'aria-label': 'Residual over time', 'aria-valuemin': '0', 'aria-valuemax': String(spans.length - 1), title: text, onclick: (event) => this.click(event), onkeydown: (event) => this.key(event) }, this.canvas, this.here);
     this.root = element('figure', {}, this.box, element('figcaption', {}, text));
   }
@@ -51,12 +50,11 @@ export class Strip {
     const draw = this.canvas.getContext('2d');
     draw.clearRect(0, 0, this.canvas.width, HEIGHT);
     this.people.spans.forEach(([, , residual, missing], i) => {
-      draw.globalAlpha = residual === null ? 0 : 0.08 + 0.92 * Math.max(0, Math.min(1, (residual - this.least) / (this.most - this.least)));
-      draw.fillStyle = theme.chosen;
-      draw.fillRect(i, 0, 1, HEIGHT);
-      draw.globalAlpha = 1;
+      const height = residual === null ? 0 : HEIGHT * (0.1 + 0.9 * Math.min(1, residual / this.most));
+      draw.fillStyle = '#' + new Color(theme.good).lerp(new Color(theme.chosen), Math.max(0, Math.min(1, (residual - GOOD_PX) / (BAD_PX - GOOD_PX)))).getHexString();
+      draw.fillRect(i, HEIGHT - height, 1, height);
       draw.fillStyle = theme.missing;
-      draw.fillRect(i, HEIGHT * (1 - missing), 1, HEIGHT * missing);
+      draw.fillRect(i, 0, 1, HEIGHT * missing);
     });
   }
 }

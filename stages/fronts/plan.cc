@@ -37,9 +37,8 @@ class Planner {
       Add(name, mark, {"calibrate"}, Joined(std::move(all), options), ErrorAt({"/rig_holdout_rms_px"}));
     };
     way("default", WayMark::kDefault, {});
-    way("every 2nd image", WayMark::kNone, {{"every", {"2"}}});
     way("detector exact", WayMark::kPreset, {{"detector", {"exact"}}});
-    for (const char* model : {"brown1", "brown5", "rational8"}) way(model, WayMark::kNone, {{"model", {model}}});
+    for (const char* model : {"brown1", "brown2", "brown5", "rational8"}) way(model, WayMark::kNone, {{"model", {model}}});
     way("mrcal, brown5", WayMark::kPeer, {{"engine", {"mrcal"}}, {"model", {"brown5"}}});
     return std::move(planned_);
   }

@@ -35,7 +35,7 @@ void VisitFields(Visitor&& visit, OverlayOptions& o) {
               "a video of each camera, CAMERA.mp4, instead of one with all of them");
   visit("tile-px", o.tile_px, "px; longer side of a camera's image; 0: as large as the footage");
   VisitStyled(visit, OptionStyle::kFolder, "beside", o.beside,
-              "folder of images to show right of each camera's, as avatar render writes it with option 'frame' camera");
+              "folder of images to show right of each camera's, as `avatar render` with option 'frame' camera writes it");
   visit("sheet", o.num_sheet, "time steps on the contact sheet; 0: none is made");
   visit("fps", o.rate_hz, "Hz; frame rate of the video; 0: that of the footage, else 30");
   visit("joints3d", o.marks.joints3d, "3D joints, through the lens: blue and orange");

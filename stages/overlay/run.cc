@@ -106,6 +106,9 @@ class OverlayDrawer {
  public:
   OverlayDrawer(const Scene& scene, const OverlaySolids& solids, const OverlayOptions& options)
       : scene_(scene), solids_(solids), options_(options), store_(scene.root, 0) {
+    std::error_code none;
+    if (!options.beside.empty() && !fs::is_directory(options.beside, none))
+      throw IoError(options.beside, "is no folder that is there");
     for (const SceneCamera& camera : scene.cameras) {
       masks_.emplace_back(options.marks.masks ? camera.mask_folder : "");
       renders_.push_back(RendersOf(options.beside, camera.name));

@@ -92,7 +92,8 @@ class StageCutter {
       const int64_t at_once = std::clamp<int64_t>(wanted, 1, blocks);
       for (int64_t first = 0; first < blocks; first += at_once) {
         StagePart part{PartKind::kFrames, camera.name, first, std::min(blocks, first + at_once)};
-        const double seconds = block_s * static_cast<double>(part.end_block - first);
+        const int64_t frames = std::min(camera.num_frames, part.end_block * kKeptBlock) - first * kKeptBlock;
+        const double seconds = block_s * static_cast<double>(frames) / kKeptBlock;
         if (at_once == blocks) part.end_block = std::numeric_limits<int64_t>::max();
         parts.push_back(Part(part, camera.num_frames > 0 ? seconds : NAN, &camera));
       }

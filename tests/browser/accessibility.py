@@ -17,7 +17,7 @@ import tempfile
 sys.dont_write_bytecode = True
 from checks import SKIPPED, Claims, Studio, program_or_skip  # noqa: E402
 from devtools import Browser  # noqa: E402
-from made_run import make_session, make_run  # noqa: E402
+from made_run import make_run, make_session, make_study  # noqa: E402
 
 AXE = "4.10.3"
 SHA256 = "880970c081707360e64f34cea25ff91892f5bc95675b0776925b9709dd8a68bb"
@@ -50,7 +50,7 @@ def fetched():
     with tempfile.TemporaryDirectory() as folder:
         try:
             done = subprocess.run(["npm", "pack", "--silent", f"axe-core@{AXE}"], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-                                  timeout=60, check=False)
+                                  timeout=40, check=False)
         except subprocess.TimeoutExpired:
             return None
         packed = pathlib.Path(folder) / f"axe-core-{AXE}.tgz"
@@ -93,6 +93,8 @@ def main():
         ready = "document.querySelector('.studio').dataset.state === 'ready'"
         examine(browser, axe, "report", (session / "report.html").as_uri(), ready, claims)
         examine(browser, axe, "comparison", (other / "comparison.html").as_uri(), "true", claims)
+        studio.mvstudio("report", *make_study(studio.folder / "study"))
+        examine(browser, axe, "study", (studio.folder / "study/study.html").as_uri(), "true", claims)
         examine(browser, axe, "view", studio.view(session)[1] + "#frame=5", "document.querySelectorAll('#views svg').length === 4", claims)
     return claims.end("accessibility")
 

@@ -178,6 +178,14 @@ def make_run(folder, names=("front", "left", "back", "right"), ssim=0.9):
     return folder
 
 
+def make_study(folder):
+    """The arguments of `report` that make the page of a user study of three images."""
+    for k, name in enumerate(("one", "two", "truth")):
+        for i in range(3):
+            save(folder / f"{name}/left_{i:08d}.png", png(48, 48, lambda x, y: (5 * x, 4 * y, 60 * k + 20 * i)))
+    return ("--study", f"one={folder}/one", f"two={folder}/two", "--truth", folder / "truth", "--out", folder / "study.html")
+
+
 def make_session(folder, names):
     """A session with these results: footage of one take, an image a time step."""
     make_run(folder, names)

@@ -5,7 +5,7 @@ import sys
 sys.dont_write_bytecode = True
 from checks import HOSTILE, Claims, Studio, program_or_skip  # noqa: E402
 from devtools import NO_GL, Browser  # noqa: E402
-from made_run import MISSING_FRAME, WORST_FRAME, make_run  # noqa: E402
+from made_run import MISSING_FRAME, WORST_FRAME, make_run, make_study  # noqa: E402
 
 READY = "document.querySelector('.studio').dataset.state === 'ready'"
 CANVAS = ".stage canvas"
@@ -179,7 +179,8 @@ def main():
             studio.mvstudio("report", make_run(studio.folder / name, ssim=ssim))
         studio.mvstudio("report", studio.folder / "old", studio.folder / "new")
         studio.mvstudio("report", make_run(studio.folder / "hostile", (HOSTILE, "left", "back", "right")), "--title", HOSTILE)
-        report, comparison, hostile = ((studio.folder / name).as_uri() for name in ("old/report.html", "new/comparison.html", "hostile/report.html"))
+        studio.mvstudio("report", *make_study(studio.folder / "study"))
+        report, comparison, hostile, study = ((studio.folder / name).as_uri() for name in ("old/report.html", "new/comparison.html", "hostile/report.html", "study/study.html"))
         with Browser() as browser:
             page = browser.page()
             if open_studio(page, report, claims):
@@ -191,7 +192,7 @@ def main():
             num_images = page.run("document.querySelectorAll('img:not(.studio *)').length")
             page.close()
             check_links(browser, report, claims)
-            check_phone(browser, {"report": report, "comparison": comparison}, claims)
+            check_phone(browser, {"report": report, "comparison": comparison, "study": study}, claims)
             check_looks(browser, {"report": report, "comparison": comparison}, claims)
             check_hostile(browser, hostile, num_images, claims)
         check_without_webgl(report, claims)

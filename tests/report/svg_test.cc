@@ -153,6 +153,22 @@ TEST(SubjectView, ThePoseIsAsLargeAsItsFigure) {
   EXPECT_EQ(svg.find("<polygon"), std::string::npos) << "no cameras";
 }
 
+TEST(ParetoChart, WhatStandsOutIsNamedOffTheFront) {
+  ParetoChartSpec spec;
+  spec.points = {{"best", 1, 1, true},
+                 {"usual", 2, 2, false, PointStyle::kRinged},
+                 {"peer", 3, 3, false, PointStyle::kSquare},
+                 {"other", 4, 4, false}};
+  const std::string svg = ParetoChart(spec);
+  EXPECT_THAT(svg, HasSubstr(">best</text>"));
+  EXPECT_THAT(svg, HasSubstr(">usual</text>"));
+  EXPECT_THAT(svg, HasSubstr(">peer</text>"));
+  EXPECT_THAT(svg, Not(HasSubstr(">other</text>")));
+  EXPECT_THAT(svg, HasSubstr("<rect")) << "the square";
+  spec.points[2].style = PointStyle::kDot;
+  EXPECT_THAT(ParetoChart(spec), Not(HasSubstr("<rect")));
+}
+
 TEST(ParetoChart, NamesTheFrontOnly) {
   ParetoChartSpec spec;
   spec.points = {{"fast", 1, 3, true}, {"exact", 10, 1, true}, {"poor", 10, 3, false}, {"lost", kNan, 1, false}};

@@ -161,6 +161,8 @@ TEST(RunOverlay, RendersStandBesideTheirCameras) {
   OverlayOptions options;
   options.scene.path = folder / "t.trc", options.out = folder / "out", options.tile_px = 64, options.num_sheet = 1;
   options.beside = folder / "renders";
+  EXPECT_THAT(MessageOf<IoError>([&] { RunOverlay(options); }), HasSubstr("is no folder that is there"));
+  MakeFolder(folder / "renders/other");
   EXPECT_THAT(MessageOf<UsageError>([&] { RunOverlay(options); }), HasSubstr("has no folder CAMERA"));
   MakeFolder(folder / "renders/front");
   for (const char* name : {"front_00000000.png", "front_00000001.png", "front_00000002.png"})

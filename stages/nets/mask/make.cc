@@ -143,8 +143,8 @@ class CameraMasker {
     block.positions = segmenter_.Segment(
         number * kKeptBlock, (number + 1) * kKeptBlock,
         [&](int frame, const Image& rgb, const BodyMask& mask) {
-          block.frames.push_back({frame, dataset::EncodeImage(mask.mask, ".png"), "", TileOf(frame, rgb, mask.mask)});
-          if (job_.run.soft) block.frames.back().soft = dataset::EncodeImage(mask.soft, ".png");
+          block.frames.push_back({frame, dataset::EncodeImage(mask.mask, "mask.png"), "", TileOf(frame, rgb, mask.mask)});
+          if (job_.run.soft) block.frames.back().soft = dataset::EncodeImage(mask.soft, "soft.png");
           on_frame();
         },
         &block.take);
