@@ -5,6 +5,7 @@
 
 #include "core/format.h"
 #include "core/units.h"
+#include "triangulate/budget/reliability.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -82,6 +83,19 @@ std::string SurfaceTableHead() {
   return head + "\n" + Format("%-43s", "") + "      cm      cm      cm      cm      cm      cm      cm      cm     deg\n";
 }
 
+/// Whether the standard deviations of the surface are true, vertex by vertex.
+std::string AddReliability(const std::vector<double>& whitened, ordered_json* body) {
+  if (whitened.empty()) return "";
+  const triangulate::Reliability is = triangulate::MeasureReliability(whitened, 1);
+  (*body)["reliability"] = {{"num", is.num},
+                            {"expected_calibration_error", is.error},
+                            {"sigma_factor", is.sigma_factor},
+                            {"stated", is.stated},
+                            {"observed", is.observed}};
+  return Format("  its sigmas: calibration error %.3f over %d vertices, should grow by %.2f\n", is.error, is.num,
+                is.sigma_factor);
+}
+
 CommandResult DescribeBody(const std::string& path, const body::BodyScores& scores) {
   CommandResult result;
   ordered_json& body = result.metrics;
@@ -101,6 +115,7 @@ CommandResult DescribeBody(const std::string& path, const body::BodyScores& scor
     body[set] = ToJson(means);
     result.text += Row(path, set, means);
   }
+  result.text += AddReliability(scores.whitened, &body);
   if (scores.frames.empty()) {
     result.exit = kExitBadInput;
     result.errors.push_back({"SUR-NO-FRAME", path + " has no pose in a frame whose surface is known",

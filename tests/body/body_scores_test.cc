@@ -116,6 +116,13 @@ TEST(ScoreBody, ABodyThatStandsAsideIsFarInTheWorldAndNearAtRest) {
     EXPECT_LT(score.surface.chamfer_m(), 0.5);
   }
   EXPECT_NEAR(*scores.sigma_z, scores.frames[0].surface.vertex_rms_m / 0.01, 0.2 * *scores.sigma_z);
+  // Of the two frames of the fit, each vertex once that is seen from outside.
+  double square_m2 = 0;
+  for (const double squared : scores.whitened) square_m2 += 1e-4 * squared / static_cast<double>(scores.whitened.size());
+  EXPECT_GT(scores.whitened.size(), 1000u);
+  EXPECT_LT(scores.whitened.size(), 2u * static_cast<size_t>(person.person.body.vertices.cols()));
+  const double first_m = scores.frames[0].surface.vertex_rms_m, second_m = scores.frames[1].surface.vertex_rms_m;
+  EXPECT_NEAR(std::sqrt(square_m2), std::sqrt((first_m * first_m + second_m * second_m) / 2), 0.02 * first_m);
 }
 
 TEST(ScoreBody, AFatterBodyIsFarAtRestToo) {

@@ -214,6 +214,33 @@ TEST(OffsetSigma, IsThatOfTheDenseInverseAndLeavesWhatNobodySawOpen) {
   EXPECT_EQ(OffsetSigma(laplacian, {seen}, {1e-3, 0.1}).size(), 0);
 }
 
+/// Far from all observations a vertex is as unknown as the prior says. Both terms as they stand leave a tenth of it.
+TEST(OffsetSigma, OfAWideSmoothnessIsThatOfThePriorWhereNobodySaw) {
+  constexpr int kSide = 60;
+  Eigen::Matrix3Xf vertices(3, kSide * kSide);
+  Eigen::Matrix3Xi faces(3, 2 * (kSide - 1) * (kSide - 1));
+  Eigen::Index face = 0;
+  for (int y = 0; y < kSide; ++y) {
+    for (int x = 0; x < kSide; ++x) {
+      const int v = y * kSide + x;
+      vertices.col(v) << 0.01f * static_cast<float>(x), 0.01f * static_cast<float>(y), 0;
+      if (x + 1 == kSide || y + 1 == kSide) continue;
+      faces.col(face++) << v, v + 1, v + kSide;
+      faces.col(face++) << v + 1, v + kSide + 1, v + kSide;
+    }
+  }
+  const auto laplacian = UmbrellaLaplacian(vertices, faces);
+  const int middle = kSide / 2 * kSide + kSide / 2;
+  const std::vector<std::vector<OffsetObservation>> seen = {{{0, 200, 0, 0.5}}};
+  for (const double laplacian_sigma_m : {1e-3, 3e-3}) {
+    const double wide = OffsetSigma(laplacian, seen, WideSmoothness(laplacian_sigma_m, 0.03))[middle];
+    const double narrow = OffsetSigma(laplacian, seen, {laplacian_sigma_m, 0.03})[middle];
+    std::printf("%.0f mm: %.1f mm, as they stand %.1f mm\n", 1e3 * laplacian_sigma_m, 1e3 * wide, 1e3 * narrow);
+    EXPECT_NEAR(wide, 0.03, 0.009);
+    EXPECT_NEAR(narrow, std::sqrt(laplacian_sigma_m * 0.03 / 2), 0.2 * narrow);
+  }
+}
+
 /// All that one time step sees lies off by the same amount: a thousand such vertices say no more than one.
 TEST(OffsetSigma, CoversErrorsThatATimeStepHasInCommon) {
   constexpr int kSteps = 20, kTrials = 60;

@@ -1,7 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "core/error.h"
+#include "core/random.h"
 #include "stages/surface/describe.h"
 
 namespace mvstudio::stages {
@@ -45,6 +48,21 @@ TEST(SurfaceScores, AreMeansOfEachSetOfFrames) {
   EXPECT_TRUE(body["other"]["mve_cm"].is_null());
   EXPECT_EQ(body["all"]["frames"], 3);
   EXPECT_THAT(result.text, HasSubstr("other"));
+}
+
+/// Distances twice as large as normal ones of the stated sigma: the closed form of the calibration error is 0.21.
+TEST(SurfaceScores, SigmasThatAreTooSmallByTwoAreSaid) {
+  Rng rng(4);
+  body::BodyScores scores;
+  scores.frames = {Frame(0, true, 0.01, 0.02)};
+  EXPECT_FALSE(Said("body.npz", scores).metrics["bodies"][0].contains("reliability"));
+  for (int i = 0; i < 20000; ++i) scores.whitened.push_back(std::pow(2 * rng.Normal(), 2));
+  const CommandResult result = Said("body.npz", scores);
+  const auto& reliability = result.metrics["bodies"][0]["reliability"];
+  EXPECT_EQ(reliability["num"], 20000);
+  EXPECT_NEAR(reliability["expected_calibration_error"].get<double>(), 0.21, 0.01);
+  EXPECT_NEAR(reliability["sigma_factor"].get<double>(), 2, 0.04);
+  EXPECT_THAT(result.text, HasSubstr("should grow by"));
 }
 
 TEST(SurfaceScores, FramesWithoutAScoreAreCountedAndLeftOut) {

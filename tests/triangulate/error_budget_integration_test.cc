@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "geometry/rig/rig_covariance.h"
 #include "geometry/rigid/rigid3.h"
 #include "tests/triangulate/support.h"
 #include "triangulate/budget/budget.h"
@@ -249,6 +250,28 @@ geometry::Rig WithCovariance(geometry::Rig rig, double rotation_rad) {
     camera.params_covariance = Eigen::MatrixXd::Zero(9, 9);
   }
   return rig;
+}
+
+/// Rigs that err as they state, their world fixed by their first camera: its own error is one of all others. Fitted onto the
+/// truth by all cameras, they would err less than they state.
+TEST(Whitened, JointsOfRigsThatErrAsStatedAreTrueInAnyWorld) {
+  BudgetStudio studio = MakeBudgetStudio(5, kBudgetNoisePx);
+  studio.take.options.sigma_px = kBudgetNoisePx, studio.take.options.max_residual_sigmas = 1000;
+  studio.take.frames.resize(3);
+  const geometry::Rig stated = WithCovariance(studio.truth.rig, 3e-4);
+  const geometry::Rigid3 other_from_first{geometry::RotationExp({0.3, -0.7, 1.1}), {2, -1, 0.5}};
+  Rng rng(8);
+  std::vector<double> with_rig;
+  for (int draw = 0; draw < 40; ++draw) {
+    studio.take.rig = InWorld(RelativeToFirst(DrawRig(stated, &rng)), other_from_first);
+    const WhitenedJoints joints = WhitenJoints(studio.take, studio.truth);
+    with_rig.insert(with_rig.end(), joints.with_rig.begin(), joints.with_rig.end());
+  }
+  const Reliability is = MeasureReliability(with_rig, 3);
+  std::printf("joints of 40 rigs: %d, calibration error %.3f, sigmas should grow by %.2f\n", is.num, is.error, is.sigma_factor);
+  EXPECT_GT(is.num, 1500);
+  EXPECT_LT(is.error, 0.05);
+  EXPECT_NEAR(is.sigma_factor, 1, 0.12);
 }
 
 TEST(StatedBudget, NoiseThatIsStatedIsTheWholeError) {

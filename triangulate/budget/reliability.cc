@@ -99,6 +99,29 @@ std::vector<double> WhitenedPoses(const geometry::Rig& rig, const geometry::Rig&
   return {whitened.data(), whitened.data() + whitened.size()};
 }
 
+geometry::Rig RelativeToFirst(const geometry::Rig& rig) {
+  geometry::StatedCovariance stated = StatedCovarianceOf(rig);
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Identity(stated.joint.rows(), stated.joint.rows());
+  geometry::Rig relative = rig;
+  const Rigid3 world_from_first = Inverse(rig.cameras.at(0).cam_from_world);
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    relative.cameras[c].cam_from_world = c == 0 ? Rigid3() : rig.cameras[c].cam_from_world * world_from_first;
+    stated.pose_known[c] = stated.pose_known[c] && stated.pose_known[0];
+    const Eigen::Index row = stated.PoseRow(c);
+    if (c == 0) {
+      jacobian.block<6, 6>(row, row).setZero();
+      continue;
+    }
+    const auto own = RelativeJacobian(rig.cameras[0].cam_from_world, rig.cameras[c].cam_from_world);
+    jacobian.block<6, 6>(row, stated.PoseRow(0)) = own.leftCols<6>();
+    jacobian.block<6, 6>(row, row) = own.rightCols<6>();
+  }
+  stated.joint = Eigen::MatrixXd(jacobian * stated.joint * jacobian.transpose());
+  stated.correlated = true;
+  StoreCovariance(stated, &relative);
+  return relative;
+}
+
 geometry::Rig DrawRig(const geometry::Rig& rig, Rng* rng) {
   const geometry::StatedCovariance stated = StatedCovarianceOf(rig);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> axes(stated.joint);

@@ -31,6 +31,10 @@ double ChiSquaredProbability(double squared, int degrees_of_freedom);
 /// the covariance is singular. Both rigs have the same cameras in the same order.
 std::vector<double> WhitenedPoses(const geometry::Rig& rig, const geometry::Rig& truth);
 
+/// The rig in the frame of its first camera, with covariances relative to that camera: the errors of a rig that is put onto
+/// another one at their first cameras. Exact for small errors, whatever fixed the rig's own world.
+geometry::Rig RelativeToFirst(const geometry::Rig& rig);
+
 /// The rig with an error drawn from the covariance that it states; parts without one stay as they are.
 geometry::Rig DrawRig(const geometry::Rig& rig, Rng* rng);
 

@@ -6,6 +6,7 @@
 #include "core/units.h"
 #include "geometry/rig/alignment.h"
 #include "geometry/rig/rig_covariance.h"
+#include "triangulate/budget/reliability.h"
 #include "triangulate/budget/substitute.h"
 
 namespace mvstudio::triangulate {
@@ -63,13 +64,18 @@ WhitenedJoints WhitenJoints(BudgetTake take, const BudgetTruth& truth, const Run
   const geometry::Rigid3& moved = difference.reference_from_rig;
   const bool same = moved.translation.norm() < kSameWorldM &&
                     RadToDeg(geometry::RotationAngle(moved.rotation, Eigen::Quaterniond::Identity())) < kSameWorldDeg;
-  if (difference.status == Status::kOk && !same) take.rig = InWorld(take.rig, moved);
+  // A fit onto the truth takes errors away that the covariance states. Put together at one camera, both are relative to it.
+  geometry::Rig at_first = take.rig;
+  if (difference.status == Status::kOk && !same) {
+    at_first = InWorld(RelativeToFirst(take.rig), Inverse(truth.rig.cameras[0].cam_from_world));
+    take.rig = InWorld(take.rig, moved);
+  }
   internal::CentreClocks(truth, &take.clocks);
   const internal::Substitution substitution(take, truth, run);
   WhitenedJoints joints;
   double sigma_px = 0;
   joints.without_rig = substitution.SquaredErrors(take.rig, false, &sigma_px);
-  if (StatedCovarianceOf(take.rig).AnyKnown()) joints.with_rig = substitution.SquaredErrors(take.rig, true, &sigma_px);
+  if (StatedCovarianceOf(take.rig).AnyKnown()) joints.with_rig = substitution.SquaredErrors(at_first, true, &sigma_px);
   joints.detected = substitution.Whitened2d(sigma_px);
   return joints;
 }

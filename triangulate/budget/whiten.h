@@ -17,8 +17,8 @@ struct WhitenedJoints {
   std::vector<double> with_rig;     ///< and from the calibration's as well; empty where the rig states none
 };
 
-/// The rig's world is taken for the truth's where the two are within 5 cm and 3 degrees; else the rig is moved onto the true
-/// one.
+/// The rig's world is taken for the truth's where the two are within 5 cm and 3 degrees. Else the rig is moved onto the true
+/// one: by a fit of all cameras, or, for `with_rig`, by the first camera alone, because a covariance is relative to something.
 WhitenedJoints WhitenJoints(BudgetTake take, const BudgetTruth& truth, const RunContext& run = {});
 
 }  // namespace mvstudio::triangulate

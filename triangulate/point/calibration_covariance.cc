@@ -11,23 +11,30 @@ namespace {
 /// (3, P + 6): J_x^T J_theta / s^2 of one view, theta = lens parameters and pose; false where the lens's formula is undefined.
 bool Gradient(const PreparedRig& rig, const Observation& seen, const Eigen::Vector3d& x_in_world,
               Eigen::Ref<Eigen::MatrixXd> out) {
-  const PreparedCamera& camera = rig.cameras[static_cast<size_t>(seen.camera_idx)];
+  Eigen::MatrixXd by_calibration = Eigen::MatrixXd::Zero(2, out.cols());
+  Eigen::Matrix<double, 2, 3> by_x;
+  if (!ProjectionByCalibration(rig, static_cast<size_t>(seen.camera_idx), x_in_world, by_calibration, &by_x)) return false;
+  out = by_x.transpose() / (seen.sigma_px * seen.sigma_px) * by_calibration;
+  return true;
+}
+
+}  // namespace
+
+bool ProjectionByCalibration(const PreparedRig& rig, size_t camera_idx, const Eigen::Vector3d& x_in_world,
+                             Eigen::Ref<Eigen::MatrixXd> out, Eigen::Matrix<double, 2, 3>* by_x) {
+  const PreparedCamera& camera = rig.cameras[camera_idx];
   Eigen::Vector2d px;
   geometry::LensDerivatives lens;
   const Eigen::Vector3d x_in_cam = camera.ToCam(x_in_world - rig.origin_in_world);
   if (!geometry::ProjectLens(camera.projector.camera(), x_in_cam, &px, &lens)) return false;
   const Eigen::Matrix3d& rotation = camera.cam_from_local_rotation;
-  const Eigen::Matrix<double, 3, 2> weighted =
-      (lens.d_px_d_x_in_cam * rotation).transpose() / (seen.sigma_px * seen.sigma_px);
-  for (int k = 0; k < lens.count; ++k) out.col(lens.columns[static_cast<size_t>(k)]) = weighted * lens.d_px.col(k);
+  *by_x = lens.d_px_d_x_in_cam * rotation;
+  for (int k = 0; k < lens.count; ++k) out.col(lens.columns[static_cast<size_t>(k)]) = lens.d_px.col(k);
   const Eigen::Index p = camera.projector.camera().params.size();
-  const Eigen::Matrix3d translated = weighted * lens.d_px_d_x_in_cam;
-  out.middleCols<3>(p) = -translated * geometry::CrossMatrix(Eigen::Vector3d(rotation * x_in_world));
-  out.middleCols<3>(p + 3) = translated;
+  out.middleCols<3>(p) = -lens.d_px_d_x_in_cam * geometry::CrossMatrix(Eigen::Vector3d(rotation * x_in_world));
+  out.middleCols<3>(p + 3) = lens.d_px_d_x_in_cam;
   return true;
 }
-
-}  // namespace
 
 void AddCalibrationCovariance(const PreparedRig& rig, const std::vector<Observation>& observations, Point* point) {
   if (point->status != Status::kOk) return;

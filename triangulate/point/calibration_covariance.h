@@ -18,4 +18,9 @@ namespace mvstudio::triangulate {
 /// at all. No effect when the status is not kOk.
 void AddCalibrationCovariance(const PreparedRig& rig, const std::vector<Observation>& observations, Point* point);
 
+/// Derivatives of a point's projection: `out` (2, P + 6) by the camera's lens parameters and pose (left perturbation of
+/// cam_from_world), zero before; `by_x` by the point. False where the lens's formula is undefined.
+bool ProjectionByCalibration(const PreparedRig& rig, size_t camera_idx, const Eigen::Vector3d& x_in_world,
+                             Eigen::Ref<Eigen::MatrixXd> out, Eigen::Matrix<double, 2, 3>* by_x);
+
 }  // namespace mvstudio::triangulate

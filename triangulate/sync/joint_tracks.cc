@@ -106,4 +106,14 @@ std::optional<TrackSample> SampleTrack(const JointTrack& track, double frame) {
   return TrackSample{fit.row(0).transpose(), fit.row(1).transpose()};
 }
 
+bool HasNeighbours(const JointTrack& track, int frame) {
+  constexpr int kFarthest = 3;
+  const auto within = [&](int first, int last) {
+    const auto found =
+        std::lower_bound(track.begin(), track.end(), first, [](const auto& sample, int at) { return sample.first < at; });
+    return found != track.end() && found->first <= last;
+  };
+  return within(frame - kFarthest, frame - 1) && within(frame + 1, frame + kFarthest);
+}
+
 }  // namespace mvstudio::triangulate::internal

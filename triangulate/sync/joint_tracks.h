@@ -30,4 +30,8 @@ struct TrackSample {
 /// smooth in `frame`. Empty beyond the ends of the track and inside gaps of 4 frames and more.
 std::optional<TrackSample> SampleTrack(const JointTrack& track, double frame);
 
+/// Whether a track has samples 1 to 3 frames before and after a frame. At its ends the noise of a sample's value goes together
+/// with that of its slope, which passes as time.
+bool HasNeighbours(const JointTrack& track, int frame);
+
 }  // namespace mvstudio::triangulate::internal

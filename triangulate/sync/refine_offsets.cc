@@ -10,37 +10,18 @@
 #include "core/statistics.h"
 #include "triangulate/point/linear.h"
 #include "triangulate/sync/joint_tracks.h"
+#include "triangulate/sync/offset_sigma.h"
 #include "triangulate/sync/pair_curves.h"
+#include "triangulate/sync/timed_points.h"
 
 namespace mvstudio::triangulate::internal {
 namespace {
 
 constexpr int64_t kMaxFrames = 400;
-constexpr int kParams = 4;  // of a camera: offset (frames), drift (frames at the take's end), shift of its image (px)
-constexpr int kShift = 2;
-
-/// Variance of a sampled track is about this part of a detection's; samples of neighbouring frames share their noise in turn.
-constexpr double kSampleVariance = 0.33;
-
-/// One camera's view of a point at the current offsets.
-struct TimedView {
-  View view;  // px: sampled minus the image's shift
-  size_t camera_idx;
-  Eigen::Vector2d px_per_frame;
-  double weight = 1;
-};
-
-struct TimedPoint {
-  int frame = 0;
-  double at = 0;  // -1 at the beginning of the take, 1 at its end
-  size_t person_idx = 0, joint_idx = 0;
-  int block = 0;
-  std::vector<TimedView> views;
-  Eigen::Vector3d x_in_local = Eigen::Vector3d::Zero();
-};
 
 struct State {
   std::vector<double> offset_frames;  // in the middle of the take; NaN: takes no part
+  std::vector<int> whole_frames;      // of the offsets where it began; says which samples have neighbours, whatever the steps
   std::vector<double> drift_frames;   // by how much the offset is larger at the end of the take
   std::vector<bool> drifts;           // whether that is estimated
   std::vector<Eigen::Vector2d> shift_px;
@@ -56,17 +37,6 @@ std::optional<TimedView> See(const PreparedRig& rig, size_t camera_idx, const Jo
       MakeViews(rig, {{static_cast<int>(camera_idx), sample->px - state.shift_px[camera_idx], 1.0, 1.0}}, &rejected);
   if (views.empty()) return std::nullopt;
   return TimedView{views.front(), camera_idx, sample->px_per_frame};
-}
-
-struct Residual {
-  Eigen::Vector2d px;  // observed minus projected
-  Eigen::Matrix<double, 2, 3> d_px_d_x;
-};
-
-std::optional<Residual> Evaluate(const TimedView& seen, const Eigen::Vector3d& x_in_local) {
-  const auto at = seen.view.camera->projector.ProjectWithJacobians(seen.view.camera->ToCam(x_in_local));
-  if (at.status != Status::kOk) return std::nullopt;
-  return Residual{seen.view.px - at.px, at.d_px_d_x * seen.view.camera->cam_from_local_rotation};
 }
 
 /// Cauchy weights at three robust standard deviations; a fixed number of reweighted Gauss-Newton steps.
@@ -123,12 +93,14 @@ void MakePointsOfFrame(const Problem& problem, const State& state, size_t index,
     for (size_t j = 0; j < problem.num_joints; ++j) {
       TimedPoint point;
       point.frame = problem.frames[index], point.person_idx = p, point.joint_idx = j;
+      point.index = static_cast<int>(index);
       point.at = (point.frame - problem.middle_frame) / problem.half_frames;
       point.block = static_cast<int>(index * kSyncBlocks / problem.frames.size());
       for (size_t c = 0; c < problem.tracks->size(); ++c) {
         const auto& camera = (*problem.tracks)[c];
         if (std::isnan(state.offset_frames[c]) || p >= camera.size() || j >= camera[p].size()) continue;
         const double offset = state.offset_frames[c] + point.at * state.drift_frames[c];
+        if (!HasNeighbours(camera[p][j], point.frame + state.whole_frames[c])) continue;
         auto seen = See(*problem.rig, c, camera[p][j], point.frame + offset, state);
         if (seen) point.views.push_back(*seen);
       }
@@ -183,37 +155,32 @@ void CompareResiduals(const std::vector<TimedPoint>& before, const std::vector<T
 struct Normal {
   Eigen::MatrixXd information;
   std::vector<Eigen::VectorXd> gradients;
+  std::vector<Eigen::Index> held;  // unknowns that stay where they are
 };
 
 void AddPoint(const TimedPoint& point, Normal* normal) {
-  using Rows = Eigen::Matrix<double, 3, kParams>;
-  Eigen::Matrix3d xx = Eigen::Matrix3d::Zero();
+  const auto equations = EquationsOf(point);
+  if (!equations) return;
   Eigen::Vector3d x_gradient = Eigen::Vector3d::Zero();
-  std::vector<Rows> cross;
+  std::vector<Eigen::Matrix<double, 3, kClockParams>> cross;
   Eigen::VectorXd& gradient = normal->gradients[static_cast<size_t>(point.block)];
   std::vector<Eigen::Index> at;
-  for (const TimedView& seen : point.views) {
-    const auto residual = Evaluate(seen, point.x_in_local);
-    if (!residual) return;
-  }
-  for (const TimedView& seen : point.views) {
-    const Residual residual = *Evaluate(seen, point.x_in_local);
-    Eigen::Matrix<double, 2, kParams> by_params;  // of the residual
-    by_params << seen.px_per_frame, point.at * seen.px_per_frame, -Eigen::Matrix2d::Identity();
-    const Eigen::Matrix<double, 2, 3> by_x = -residual.d_px_d_x;
-    const Eigen::Index first = kParams * static_cast<Eigen::Index>(seen.camera_idx);
-    xx += seen.weight * by_x.transpose() * by_x;
-    x_gradient += seen.weight * by_x.transpose() * residual.px;
-    cross.push_back(seen.weight * by_x.transpose() * by_params);
+  for (size_t i = 0; i < point.views.size(); ++i) {
+    const TimedView& seen = point.views[i];
+    const auto& by_x = equations->by_x[i];
+    const auto& by_clock = equations->by_clock[i];
+    const Eigen::Index first = kClockParams * static_cast<Eigen::Index>(seen.camera_idx);
+    x_gradient += seen.weight * by_x.transpose() * equations->px[i];
+    cross.push_back(seen.weight * by_x.transpose() * by_clock);
     at.push_back(first);
-    normal->information.block<kParams, kParams>(first, first) += seen.weight * by_params.transpose() * by_params;
-    gradient.segment<kParams>(first) += seen.weight * by_params.transpose() * residual.px;
+    normal->information.block<kClockParams, kClockParams>(first, first) += seen.weight * by_clock.transpose() * by_clock;
+    gradient.segment<kClockParams>(first) += seen.weight * by_clock.transpose() * equations->px[i];
   }
-  const Eigen::Matrix3d inverse = xx.inverse();
+  const Eigen::Matrix3d& inverse = equations->x_covariance;
   for (size_t i = 0; i < cross.size(); ++i) {
-    gradient.segment<kParams>(at[i]) -= cross[i].transpose() * inverse * x_gradient;
+    gradient.segment<kClockParams>(at[i]) -= cross[i].transpose() * inverse * x_gradient;
     for (size_t k = 0; k < cross.size(); ++k) {
-      normal->information.block<kParams, kParams>(at[i], at[k]) -= cross[i].transpose() * inverse * cross[k];
+      normal->information.block<kClockParams, kClockParams>(at[i], at[k]) -= cross[i].transpose() * inverse * cross[k];
     }
   }
 }
@@ -224,19 +191,21 @@ void Hold(Eigen::Index i, Normal* normal) {
   normal->information.col(i).setZero();
   normal->information(i, i) = 1;
   for (auto& gradient : normal->gradients) gradient[i] = 0;
+  normal->held.push_back(i);
 }
 
 Normal MakeNormal(const std::vector<TimedPoint>& points, const State& state, size_t reference_idx) {
-  const Eigen::Index size = kParams * static_cast<Eigen::Index>(state.offset_frames.size());
-  Normal normal{Eigen::MatrixXd::Zero(size, size), std::vector<Eigen::VectorXd>(kSyncBlocks, Eigen::VectorXd::Zero(size))};
+  const Eigen::Index size = kClockParams * static_cast<Eigen::Index>(state.offset_frames.size());
+  Normal normal{Eigen::MatrixXd::Zero(size, size), std::vector<Eigen::VectorXd>(kSyncBlocks, Eigen::VectorXd::Zero(size)), {}};
   for (const TimedPoint& point : points) AddPoint(point, &normal);
   // Shifts are free within twice the noise: one more observation of weight (s / 2 s)^2 each.
   constexpr double kPriorWeight = 0.25;
   for (size_t c = 0; c < state.offset_frames.size(); ++c) {
-    const Eigen::Index first = kParams * static_cast<Eigen::Index>(c);
-    for (int k = kShift; k < kParams; ++k) {
+    const Eigen::Index first = kClockParams * static_cast<Eigen::Index>(c);
+    for (int k = kClockShift; k < kClockParams; ++k) {
       normal.information(first + k, first + k) += kPriorWeight;
-      for (auto& gradient : normal.gradients) gradient[first + k] += kPriorWeight * state.shift_px[c][k - kShift] / kSyncBlocks;
+      for (auto& gradient : normal.gradients)
+        gradient[first + k] += kPriorWeight * state.shift_px[c][k - kClockShift] / kSyncBlocks;
     }
     const bool free = !std::isnan(state.offset_frames[c]) && c != reference_idx;
     if (!free) Hold(first, &normal);
@@ -264,18 +233,19 @@ struct ClockSigma {
   double offset_frames = 0, drift_frames = 0;
 };
 
-/// Standard deviations of offsets and drifts: the larger of those from the noise, which neighbouring frames share, and those
-/// from how much blocks of the take disagree.
-std::vector<ClockSigma> Sigmas(const Normal& normal, const State& state, const Problem& problem, size_t reference_idx) {
-  const Eigen::MatrixXd inverse = normal.information.inverse();
-  const Eigen::MatrixXd sandwich = inverse * Scatter(normal.gradients) * inverse;
-  const double shared = std::max(1.0, problem.repeats / kSampleVariance / problem.stride);
+/// Standard deviations of offsets and drifts: the larger of those from the noise and those from how much blocks of the take
+/// disagree; and what the rig's covariance adds.
+std::vector<ClockSigma> Sigmas(const PreparedRig& rig, const std::vector<TimedPoint>& points, const State& state,
+                               size_t reference_idx) {
+  const Normal normal = MakeNormal(points, state, reference_idx);
+  const ClockVariances variances = MeasureClockVariances(rig, points, normal.information, normal.held);
+  const Eigen::MatrixXd by_blocks = variances.inverse * Scatter(normal.gradients) * variances.inverse;
   const auto sigma = [&](Eigen::Index i) {
-    return std::sqrt(std::max(sandwich(i, i), inverse(i, i) * state.scale_px * state.scale_px * shared));
+    return std::sqrt(std::max(variances.by_noise[i], by_blocks(i, i)) + variances.by_calibration[i]);
   };
-  std::vector<ClockSigma> sigmas(state.offset_frames.size());
+  std::vector<ClockSigma> sigmas(state.drifts.size());
   for (size_t c = 0; c < sigmas.size(); ++c) {
-    const Eigen::Index first = kParams * static_cast<Eigen::Index>(c);
+    const Eigen::Index first = kClockParams * static_cast<Eigen::Index>(c);
     if (c != reference_idx) sigmas[c] = {sigma(first), state.drifts[c] ? sigma(first + 1) : 0};
   }
   return sigmas;
@@ -292,12 +262,12 @@ double Step(const Normal& normal, State* state) {
   if (!step.allFinite()) return std::nan("");
   double largest = 0;
   for (size_t c = 0; c < state->offset_frames.size(); ++c) {
-    const Eigen::Index first = kParams * static_cast<Eigen::Index>(c);
+    const Eigen::Index first = kClockParams * static_cast<Eigen::Index>(c);
     const double change = std::clamp(step[first], -kMaxStepFrames, kMaxStepFrames);
     state->offset_frames[c] += change;
     const double drift = std::clamp(step[first + 1], -kMaxStepFrames, kMaxStepFrames);
     state->drift_frames[c] += drift;
-    state->shift_px[c] += step.segment<2>(first + kShift);
+    state->shift_px[c] += step.segment<2>(first + kClockShift);
     largest = std::max({largest, std::abs(change), std::abs(drift)});
   }
   return largest;
@@ -343,7 +313,7 @@ void FindDrifts(const Problem& problem, size_t reference_idx, int num_threads, S
   for (size_t c = 0; c < trial.drifts.size(); ++c) trial.drifts[c] = c != reference_idx && !std::isnan(trial.offset_frames[c]);
   if (!Converge(problem, reference_idx, num_threads, &trial, &trial_points)) return;
   const std::vector<bool> all = trial.drifts;
-  const std::vector<ClockSigma> sigmas = Sigmas(MakeNormal(trial_points, trial, reference_idx), trial, problem, reference_idx);
+  const std::vector<ClockSigma> sigmas = Sigmas(*problem.rig, trial_points, trial, reference_idx);
   const std::vector<bool> drifting = Drifting(trial, sigmas, problem);
   if (std::none_of(drifting.begin(), drifting.end(), [](bool is) { return is; })) return;
   trial.drifts = drifting;
@@ -364,6 +334,7 @@ FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>&
   const Tracks tracks = MakeTracks(rig, frames, start_frames, options.min_score, run, &common_frames);
   FineSync fine;
   State state{{},
+              {},
               std::vector<double>(num_cameras, 0),
               std::vector<bool>(num_cameras, false),
               std::vector<Eigen::Vector2d>(num_cameras, Eigen::Vector2d::Zero()),
@@ -371,6 +342,8 @@ FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>&
   State unmoved = state;
   for (const auto& each : start_frames) {
     state.offset_frames.push_back(each ? *each : std::nan(""));
+    state.whole_frames.push_back(each.value_or(0));
+    unmoved.whole_frames.push_back(0);
     unmoved.offset_frames.push_back(each ? 0 : std::nan(""));
   }
   fine.offset_frames = state.offset_frames;
@@ -384,7 +357,7 @@ FineSync RefineOffsets(const PreparedRig& rig, const std::vector<DetectedFrame>&
   FindDrifts(problem, reference, run.num_threads, &state, &points);
   fine.offset_frames = state.offset_frames;
   fine.middle_frame = problem.middle_frame;
-  const std::vector<ClockSigma> sigmas = Sigmas(MakeNormal(points, state, reference), state, problem, reference);
+  const std::vector<ClockSigma> sigmas = Sigmas(rig, points, state, reference);
   for (size_t c = 0; c < num_cameras; ++c) {
     fine.sigma_frames[c] = sigmas[c].offset_frames;
     fine.drift[c] = state.drift_frames[c] / problem.half_frames;

@@ -55,8 +55,9 @@ struct CameraSync {
   double nominal_rate = 1;  ///< of kRateCandidates, 1 unless equal rates do not fit
   /// Excess of its frame period over nominal_rate's, in parts per million; 0 unless the motion determines it.
   double rate_ppm = 0, sigma_rate_ppm = 0;
-  /// Standard deviation of the offset in the middle of the take from the disagreement between blocks of the take (0 for the
-  /// reference). Covers errors of the detections and a constant shift of each image, but no other errors of the calibration.
+  /// Standard deviation of the offset in the middle of the take (0 for the reference): the larger of what the noise of the
+  /// tracks says, which neighbouring frames share, and of the disagreement between blocks of the take. Covers errors of the
+  /// detections, a constant shift of each image and the covariance that the rig states.
   double sigma_frames = 0;
   int coarse_frames = 0;        ///< best whole offset
   double contrast = 0;          ///< cost of the typical offset over the best: median cost / best cost - 1

@@ -182,7 +182,7 @@ class Fit {
     stage->Advance(kFinishWork);
     out_.person = state.Person();
     out_.offsets = state.Offsets();
-    if (best.smoothness_m > 0) out_.offset_sigma_m = state.OffsetSigma(best.smoothness_m, kReachPx);
+    if (best.smoothness_m > 0) out_.offset_sigma_m = state.OffsetSigma(kReachPx);
     out_.coefficients = state.coefficients();
     out_.joint_error_m = state.joint_error_m();
     out_.cameras = CompareCameras(out_.person, state, steps_, before_, run_);

@@ -14,6 +14,7 @@ namespace {
 constexpr double kLeastJointSigmaM = 0.003;
 constexpr double kOffsetSigmaM = 0.03;  // of the surface off the template's
 constexpr double kShapeSigmaPx = 2;     // of an outline against the surface; neighbours err together
+constexpr double kSoftestM = 3e-3;      // Laplacian of surfaces off the template's, the softest that is tried
 
 }  // namespace
 
@@ -122,8 +123,10 @@ Status FitState::FitShape(double laplacian_sigma_m, double max_px) {
   return status;
 }
 
-Eigen::VectorXd FitState::OffsetSigma(double laplacian_sigma_m, double max_px) const {
-  return body::OffsetSigma(laplacian_, MeasureSteps(max_px), {laplacian_sigma_m, kOffsetSigmaM});
+Eigen::VectorXd FitState::OffsetSigma(double max_px) const {
+  Eigen::VectorXd sigma = body::OffsetSigma(laplacian_, MeasureSteps(max_px), WideSmoothness(kSoftestM, kOffsetSigmaM));
+  for (double& each : sigma) each = std::hypot(each, joint_sigma_m_);
+  return sigma;
 }
 
 void FitState::FitPoses(double max_px) {

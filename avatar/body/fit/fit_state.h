@@ -44,8 +44,10 @@ class FitState {
   const ArticulatedPose& pose(int step) const { return poses_[step]; }
   /// Of the surface along the rest normals, those of the shapes included.
   Eigen::VectorXd Offsets() const { return offsets_ + shape_offsets_ * coefficients_; }
-  /// Standard deviations (V) of the surface along the rest normals, given the poses and the shapes; empty when unknown.
-  Eigen::VectorXd OffsetSigma(double laplacian_sigma_m, double max_px) const;
+  /// Standard deviations (V) of the surface along the rest normals, given the shapes; empty when unknown. The surface may be as
+  /// rough as the softest that is tried, whichever was chosen: stiff ones are chosen for caution, not because people are like
+  /// the template. Bones err by the sigma of the joints.
+  Eigen::VectorXd OffsetSigma(double max_px) const;
   const Eigen::VectorXd& coefficients() const { return coefficients_; }
   double joint_sigma_m() const { return joint_sigma_m_; }
   double joint_error_m() const { return joint_error_m_; }

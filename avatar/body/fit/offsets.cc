@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/SparseCholesky>
+#include <algorithm>
 #include <cmath>
 
 #include "core/check.h"
@@ -57,6 +58,10 @@ Eigen::SparseMatrix<double> UmbrellaLaplacian(const Eigen::Matrix3Xf& vertices, 
   Eigen::SparseMatrix<double> laplacian(count, count);
   laplacian.setFromTriplets(rows.begin(), rows.end());
   return laplacian;
+}
+
+OffsetSmoothness WideSmoothness(double laplacian_sigma_m, double prior_sigma_m) {
+  return {laplacian_sigma_m, std::max(prior_sigma_m, 2 * prior_sigma_m * prior_sigma_m / laplacian_sigma_m)};
 }
 
 Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,

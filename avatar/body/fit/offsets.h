@@ -25,6 +25,10 @@ struct OffsetSmoothness {
   double offset_sigma_m = 0.1;      ///< of an offset itself
 };
 
+/// Smoothness that leaves the offset of a vertex far from all observations about `prior_sigma_m` of its own. With both terms of
+/// OffsetSmoothness that is sqrt(laplacian_sigma_m * offset_sigma_m / 2) on a flat, even mesh, much less than `offset_sigma_m`.
+OffsetSmoothness WideSmoothness(double laplacian_sigma_m, double prior_sigma_m);
+
 /// Offsets (V) along the rest normals, metres: one Gauss-Newton step from `offsets`, Cauchy loss at 3 / weight, sparse
 /// Cholesky.
 Status StepOffsets(const Eigen::SparseMatrix<double>& laplacian, const std::vector<OffsetObservation>& observations,

@@ -120,6 +120,18 @@ std::optional<double> SigmaZ(const TexturedPerson& person, const std::vector<Bod
          std::sqrt(person.offset_sigma_m.squaredNorm() / static_cast<double>(person.offset_sigma_m.size()));
 }
 
+std::vector<double> Whitened(const TexturedPerson& person, const std::vector<BodyScore>& frames) {
+  std::vector<double> squared;
+  for (const BodyScore& score : frames) {
+    if (!score.fitted || score.surface.status != Status::kOk) continue;
+    for (Eigen::Index v = 0; v < person.offset_sigma_m.size(); ++v) {
+      const double distance = score.surface.vertex_m[static_cast<size_t>(v)];
+      if (std::isfinite(distance)) squared.push_back(std::pow(distance / person.offset_sigma_m[v], 2));
+    }
+  }
+  return squared;
+}
+
 }  // namespace
 
 std::string_view ToString(WorldAxes axes) { return WordOf(kAxes, axes); }
@@ -143,6 +155,7 @@ BodyScores ScoreBody(const TexturedPerson& person, const KnownSurface& truth, co
     stage.Advance();
   }
   scores.sigma_z = SigmaZ(person, scores.frames);
+  scores.whitened = Whitened(person, scores.frames);
   return scores;
 }
 

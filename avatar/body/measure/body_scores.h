@@ -45,6 +45,8 @@ struct BodyScores {
   std::string mesh;  ///< of the truth, with the body's topology; empty: none has it
   WorldAxes axes = WorldAxes::kZUp;
   std::vector<BodyScore> frames;  ///< empty when body and truth share none
+  /// Squared distances of vertices that are seen from outside, in frames of the fit, over the squared deviations that it gave.
+  std::vector<double> whitened;
   std::optional<double> sigma_z;  ///< rms distance of vertices from the truth over rms of the deviations that the fit gave
 };
 

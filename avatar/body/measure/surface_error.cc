@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/check.h"
 #include "core/parallel.h"
@@ -67,16 +68,16 @@ SurfaceDistance Measure(const Surface& from, const SurfaceTree& to, int num_thre
   return distance;
 }
 
-double VertexRms(const Surface& surface, const SurfaceTree& to, int num_threads) {
+void MeasureVertices(const Surface& surface, const SurfaceTree& to, int num_threads, SurfaceError* error) {
   std::vector<int> used(surface.faces.data(), surface.faces.data() + surface.faces.size());
   std::sort(used.begin(), used.end());
   used.erase(std::unique(used.begin(), used.end()), used.end());
-  std::vector<double> squares(used.size());
+  error->vertex_m.assign(static_cast<size_t>(surface.vertices.cols()), std::numeric_limits<double>::quiet_NaN());
   ParallelFor(static_cast<int64_t>(used.size()), num_threads,
-              [&](int64_t i) { squares[i] = std::pow(to.Find(surface.vertices.col(used[i])).distance_m, 2); });
+              [&](int64_t i) { error->vertex_m[used[i]] = to.Find(surface.vertices.col(used[i])).distance_m; });
   double sum = 0;
-  for (const double square : squares) sum += square;
-  return std::sqrt(sum / static_cast<double>(squares.size()));
+  for (const int v : used) sum += std::pow(error->vertex_m[v], 2);
+  error->vertex_rms_m = std::sqrt(sum / static_cast<double>(used.size()));
 }
 
 /// Unit vectors on a golden spiral.
@@ -114,7 +115,7 @@ SurfaceError CompareSurfaces(const Surface& surface, const Surface& truth, int n
   const SurfaceTree to(truth);
   error.to_truth = Measure(surface, to, num_threads);
   error.from_truth = Measure(truth, SurfaceTree(surface), num_threads);
-  error.vertex_rms_m = VertexRms(surface, to, num_threads);
+  MeasureVertices(surface, to, num_threads, &error);
   return error;
 }
 

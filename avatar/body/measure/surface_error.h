@@ -26,10 +26,11 @@ struct SurfaceDistance {
 };
 
 struct SurfaceError {
-  Status status = Status::kOk;  ///< kNonFiniteInput; kDegenerate: a surface without faces or area
-  SurfaceDistance to_truth;     ///< of points on the surface from the truth
-  SurfaceDistance from_truth;   ///< of points on the truth from the surface
-  double vertex_rms_m = 0;      ///< rms distance of the vertices of the surface's faces from the truth
+  Status status = Status::kOk;   ///< kNonFiniteInput; kDegenerate: a surface without faces or area
+  SurfaceDistance to_truth;      ///< of points on the surface from the truth
+  SurfaceDistance from_truth;    ///< of points on the truth from the surface
+  double vertex_rms_m = 0;       ///< rms distance of the vertices of the surface's faces from the truth
+  std::vector<double> vertex_m;  ///< (V) of each vertex; NaN where it belongs to no face
   double chamfer_m() const { return 0.5 * (to_truth.mean_m + from_truth.mean_m); }
   double normal_rad() const { return 0.5 * (to_truth.normal_rad + from_truth.normal_rad); }
 };
