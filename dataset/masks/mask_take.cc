@@ -175,7 +175,7 @@ int64_t TakeSegmenter::Segment(int64_t first, int64_t end, const std::function<v
     if (position_++ < first) continue;
     const int number = MaskFrameNumber(*frame);
     if (tools_.only && tools_.only->count(number) == 0) continue;
-    Image rgb = source_->Image();
+    Image rgb = source_->FullImage();
     const auto start = std::chrono::steady_clock::now();
     MaskHints hints;
     hints.body = tools_.bodies->At(number);
