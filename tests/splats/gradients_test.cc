@@ -159,7 +159,7 @@ TEST(Loss, SsimIsThatOfTheMetrics) {
   const Truth<double> truth = RandomTruth(30, 28, 11);
   Rng rng(12);
   RasterImage<double> image{30, 28, std::vector<double>(4 * 30 * 28)};
-  metrics::RasterImage a{truth.box.x1 - truth.box.x0, truth.box.y1 - truth.box.y0, 3, 1, {}}, b = a;
+  metrics::PlanarImage a{truth.box.x1 - truth.box.x0, truth.box.y1 - truth.box.y0, 3, 1, {}}, b = a;
   for (double& value : image.values) value = rng.Uniform();
   for (int c = 0; c < 3; ++c)
     for (int y = truth.box.y0; y < truth.box.y1; ++y)
