@@ -21,7 +21,16 @@ inline constexpr std::initializer_list<const char*> kDistortionKeys = {"distorti
                                                                        "dist",
                                                                        "distortionvector",
                                                                        "coeffs",
-                                                                       "kc"};
+                                                                       "kc",
+                                                                       "distcoefficients",
+                                                                       "distortioncoefs",
+                                                                       "distortioncoefficient",
+                                                                       "distortionparameters",
+                                                                       "distortionparams",
+                                                                       "distortions",
+                                                                       "distparams",
+                                                                       "lensdistortion",
+                                                                       "cameradistortion"};
 /// The pose of the second of two cameras.
 inline constexpr std::initializer_list<const char*> kRotationKeys = {"r", "rotation", "rotationmatrix", "rot", "rmat"};
 inline constexpr std::initializer_list<const char*> kTranslationKeys = {"t", "translation", "translationvector", "trans",

@@ -3,6 +3,7 @@
 
 #include "core/format.h"
 #include "core/text/one_line.h"
+#include "geometry/rig/lenses_only.h"
 #include "stages/calib_files/describe.h"
 
 namespace mvstudio::stages {
@@ -79,7 +80,7 @@ CommandResult Describe(const CalibShowReport& report) {
     rows.push_back(std::vector<double>(baselines.col(i).data(), baselines.col(i).data() + baselines.rows()));
   }
   result.text = RigTable(rig);
-  if (rig.cameras.size() > 1) result.text += BaselineTable(rig, baselines);
+  if (rig.cameras.size() > 1 && !geometry::HasLensesOnly(rig)) result.text += BaselineTable(rig, baselines);
   result.text += "world frame fixed by: " + (gauge.empty() ? "(not said)" : OneLine(gauge));
   return result;
 }
