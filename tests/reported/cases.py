@@ -67,7 +67,7 @@ def people():
         Case("one recording for two cameras", [Step(["triangulate", "--calib", PX + "rig.toml", "--pose2d", "c0=" + one, "--pose2d",
                                                      "c1=" + one, "--out", "{T}/o"], 3, ["c0 and c1", "one recording was given for both"])]),
         Case("rates of 60 and 150", [Step(rates, 4, ["TRI-CAUSE.*2.50?3? frames", "mvstudio sync"])], packed=["{R}/people/17-rates/pts.csv.gz"]),
-        Case("nearly parallel rays", [Step(ortho, 4, ["NotConverged", "CAL-FOCALSIZE"])], packed=["{R}/people/08-ortho/pts.csv.gz"]),
+        Case("nearly parallel rays", [Step(ortho, 0, ["240 of 240 joints", "CAL-FOCALSIZE"])], packed=["{R}/people/08-ortho/pts.csv.gz"]),
         Case("NaN in JSON", [Step(nan + ["--out", "{T}/o"], 0, ["170 of 170 joints", "TRI-PERSONS-LEFT-OUT"])]),
         Case("an anipose project", [Step(["triangulate", "--project", "{R}/people/18-anipose", "--out", "{T}/o"], 0,
                                          ["960 of 960", "--min-score 0.8", "origin at Fx1", "POSE-PROJECT"])]),
