@@ -90,6 +90,9 @@ std::string TextOf(const Value& value) {
     case Value::Kind::kText:
       return value.text;
     case Value::Kind::kTable:
+      for (const auto& [key, entry] : value.entries) {
+        if (key == "data") return TextOf(entry);  // OpenCV's matrices
+      }
       return value.entries.empty() ? "" : "{…}";
     case Value::Kind::kList:
       break;

@@ -108,7 +108,8 @@ TEST_F(PlanCommands, MasksInPartsAreThoseOfOneRun) {
     std::map<std::string, std::string> files;
     const std::string folder = Path(session + "/masks/take1");
     for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-      if (entry.path().extension() == ".png") files[entry.path().string().substr(folder.size())] = Slurp(entry.path().string());
+      if (entry.path().extension() == ".png" || entry.path().extension() == ".jpg")
+        files[entry.path().string().substr(folder.size())] = Slurp(entry.path().string());
     }
     return files;
   };

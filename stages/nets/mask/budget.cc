@@ -124,7 +124,7 @@ class MaskBudget {
         reading_s_(reading_s),
         run_(run),
         job_(*job),
-        learned_(backends.size()),
+        learned_(2 * backends.size()),
         settings_(FreeMasks(backends.size(), options)) {}
 
   void Try(BudgetReport* budget) {
@@ -155,7 +155,10 @@ class MaskBudget {
   }
 
   /// No backend can tell people from background.
-  ChosenMasks Nobody() { return {{}, std::move(*learned_.front()), backends_.front()}; }
+  ChosenMasks Nobody() {
+    const auto first = std::find_if(learned_.begin(), learned_.end(), [](const auto& learned) { return learned.has_value(); });
+    return {{}, std::move(**first), backends_.front()};
+  }
 
   std::vector<std::string> Reasons(const BudgetReport& budget) const {
     const size_t index = static_cast<size_t>(budget.choice.index);
@@ -174,7 +177,7 @@ class MaskBudget {
   ChosenMasks Chosen(const BudgetReport& budget) {
     const MaskSetting& setting = settings_[static_cast<size_t>(budget.choice.index)];
     setting.Apply(&job_);
-    return {budget, std::move(*learned_[setting.backend]), backends_[setting.backend]};
+    return {budget, std::move(*LearnedBy(setting)), backends_[setting.backend]};
   }
 
  private:
@@ -191,11 +194,22 @@ class MaskBudget {
     return kOfRun * quickest_s;
   }
 
+  /// What is learned of the cameras depends on the outline that is asked for, and not on the hull.
+  std::optional<MaskTrial>& LearnedBy(const MaskSetting& setting) { return learned_[2 * setting.backend + setting.coarse]; }
+  MaskTrial Learn(const MaskSetting& setting) {
+    const dataset::MaskOptions mask = job_.mask;
+    const bool hull = job_.run.hull;
+    setting.Apply(&job_);
+    MaskTrial learned = TryBackend(job_, backends_[setting.backend], false, silent());
+    job_.mask = mask, job_.run.hull = hull;
+    return learned;
+  }
+
   /// On few and on many time steps: what both share, and what each step costs.
   SettingTrial TryOne(const MaskSetting& setting) {
     SettingTrial trial;
-    std::optional<MaskTrial>& learned = learned_[setting.backend];
-    if (!learned) learned = TryBackend(job_, backends_[setting.backend], false, silent());
+    std::optional<MaskTrial>& learned = LearnedBy(setting);
+    if (!learned) learned = Learn(setting);
     if (!learned->failed_camera.empty()) {
       trial.why_not = backends_[setting.backend].name + " cannot tell people from background in " + learned->failed_camera;
       disagreements_.emplace_back();
@@ -221,7 +235,7 @@ class MaskBudget {
   SizedTiming Time(const MaskSetting& setting, const std::vector<int>& steps, const std::string& folder) {
     const double begin_s = options_.budget.NowSeconds();
     const TrialJob part(setting, steps, &job_);
-    MakeMasks(job_, backends_[setting.backend], learned_[setting.backend]->models, folder, silent());
+    MakeMasks(job_, backends_[setting.backend], LearnedBy(setting)->models, folder, silent());
     return {static_cast<double>(steps.size()), std::max(1e-6, options_.budget.NowSeconds() - begin_s)};
   }
 
@@ -259,7 +273,7 @@ class MaskBudget {
   const double reading_s_;
   const RunContext& run_;
   MaskJob& job_;
-  std::vector<std::optional<MaskTrial>> learned_;  ///< by backend
+  std::vector<std::optional<MaskTrial>> learned_;  ///< two of each backend, see LearnedBy
   const std::vector<MaskSetting> settings_;
   std::vector<int> few_, many_;
   std::vector<std::vector<double>> disagreements_;  ///< of each setting, by time step

@@ -39,20 +39,25 @@ struct Pose2dOptions {
 template <class Visitor>
 void VisitFields(Visitor&& visit, Pose2dOptions& o) {
   VisitFields(visit, o.take);
-  StartGroup(visit, "Options");
-  VisitStyled(visit, OptionStyle::kFolder, "out", o.out,
-              "folder: CAMERA/%012d_keypoints.json and overlay/ (default with option 'session': its pose2d/TAKE)");
+  StartGroup(visit, "Net");
   visit("backend", o.backend,
         "posenet, movenet or blazepose (with feet; mvstudio models fetch), onnx:FILE (heat maps), openpose:FOLDER "
         "(FOLDER/CAMERA holds JSON files that are checked and renumbered), auto: the installed net whose keypoints agree best "
         "across cameras (needs option 'calib')");
-  visit("calib", o.calib, "calibration: reports how well the cameras agree");
   visit("models", o.models, "folder of the weights; default: as models fetch");
-  visit("skeleton", o.skeleton, "openpose: the skeleton of the existing files, a name or a file FILE.toml");
   visit("trial-frames", o.trial_frames, "auto: frames on which the nets are compared");
-  visit("overlays", o.overlays, "images of each camera to draw the keypoints on");
+  VisitFields(visit, o.onnx);
+  StartGroup(visit, "Frames and cameras");
   visit("frames", o.frames, "80-99 or 1,4,7-9: frames of the footage; all unless given");
   visit("every", o.every, "use every n-th frame of the footage; the others have no keypoints");
+  visit("calib", o.calib, "calibration: reports how well the cameras agree");
+  StartGroup(visit, "Keypoints");
+  visit("skeleton", o.skeleton, "openpose: the skeleton of the existing files, a name or a file FILE.toml");
+  VisitFields(visit, o.pose);
+  StartGroup(visit, "Output");
+  VisitStyled(visit, OptionStyle::kFolder, "out", o.out,
+              "folder: CAMERA/%012d_keypoints.json and overlay/ (default with option 'session': its pose2d/TAKE)");
+  visit("overlays", o.overlays, "images of each camera to draw the keypoints on");
   visit("cache", o.cache,
         "where keypoints are kept, so that a run that was cut goes on with the next 300 frames: a folder, off, or auto: "
         "$MVSTUDIO_CACHE, $XDG_CACHE_HOME/mvstudio or ~/.cache/mvstudio");
@@ -61,8 +66,6 @@ void VisitFields(Visitor&& visit, Pose2dOptions& o) {
       "keep a part for a later run with the same option 'cache', and write a list alone: choice (of the net), frames=CAMERA or "
       "frames=CAMERA:3-5 (blocks of 300 frames)");
   VisitStyled(visit, OptionStyle::kSwitch, "overwrite", o.overwrite, "replace the output folder");
-  VisitFields(visit, o.pose);
-  VisitFields(visit, o.onnx);
   VisitBudget(
       visit, o.budget,
       "error that is enough, e.g. 3px, of a camera's keypoints from where the others put them: the cheapest setting that "
