@@ -59,12 +59,6 @@ bool IsNearer(const BeyondBoards& a, const BeyondBoards& b) {
 
 bool IsSound(const BeyondBoards& beyond) { return beyond.is_lens && beyond.folded <= kFoldSlack; }
 
-/// Whether it is to be taken instead: it passes more, or it is sound where the other is not and neither fails.
-bool IsSafer(const BeyondBoards& a, const BeyondBoards& b) {
-  if (a.level != b.level) return a.level < b.level;
-  return a.level == Level::kWarn && IsSound(a) && !IsSound(b);
-}
-
 /// Simpler, and no less honest where no board was: the curves of one or two parameters of other wide lenses claim to know
 /// what is there.
 bool MayReplace(const LensCandidate& candidate, const LensCandidate& chosen) {
@@ -77,6 +71,11 @@ bool MayReplace(const LensCandidate& candidate, const LensCandidate& chosen) {
 }
 
 }  // namespace
+
+bool IsSafer(const BeyondBoards& a, const BeyondBoards& b) {
+  if (a.level != b.level) return a.level < b.level;
+  return a.level == Level::kWarn && IsSound(a) && !IsSound(b);
+}
 
 BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, double need_px) {
   BeyondBoards beyond;

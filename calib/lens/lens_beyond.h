@@ -22,6 +22,9 @@ BeyondBoards JudgeBeyond(const LensPool& fit, const BundleOptions& options, doub
 /// "31.8 px uncertain at the image's sides", "folded in 12 % of the image".
 std::string ToString(const BeyondBoards& beyond);
 
+/// Whether `a` is to be taken instead of `b`: it passes more, or it is sound where the other is not and neither fails.
+bool IsSafer(const BeyondBoards& a, const BeyondBoards& b);
+
 /// The lens to take for `chosen`: of those that held-out boards do not tell from the best (`near`, one flag a candidate), the
 /// simplest that passes better where no board was, or warns as it does but is a lens and does not fold in the image. `chosen`
 /// itself where none does. `note` then says which of them comes nearer than `chosen`, if one does, or why the other was taken.
