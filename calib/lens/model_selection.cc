@@ -13,6 +13,7 @@
 #include "calib/lens/lens_configs.h"
 #include "calib/lens/lens_judge.h"
 #include "calib/lens/lens_trials.h"
+#include "geometry/rig/plausible.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -108,14 +109,25 @@ LensChoice ChooseByEvidence(const LensPool& pool, const SelectionOptions& option
   return choice;
 }
 
+/// Where a camera sees nothing in a tenth of its image by the lens, or it is no lens, what boards elsewhere gain by it counts
+/// less.
+bool IsSpoiled(const LensCandidate& candidate) {
+  constexpr double kMuch = 0.1;
+  const auto& cameras = candidate.fit.state.cameras;
+  return std::any_of(cameras.begin(), cameras.end(), [](const geometry::Camera& camera) {
+    return !geometry::HasLensDecentring(camera) || (!geometry::IsWide(camera.model) && FindFolds(camera).share > kMuch);
+  });
+}
+
 /// Lenses that held-out boards do not tell from the best, or barely.
-std::vector<bool> NearTheBest(const std::vector<LensCandidate>& candidates) {
-  constexpr double kBarely = 0.02;
+std::vector<bool> NearTheBest(const std::vector<LensCandidate>& candidates, int chosen) {
+  constexpr double kOfSound = 0.02, kOfSpoiled = 0.1;
+  const double barely = IsSpoiled(candidates[static_cast<size_t>(chosen)]) ? kOfSpoiled : kOfSound;
   double best = std::numeric_limits<double>::infinity();
   for (const LensCandidate& candidate : candidates) best = std::min(best, candidate.relative_error);
   std::vector<bool> near;
   for (const LensCandidate& candidate : candidates)
-    near.push_back(candidate.within_one_se || candidate.relative_error <= (1 + kBarely) * best);
+    near.push_back(candidate.within_one_se || candidate.relative_error <= (1 + barely) * best);
   return near;
 }
 
@@ -139,7 +151,7 @@ LensChoice ChooseLens(const LensPool& pool, const SelectionOptions& options, con
     reason += "; the cameras' lenses differ by more than their uncertainty, so they are not shared";
   }
   if (choice.index >= 0) choice.reason = reason;
-  LookBeyond(NearTheBest(choice.candidates), options, bundle, &choice);
+  if (choice.index >= 0) LookBeyond(NearTheBest(choice.candidates, choice.index), options, bundle, &choice);
   return choice;
 }
 
