@@ -56,8 +56,8 @@ calib::Detection Observe(const calib::Board& board, const calib::RigState& truth
   detection.camera_idx = camera;
   detection.frame_idx = frame;
   const Eigen::Vector3d into_board = cam_from_board.rotation * Eigen::Vector3d::UnitZ();
-  const Eigen::Vector3d observation = (cam_from_board * Eigen::Vector3d(corners.rowwise().mean())).normalized();
-  if (into_board.dot(observation) < std::cos(kMaxSlantRad)) return detection;  // the printed side looks away
+  const Eigen::Vector3d view_direction = (cam_from_board * Eigen::Vector3d(corners.rowwise().mean())).normalized();
+  if (into_board.dot(view_direction) < std::cos(kMaxSlantRad)) return detection;  // the printed side looks away
   std::vector<Eigen::Vector2d> points;
   for (int i = 0; i < corners.cols(); ++i) {
     const Eigen::Vector3d bent = corners.col(i) + Eigen::Vector3d(0, 0, warp.col(i).dot(truth.board_warp_m[0]));

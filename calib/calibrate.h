@@ -138,7 +138,8 @@ struct CalibrateReport {
                               ///< them, or there is nothing to explain
   double unexplained_px = 0;  ///< shift of the camera's corners by that cause
   std::vector<NumberingFault> numbering;
-  std::vector<RotatedCamera> rotated;  ///< cameras of which views were numbered from the board's other end, see FindTurnedViews
+  std::vector<RotatedCamera>
+      rotated;  ///< cameras of which views were numbered from the board's other end, see FindRotatedViews
   std::optional<LayoutFault> layout;
   BoardBending bending;
   UncertaintySummary uncertainty;

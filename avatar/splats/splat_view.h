@@ -79,9 +79,9 @@ void LowPass(const RenderSettings& settings, SplatView<S>* s) {
 
 template <class S>
 void Colour(const BasicCloud<S>& cloud, size_t i, const PinholeView<S>& view, SplatView<S>* s) {
-  const Vec3<S> observation = s->placed.mean - view.center_in_world;
-  s->distance = observation.norm();
-  s->direction = s->placed.world_from_face.transpose() * (observation / s->distance);
+  const Vec3<S> from_camera = s->placed.mean - view.center_in_world;
+  s->distance = from_camera.norm();
+  s->direction = s->placed.world_from_face.transpose() * (from_camera / s->distance);
   const int degree = cloud.values.degree, n = BasisSize(degree);
   EvaluateBasis<S>(s->direction, degree, s->basis);
   const S* colour = cloud.values.colour.data() + i * static_cast<size_t>(3 * n);

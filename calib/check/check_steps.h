@@ -84,7 +84,7 @@ void KeepIfBetter(const geometry::Rig& rig, CheckWork* work, RigCheck* result);
 /// Parts of a frame, per camera of the input, by which the cameras took their images later than they are numbered: what moves
 /// their corners along their motion to where the boards that `place` (corners seen at such times) puts agree. The median camera
 /// is on time, of two the first. Empty where no camera is late by 0.02 to 1 frames.
-std::vector<geometry::TimeOffset> FindTimeOffset(
+std::vector<geometry::TimeOffset> FindTimeOffsets(
     const CalibrateInput& seen, const std::function<CheckWork(const std::vector<geometry::TimeOffset>&)>& place);
 
 /// Sets check->verdict from the other fields.

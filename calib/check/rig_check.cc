@@ -346,7 +346,7 @@ std::optional<RigCheck> CheckWhenLate(const geometry::Rig& rig, const CalibrateI
   constexpr double kLessCost = 0.7;
   if (check.status != Status::kOk || (check.moved.empty() && check.undecided.empty())) return std::nullopt;
   const auto place = [&](const std::vector<geometry::TimeOffset>& at) { return PlacedAt(rig, seen, at, options); };
-  const std::vector<geometry::TimeOffset> late = internal::FindTimeOffset(seen, place);
+  const std::vector<geometry::TimeOffset> late = internal::FindTimeOffsets(seen, place);
   if (late.empty()) return std::nullopt;
   RigCheck then = CheckSeen(rig, AtFrameTimes(seen, late), options, run);
   if (!then.moved.empty() || !then.undecided.empty() || !(then.cost < kLessCost * check.cost)) return std::nullopt;
@@ -372,7 +372,7 @@ RigCheck CheckRig(const geometry::Rig& rig, const CalibrateInput& input, const R
     if (seen.cameras.size() < 2 && !findings.unknown.empty())
       throw UsageError("camera " + Join(findings.unknown, ", ") + " is not in the calibration, which has " +
                        Join(geometry::CameraNames(rig), ", "));
-    const std::vector<geometry::TimeOffset> late = StatedTimeOffset(rig, seen);
+    const std::vector<geometry::TimeOffset> late = StatedTimeOffsets(rig, seen);
     for (const bool stated : {true, false}) {
       if (stated && late.empty()) continue;
       RigCheck check = CheckSeen(rig, stated ? AtFrameTimes(seen, late) : seen, options, run);

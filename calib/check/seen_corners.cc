@@ -288,7 +288,7 @@ CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input
 
 bool HasParts(const geometry::Rig& rig, const CalibrateInput& input) { return !PartsIn(rig, input).empty(); }
 
-std::vector<geometry::TimeOffset> StatedTimeOffset(const geometry::Rig& rig, const CalibrateInput& input) {
+std::vector<geometry::TimeOffset> StatedTimeOffsets(const geometry::Rig& rig, const CalibrateInput& input) {
   std::vector<geometry::TimeOffset> late;
   for (const CameraInput& camera : input.cameras) {
     const int found = rig.Find(camera.name);

@@ -49,6 +49,6 @@ CalibrateInput SeenCorners(const geometry::Rig& rig, const CalibrateInput& input
 bool HasParts(const geometry::Rig& rig, const CalibrateInput& input);
 
 /// Per camera of the input, by how much the rig states it to be late; empty where no offset matters.
-std::vector<geometry::TimeOffset> StatedTimeOffset(const geometry::Rig& rig, const CalibrateInput& input);
+std::vector<geometry::TimeOffset> StatedTimeOffsets(const geometry::Rig& rig, const CalibrateInput& input);
 
 }  // namespace mvstudio::calib

@@ -32,8 +32,8 @@ std::map<ViewKey, std::map<int, Eigen::Vector2d>> PlacesAt(const CalibrateInput&
 
 /// How much later each camera of the rig is than `late` says, where `work` is made of the corners at these times: the median
 /// over its views; 0 for cameras whose boards hardly move.
-std::vector<double> TimeOffsetLeft(const CheckWork& work, const CalibrateInput& seen,
-                                   const std::vector<geometry::TimeOffset>& late) {
+std::vector<double> TimeOffsetsLeft(const CheckWork& work, const CalibrateInput& seen,
+                                    const std::vector<geometry::TimeOffset>& late) {
   const auto before = PlacesAt(seen, late, kStep), after = PlacesAt(seen, late, -kStep);
   std::vector<int> of_rig(work.checks.size(), -1);
   for (size_t c = 0; c < seen.cameras.size(); ++c)
@@ -62,14 +62,14 @@ std::vector<double> TimeOffsetLeft(const CheckWork& work, const CalibrateInput& 
 
 }  // namespace
 
-std::vector<geometry::TimeOffset> FindTimeOffset(
+std::vector<geometry::TimeOffset> FindTimeOffsets(
     const CalibrateInput& seen, const std::function<CheckWork(const std::vector<geometry::TimeOffset>&)>& place) {
   constexpr int kMaxSteps = 10;
   constexpr double kSettled = 0.002, kLeast = 0.02, kMost = 1;  // frames
   std::vector<geometry::TimeOffset> late(seen.cameras.size());
   for (int step = 0; step < kMaxSteps; ++step) {
     const CheckWork work = place(late);
-    const std::vector<double> left = TimeOffsetLeft(work, seen, late);
+    const std::vector<double> left = TimeOffsetsLeft(work, seen, late);
     double largest = 0;
     for (size_t c = 0; c < late.size(); ++c) {
       const double more = left[static_cast<size_t>(work.rig.Find(seen.cameras[c].name))];

@@ -109,8 +109,8 @@ LensChoice ChooseByEvidence(const LensPool& pool, const SelectionOptions& option
   return choice;
 }
 
-/// Where a camera sees nothing in a tenth of its image by the lens, or it is no lens, what boards elsewhere gain by it counts
-/// less.
+/// Whether a lens gives no ray for more than a tenth of an image, or has a decentring that no lens has. Then its smaller error
+/// on boards elsewhere is worth less.
 bool IsSpoiled(const LensCandidate& candidate) {
   constexpr double kMuch = 0.1;
   const auto& cameras = candidate.fit.state.cameras;

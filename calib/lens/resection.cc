@@ -45,8 +45,8 @@ std::optional<Rigid3> PoseFromHomography(const Eigen::Matrix3d& homography, cons
 /// across the line of sight.
 Rigid3 MirroredPose(const Rigid3& cam_from_board, const Eigen::Vector3d& center_in_board) {
   const Eigen::Vector3d center_in_cam = cam_from_board * center_in_board;
-  const Eigen::Vector3d observation = center_in_cam.normalized();
-  const Eigen::Matrix3d mirror = Eigen::Matrix3d::Identity() - 2 * observation * observation.transpose();
+  const Eigen::Vector3d view_axis = center_in_cam.normalized();
+  const Eigen::Matrix3d mirror = Eigen::Matrix3d::Identity() - 2 * view_axis * view_axis.transpose();
   const Eigen::Matrix3d r = mirror * cam_from_board.rotation.toRotationMatrix() * Eigen::Vector3d(1, 1, -1).asDiagonal();
   Rigid3 pose;
   pose.rotation = geometry::NearestRotation(r);

@@ -19,13 +19,12 @@ constexpr int64_t kMostOffset = 60;
 constexpr size_t kLeastShared = 12, kMostShared = 60;
 
 /// The board in both cameras at one moment.
-struct PersonObservation {
+struct SharedBoard {
   Rigid3 in_a, in_b;
 };
 
-std::vector<PersonObservation> SharedObservations(const BoardPoses& a, const BoardPoses& b, const FrameRate& rate,
-                                                  size_t* num_shared) {
-  std::vector<PersonObservation> all;
+std::vector<SharedBoard> SharedBoards(const BoardPoses& a, const BoardPoses& b, const FrameRate& rate, size_t* num_shared) {
+  std::vector<SharedBoard> all;
   for (const auto& [key, b_from_board] : b) {
     const auto frame = rate.At(key.first);
     const auto found = frame ? a.find({*frame, key.second}) : a.end();
@@ -33,14 +32,14 @@ std::vector<PersonObservation> SharedObservations(const BoardPoses& a, const Boa
   }
   *num_shared = all.size();
   if (all.size() <= kMostShared) return all;
-  std::vector<PersonObservation> thin;
+  std::vector<SharedBoard> thin;
   for (size_t i = 0; i < kMostShared; ++i) thin.push_back(all[i * all.size() / kMostShared]);
   return thin;
 }
 
 /// What nine of ten observations keep: the distance of the board in a from where b and the most central relative pose put it,
 /// over its distance. Infinite for few.
-double RateDisagreement(const std::vector<PersonObservation>& shared, const BoardTurns& turns) {
+double RateDisagreement(const std::vector<SharedBoard>& shared, const BoardTurns& turns) {
   constexpr double kMost = 0.9;
   constexpr size_t kCandidates = 12;
   double least = std::numeric_limits<double>::infinity();
@@ -48,7 +47,7 @@ double RateDisagreement(const std::vector<PersonObservation>& shared, const Boar
   std::vector<double> distances(shared.size());
   const size_t num_turns = static_cast<size_t>(turns.num);
   for (size_t c = 0; c < kCandidates * num_turns; ++c) {
-    const PersonObservation& central = shared[c / num_turns * shared.size() / kCandidates];
+    const SharedBoard& central = shared[c / num_turns * shared.size() / kCandidates];
     const Rigid3 a_from_b = turns.RelativePose(central.in_a, central.in_b, static_cast<int>(c % num_turns));
     for (size_t i = 0; i < shared.size(); ++i) {
       const Eigen::Vector3d& at = shared[i].in_a.translation;
@@ -76,7 +75,7 @@ Best BestOffset(const BoardPoses& a, const BoardPoses& b, FrameRate rate, const 
   const int64_t most = kMostOffset * rate.denominator;
   for (rate.offset = -most; rate.offset <= most; ++rate.offset) {
     size_t num_shared = 0;
-    const double disagreement = RateDisagreement(SharedObservations(a, b, rate, &num_shared), turns);
+    const double disagreement = RateDisagreement(SharedBoards(a, b, rate, &num_shared), turns);
     if (std::isfinite(disagreement)) all->push_back(disagreement);
     const bool counts = rate.same() || PairsEnough(num_shared, a.size(), b.size(), rate);
     if (counts && disagreement < best.disagreement) best = {rate, disagreement};

@@ -72,9 +72,9 @@ struct CameraTimeline {
   std::vector<DroppedFrames> dropped;
   std::vector<int64_t> doubled;    ///< frames with the time stamp or the image of the previous one: not used
   std::vector<int64_t> bad_times;  ///< frames whose time stamp is missing or contradicts the others
-  std::vector<int64_t> frame_at;   ///< (num_instants) frame number, -1: none
+  std::vector<int64_t> frame_at;   ///< (num_time_steps) frame number, -1: none
   std::vector<double>
-      residual_s;  ///< (num_instants) time of the frame minus that of the time step; NaN: none. Empty when read from a file
+      residual_s;  ///< (num_time_steps) time of the frame minus that of the time step; NaN: none. Empty when read from a file
   double residual_median_ms = 0, residual_max_ms = 0;  ///< of their absolute values
 };
 

@@ -46,7 +46,7 @@ RigAlignment ByBoard(const geometry::Rig& rig, const RunContext& run, AlignRepor
   const calib::CalibrateInput& input = report->corners.input;
   calib::RequireThickness(input.boards);
   const calib::CalibrateInput seen = SeenCorners(rig, input, calib::CameraParts::kByFrame, &report->found);
-  return AlignToBoard(rig, AtFrameTimes(seen, StatedTimeOffset(rig, seen)), options.floor_board);
+  return AlignToBoard(rig, AtFrameTimes(seen, StatedTimeOffsets(rig, seen)), options.floor_board);
 }
 
 dataset::Pose3d PointsIn(const std::string& path, const std::string& unit, InputNotes* notes) {
