@@ -163,20 +163,6 @@ void SplitCovariance(const RigState& state, RigCovariance* result) {
   }
 }
 
-/// Normal equations of the global unknowns at `state`.
-ReducedSystem ReducedEquations(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
-                               RigColumns* columns) {
-  RigProblem problem(views, state, options);
-  *columns = problem.columns();
-  SchurSystem system;
-  problem.AllocateSystem(&system);
-  problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(6, system.num_blocks()));
-  MVS_CHECK(problem.LinearizeTrial(&system), "the solution does not project its own corners");
-  ReducedSystem reduced = Reduce(system, 0, options.num_threads);
-  reduced.h = Eigen::MatrixXd(reduced.h.selfadjointView<Eigen::Lower>());
-  return reduced;
-}
-
 /// Equations that are no numbers: a lens at the edge of what it can project.
 void NameNonFinite(const Eigen::MatrixXd& normal, const RigState& state, RigCovariance* result) {
   for (const Group& group : MakeGroups(state, result->columns)) {
@@ -211,6 +197,19 @@ void CarryHeld(const std::vector<View>& views, const RigState& state, const Bund
 }
 
 }  // namespace
+
+ReducedSystem ReducedEquations(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
+                               RigColumns* columns) {
+  RigProblem problem(views, state, options);
+  *columns = problem.columns();
+  SchurSystem system;
+  problem.AllocateSystem(&system);
+  problem.Try(Eigen::VectorXd::Zero(system.g.size()), Eigen::MatrixXd::Zero(6, system.num_blocks()));
+  MVS_CHECK(problem.LinearizeTrial(&system), "the solution does not project its own corners");
+  ReducedSystem reduced = Reduce(system, 0, options.num_threads);
+  reduced.h = Eigen::MatrixXd(reduced.h.selfadjointView<Eigen::Lower>());
+  return reduced;
+}
 
 Eigen::MatrixXd JointCovariance(const RigCovariance& covariance, const RigState& state) {
   std::vector<int> columns;

@@ -32,6 +32,10 @@ RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& 
                                 double sigma_px, const HeldCovariance& held = {});
 RigCovariance ComputeCovariance(const std::vector<View>& views, const RigState& state, const Gauge& gauge, double sigma_px);
 
+/// Normal equations of the global unknowns at `state` (both triangles), the boards' poses eliminated.
+ReducedSystem ReducedEquations(const std::vector<View>& views, const RigState& state, const BundleOptions& options,
+                               RigColumns* columns);
+
 /// Cameras whose lenses are involved in the least determined direction, at any state.
 std::vector<int> WeakestLenses(const std::vector<View>& views, const RigState& state, const BundleOptions& options);
 

@@ -10,6 +10,7 @@
 #include "calib/bundle/mrcal_engine.h"
 #include "calib/bundle/view_clusters.h"
 #include "calib/covariance/board_errors.h"
+#include "calib/covariance/frame_errors.h"
 #include "calib/covariance/omitted_terms.h"
 #include "calib/covariance/uncertainty.h"
 #include "calib/pipeline/calibrate_steps.h"
@@ -148,10 +149,17 @@ void StoreCovariance(const RigCovariance& covariance, const HeldCovariance& held
 /// What is stated counts the errors that the corners of one board share. What can be solved does not hang on them: a camera
 /// that moved has them, too, and its motion is looked for in the solution.
 void CountSharedErrors(const CalibrateInput& input, const CalibrateOptions& options, Work* work, CalibrateReport* report) {
-  const std::vector<double> ratio =
-      VarianceByBoards(work->evidence, ClusterViews(work->views), work->state, work->bundle.fix_lens);
-  if (std::all_of(ratio.begin(), ratio.end(), [](double one) { return one == 1; })) return;
+  const std::vector<int> of_view = ClusterViews(work->views);
+  std::vector<double> ratio = VarianceByBoards(work->evidence, of_view, work->state, work->bundle.fix_lens);
   DiscountByBoards(ratio, &work->evidence);
+  double of_rig = 1;
+  if (!options.intrinsics_only && ratio.size() > 1) {
+    const std::vector<int> of_frame = ClusterFrames(work->views, of_view, work->state.frames.size());
+    const WithOmitted considered = Considered(input, options, *work, report->sigma_px);
+    of_rig = PoseVarianceByFrames(work->evidence, of_frame, considered.state, considered.options, report->sigma_px);
+    DiscountByBoards(std::vector<double>(ratio.size(), of_rig), &work->evidence);
+  }
+  if (of_rig == 1 && std::all_of(ratio.begin(), ratio.end(), [](double one) { return one == 1; })) return;
   const HeldCovariance held = HeldCovarianceOf(input.start, work->state, work->bundle);
   const WithOmitted considered = Considered(input, options, *work, report->sigma_px);
   const RigCovariance covariance =
