@@ -29,10 +29,11 @@ void RegisterPlan(CLI::App& app, Registry& registry) {
   AddOption(sub, "session", options->pipeline.session, "the session's folder")->required();
   AddOutput(sub, "--out", options->out, OutputKind::kFolder, "folder of the plan")->required();
   VisitStageChoice(OptionAdder{sub}, options->pipeline);
-  AddOption(
-      sub, "--task-seconds", options->task_seconds,
-      "pose2d and mask of a take that are foretold to take more than twice as long are cut by cameras and time into tasks of "
-      "about this many seconds; 0: a task is a whole stage")
+  AddOption(sub, "--task-seconds", options->task_seconds,
+            "pose2d, mask, dataset and verify of a take that are foretold to take more than twice as long are cut by cameras "
+            "and time "
+            "into tasks of "
+            "about this many seconds; 0: a task is a whole stage")
       ->capture_default_str();
   OptionAdder{sub}.StartGroup("Schedulers");
   AddChoices(sub, "--write", options->write, "schedulers to write files for: ninja, slurm, snakemake")->capture_default_str();
@@ -46,7 +47,9 @@ void RegisterTask(CLI::App& app, Registry& registry) {
   AddPlanFolder(sub, options->plan);
   AddOption(sub, "task", options->task, "number of the task")->required();
   AddFlag(sub, "--again", options->again, "do it again, also what others made");
-  registry.Add(sub, "task", [options](CommandContext& context) { return Describe(RunTask(*options, ToolsOf(context))); });
+  AddFlag(sub, "--wait", options->wait, "where another process does it now, wait for that; else it ends with 75");
+  registry.Add(sub, "task",
+               [options](CommandContext& context) { return Describe(RunTask(*options, ToolsOf(context), context.run)); });
 }
 
 void RegisterJobs(CLI::App& app, Registry& registry) {

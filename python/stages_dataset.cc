@@ -56,7 +56,7 @@ void AddBuilders(std::vector<Stage>* all) {
       [](stages::DatasetBuildOptions o, const Given& given, const RunContext& run) {
         o.keep_sequence = given.count("sequence") > 0, o.keep_rate = given.count("frame-rate") > 0;
         o.make_masks = given.count("masks") > 0;
-        return Describe(stages::RunDatasetBuild(o, run));
+        return o.part.empty() ? Describe(stages::RunDatasetBuild(o, run)) : Describe(stages::RunDatasetBuildPart(o, run));
       }));
   all->push_back(MakeStage<stages::DatasetImportOptions>(
       {"dataset_import_panoptic", "dataset import panoptic", "A CMU Panoptic sequence becomes a session.", {"folder", "out"}},

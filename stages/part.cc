@@ -9,7 +9,7 @@ namespace mvstudio::stages {
 namespace {
 
 constexpr char kPartSchema[] = "mvstudio.part/1";
-constexpr char kSamplesWord[] = "samples=", kFramesWord[] = "frames=";
+constexpr char kSamplesWord[] = "samples=", kFramesWord[] = "frames=", kShareWord[] = "share=";
 
 bool Begins(const std::string& text, const std::string& word) { return text.rfind(word, 0) == 0 && text.size() > word.size(); }
 
@@ -27,6 +27,14 @@ void ReadBlocks(StagePart* part) {
   part->camera.resize(colon);
 }
 
+void ReadShare(const std::string& text, StagePart* part) {
+  int used = 0;
+  const bool whole =
+      std::sscanf(text.c_str(), "%d/%d%n", &part->index, &part->count, &used) == 2 && used == static_cast<int>(text.size());
+  if (!whole || part->index < 0 || part->index >= part->count)
+    throw UsageError("option 'part': share=" + text + ": use share=K/N with 0 <= K < N");
+}
+
 }  // namespace
 
 StagePart ParsePart(const std::string& text) {
@@ -36,8 +44,14 @@ StagePart ParsePart(const std::string& text) {
     part.kind = PartKind::kSamples, part.camera = text.substr(sizeof(kSamplesWord) - 1);
     return part;
   }
+  if (Begins(text, kShareWord)) {
+    part.kind = PartKind::kShare;
+    ReadShare(text.substr(sizeof(kShareWord) - 1), &part);
+    return part;
+  }
   if (!Begins(text, kFramesWord))
-    throw UsageError("option 'part' " + text + ": expected choice, samples=CAMERA, frames=CAMERA or frames=CAMERA:3-5");
+    throw UsageError("option 'part' " + text +
+                     ": expected choice, samples=CAMERA, frames=CAMERA, frames=CAMERA:3-5 or share=K/N");
   part.kind = PartKind::kFrames, part.camera = text.substr(sizeof(kFramesWord) - 1);
   ReadBlocks(&part);
   return part;
@@ -46,6 +60,7 @@ StagePart ParsePart(const std::string& text) {
 std::string ToString(const StagePart& part) {
   if (part.kind == PartKind::kChoice) return "choice";
   if (part.kind == PartKind::kSamples) return kSamplesWord + part.camera;
+  if (part.kind == PartKind::kShare) return kShareWord + std::to_string(part.index) + "/" + std::to_string(part.count);
   const bool all = part.end_block == std::numeric_limits<int64_t>::max();
   const std::string blocks = std::to_string(part.first_block) + "-" + std::to_string(part.end_block - 1);
   return kFramesWord + part.camera + (all ? "" : ":" + blocks);

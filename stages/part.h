@@ -14,15 +14,17 @@ enum class PartKind {
   kChoice,   ///< of a net, from all cameras
   kSamples,  ///< the frames of a camera from which others are learned
   kFrames,   ///< blocks of kKeptBlock frames of a camera
+  kShare,    ///< every so many-th of what there is
 };
 
 struct StagePart {
   PartKind kind = PartKind::kChoice;
   std::string camera;
   int64_t first_block = 0, end_block = std::numeric_limits<int64_t>::max();  ///< of kFrames, up to before the last
+  int index = 0, count = 1;                                                  ///< of kShare
 };
 
-/// "choice", "samples=CAMERA", "frames=CAMERA", "frames=CAMERA:3-5". Throws UsageError.
+/// "choice", "samples=CAMERA", "frames=CAMERA", "frames=CAMERA:3-5", "share=K/N". Throws UsageError.
 StagePart ParsePart(const std::string& text);
 std::string ToString(const StagePart& part);
 

@@ -165,6 +165,7 @@ MAY_INCLUDE |= {
     "stages/dataset_import": WITHOUT_TORCH | {"stages", "stages/dataset"},
     "stages/dataset_pack": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/dataset_split": WITHOUT_TORCH | {"stages"},
+    "stages/dataset_verify": WITHOUT_TORCH | {"stages", "stages/dataset", "stages/input"},
     "stages/error_budget": WITHOUT_TORCH | {"stages", "stages/input"},
     "stages/eval": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib"},
     "stages/markers": WITHOUT_TORCH | {"stages", "stages/people"},

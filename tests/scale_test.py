@@ -9,6 +9,8 @@ import sys
 sys.dont_write_bytecode = True
 ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent).resolve()
 sys.path.insert(0, str(ROOT / "scripts"))
+from scale_model import Node, Rate, Studio, tasks_of  # noqa: E402
+from scale_parts import cut, tasks_in_parts  # noqa: E402
 from scale_sim import Cluster, Task, critical_path, simulate, with_gates  # noqa: E402
 
 
@@ -48,6 +50,20 @@ def some_nodes_keep_grahams_bounds():
 def equal_tasks_run_in_rounds():
     tasks = [Task(k, "mask", 7.0) for k in range(1, 101)]
     close(simulate(tasks, Cluster(nodes=8)).seconds, 7.0 * math.ceil(100 / 8))
+
+
+def parts_do_the_work_of_the_whole():
+    """Endless nodes: one part after the first pass, then the join. One node of one core: the sum of all parts."""
+    rates = {"mask": Rate(image=0.5, camera_mpx=10.0, footage=1, files=1, spread="cameras")}
+    stages = {"mask": ((), True, None)}
+    studio = Studio("", cameras=4, fps=10, mpx=1.0, image_bytes=0.0, hours=0.5)  # 18,000 frames: 60 blocks of 150 s
+    parts = cut(studio, "mask", rates["mask"], 300.0)
+    assert (parts.blocks, parts.at_once, parts.parts, parts.seconds, parts.samples_s) == (60, 2, 30, 300.0, 10.0), parts
+    tasks = tasks_in_parts(studio, rates, stages, Node(1, 0.0))
+    close(simulate(tasks, Cluster(nodes=10**6)).seconds, 310.0)
+    close(simulate(tasks, Cluster()).seconds, 4 * 10.0 + 4 * 30 * 300.0)
+    whole = tasks_of(studio, 1, rates, stages, Node(1, 0.0))
+    close(simulate(whole, Cluster()).seconds, 4 * 10.0 + 4 * 30 * 300.0)
 
 
 def files_bound():
@@ -107,6 +123,7 @@ def main():
     endless_nodes_take_the_critical_path()
     some_nodes_keep_grahams_bounds()
     equal_tasks_run_in_rounds()
+    parts_do_the_work_of_the_whole()
     files_bound()
     two_transfers_share_alike()
     gates_wait_for_whole_stages()

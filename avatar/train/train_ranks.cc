@@ -3,6 +3,7 @@
 #include <ATen/ATen.h>
 
 #include <chrono>
+#include <cstdlib>
 #include <thread>
 
 #include "core/check.h"
@@ -24,6 +25,14 @@ std::string FirstLine(const std::exception& error) {
   return text.substr(0, text.find('\n'));
 }
 
+/// GLOO_SOCKET_IFNAME names a network where machines have several, as in PyTorch.
+std::shared_ptr<::gloo::transport::Device> DeviceFor(const RankPlace& place) {
+  if (place.one_machine) return c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1");
+  const char* network = std::getenv("GLOO_SOCKET_IFNAME");
+  return network && *network ? c10d::ProcessGroupGloo::createDeviceForInterface(network)
+                             : c10d::ProcessGroupGloo::createDefaultDevice();
+}
+
 class GlooRanks : public Ranks {
  public:
   explicit GlooRanks(const RankPlace& place) : place_(place) {
@@ -31,8 +40,7 @@ class GlooRanks : public Ranks {
     WaitForAll(*store);
     Guarded("did not find the other ranks", [&] {
       const auto options = c10d::ProcessGroupGloo::Options::create();
-      options->devices.push_back(place.one_machine ? c10d::ProcessGroupGloo::createDeviceForHostname("127.0.0.1")
-                                                   : c10d::ProcessGroupGloo::createDefaultDevice());
+      options->devices.push_back(DeviceFor(place));
       group_ = c10::make_intrusive<c10d::ProcessGroupGloo>(store, place.rank, place.size, options);
     });
   }

@@ -1,6 +1,9 @@
 #include "cli/program/commands.h"
+#include "cli/program/interrupt.h"
 #include "cli/program/options.h"
 #include "cli/program/redact.h"
+#include "cli/program/result.h"
+#include "core/error.h"
 #include "stages/dataset/studio_names.h"
 #include "stages/nets/train/describe.h"
 #include "stages/nets/train/rank_processes.h"
@@ -8,6 +11,19 @@
 
 namespace mvstudio::cli {
 namespace {
+
+/// Of a training that `srun` started: a scheduler is told to try again.
+template <class Run>
+CommandResult UnlessCut(const stages::RankArguments& ranks, const Run& run) {
+  try {
+    return run();
+  } catch (const CancelledError& error) {
+    if (!ranks.BySrun()) throw;
+    CommandResult result = InterruptedResult(ReceivedSignal(), error.what());
+    result.exit = kExitTryAgain;
+    return result;
+  }
+}
 
 void RegisterTrain(CLI::App& avatar, Registry& registry) {
   auto options = std::make_shared<stages::AvatarTrainOptions>();
@@ -23,7 +39,7 @@ void RegisterTrain(CLI::App& avatar, Registry& registry) {
     context.camera_names = stages::StudioNames(options->dataset);
     options->given = GivenOptions(sub), options->relative_paths = Redacting();
     options->ranks = RanksOf(*ranks, context.argv, context.run, options->out);
-    return Describe(stages::RunAvatarTrain(*options, context.run));
+    return UnlessCut(*ranks, [&] { return Describe(stages::RunAvatarTrain(*options, context.run)); });
   });
 }
 
@@ -39,7 +55,7 @@ void RegisterResume(CLI::App& avatar, Registry& registry) {
   registry.Add(sub, "avatar resume", [options, ranks](CommandContext& context) {
     context.camera_names = stages::StudioNames(avatar::ReadRunConfig(options->run + "/" + avatar::kRunConfigFile).dataset);
     options->ranks = RanksOf(*ranks, context.argv, context.run, options->run);
-    return Describe(stages::RunAvatarResume(*options, context.run));
+    return UnlessCut(*ranks, [&] { return Describe(stages::RunAvatarResume(*options, context.run)); });
   });
 }
 

@@ -14,7 +14,8 @@ void RegisterBuild(CLI::App* dataset, Registry& registry) {
   registry.Add(sub, "dataset build", [options, sub](CommandContext& context) {
     options->keep_sequence = sub->count("--sequence") > 0, options->keep_rate = sub->count("--frame-rate") > 0;
     options->make_masks = sub->count("--masks") > 0;
-    return Describe(stages::RunDatasetBuild(*options, context.run));
+    return options->part.empty() ? Describe(stages::RunDatasetBuild(*options, context.run))
+                                 : Describe(stages::RunDatasetBuildPart(*options, context.run));
   });
 }
 

@@ -43,6 +43,13 @@ void OnSignal(int number) {
   errno = code;
 }
 
+/// Asks the command to stop, however long it takes.
+void OnGentleSignal(int number) {
+  if (getpid() != own_pid) return;
+  int none = 0;
+  received_signal.compare_exchange_strong(none, number);
+}
+
 void ExitNow(int) { _exit(last_exit); }
 
 void Handle(int number, void (*handler)(int)) {
@@ -144,7 +151,7 @@ void PrepareProcess() {
   std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is then an error like a full disk, and nothing is left behind
   sigset_t heard;
   sigemptyset(&heard);
-  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGALRM, SIGCHLD}) sigaddset(&heard, number);
+  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGALRM, SIGCHLD}) sigaddset(&heard, number);
   sigprocmask(SIG_UNBLOCK, &heard, nullptr);
 }
 
@@ -155,6 +162,7 @@ void InstallSignalHandlers(const LastWords& last_words) {
   Handle(SIGINT, OnSignal);
   Handle(SIGTERM, OnSignal);
   if (!IsIgnored(SIGHUP)) Handle(SIGHUP, OnSignal);
+  if (!IsIgnored(SIGUSR1)) Handle(SIGUSR1, OnGentleSignal);
 }
 
 int ReceivedSignal() { return received_signal; }

@@ -15,8 +15,10 @@ void PrepareProcess();
 
 /// SIGINT, SIGTERM and SIGHUP (unless ignored, as by nohup) ask the running command to stop. One that has not after about three
 /// seconds, or at once on a second signal, is ended: its children first, then its temporary files; `last_words` is then called
-/// on another thread to say so, and the process ends with 128 + signal. All within five seconds. In the same way, with exit
-/// code 7, ends a process that runs out of memory where nobody catches it: in a thread of a library, or before main() begins.
+/// on another thread to say so, and the process ends with 128 + signal. All within five seconds. SIGUSR1, by which schedulers
+/// announce the end of a job, asks in the same way, but nobody is ended then, and the exit code is 75. In the same way, with
+/// exit code 7, ends a process that runs out of memory where nobody catches it: in a thread of a library, or before main()
+/// begins.
 void InstallSignalHandlers(const LastWords& last_words);
 
 /// The signal received first, or 0.

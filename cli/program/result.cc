@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <csignal>
 #include <ctime>
 #include <filesystem>
 #include <functional>
@@ -200,7 +201,8 @@ CommandResult Kept(const std::string& command, CommandResult result, const Json&
 }
 
 CommandResult InterruptedResult(int signal, const std::string& text) {
-  return ErrorResult(signal > 0 ? 128 + signal : kExitInterrupted, "CLI-INTERRUPTED", text);
+  const int exit = signal == SIGUSR1 ? int{kExitTryAgain} : signal > 0 ? 128 + signal : int{kExitInterrupted};
+  return ErrorResult(exit, "CLI-INTERRUPTED", text);
 }
 
 CommandResult ResultOfCurrentException() {

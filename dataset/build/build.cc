@@ -19,8 +19,7 @@
 #include "dataset/build/build_blocks.h"
 #include "dataset/build/build_camera.h"
 #include "dataset/build/footage_check.h"
-#include "dataset/build/joint_numbers.h"
-#include "dataset/build/scene_joints.h"
+#include "dataset/build/read_joints.h"
 #include "dataset/footage/frame_rate.h"
 #include "dataset/json/json_file.h"
 #include "dataset/panoptic/panoptic.h"
@@ -239,47 +238,6 @@ void NoteOffsets(const BuildInputs& inputs, const geometry::Rig& rig, BuildRepor
       {"DAT-OFFSETS", text, "run mvstudio sync and session timeline: then each time step has the nearest frame"});
 }
 
-/// A dataset without a single joint would look like one.
-void RequireJoints(const std::string& path, const Pose3d& pose) {
-  const auto ok = [](const JointRow& row) { return row.status == Status::kOk; };
-  if (std::none_of(pose.rows.begin(), pose.rows.end(), ok)) throw FormatError(path, "", "holds no point");
-}
-
-Pose3d ReadPointsOf(const BuildInputs& inputs, BuildReport* report) {
-  MarkerFile file;
-  Pose3d pose = ReadPoints3d(inputs.pose3d, inputs.marker_unit, "", &file);
-  if (file.unit.empty()) return pose;  // points of mvstudio
-  report->marker_unit = file.unit, report->marker_up = file.y_up ? "y" : "z";
-  const std::string conflict = UnitConflict(file, inputs.pose3d);
-  if (!conflict.empty())
-    report->warnings.push_back({"DAT-UNIT", conflict, "name the unit: option 'marker-unit' m, cm, mm or in"});
-  for (const std::string& note : NotesOf(file, inputs.pose3d))
-    report->warnings.push_back({"DAT-MARKER-FILE", note, "check the file, or export it again"});
-  return pose;
-}
-
-void KeepTimeSteps(const BuildInputs& inputs, Pose3d* pose, BuildReport* report) {
-  if (inputs.frames.empty()) return;
-  std::set<int> there;
-  for (const JointRow& row : pose->rows) there.insert(row.frame);
-  const FrameChoice choice = KnownFrames("option 'frames'", inputs.frames, {there.begin(), there.end()}, inputs.pose3d);
-  if (!choice.beyond.empty())
-    report->warnings.push_back({"CLI-FRAMES", choice.beyond, "look at the numbers: time steps are those of the joints"});
-  const auto gone = [&](const JointRow& row) {
-    return !std::binary_search(choice.frames.begin(), choice.frames.end(), row.frame);
-  };
-  pose->rows.erase(std::remove_if(pose->rows.begin(), pose->rows.end(), gone), pose->rows.end());
-}
-
-Pose3d ReadJointsOf(const BuildInputs& inputs, BuildReport* report) {
-  Pose3d pose = SceneFilesAt(inputs.pose3d).empty() ? ReadPointsOf(inputs, report) : ReadSceneJoints(inputs.pose3d);
-  if (!inputs.skeleton.empty()) UseSkeleton(geometry::SkeletonFrom(inputs.skeleton), inputs.pose3d, &pose);
-  internal::NumberJointsAsFrames(inputs, &pose, &report->warnings);
-  KeepTimeSteps(inputs, &pose, report);
-  RequireJoints(inputs.pose3d, pose);
-  return pose;
-}
-
 bool SeesAny(const geometry::RigCamera& camera, const Pose3d& pose) {
   const geometry::Projector projector(camera.camera);
   return std::any_of(pose.rows.begin(), pose.rows.end(), [&](const JointRow& row) {
@@ -367,33 +325,68 @@ void WriteDataset(const BuildInputs& inputs, const BuildOptions& options, const 
   folder->Commit();
 }
 
+/// What a build stands on.
+struct Ground {
+  geometry::Rig rig;
+  Pose3d pose;
+  std::map<int, People> poses;
+  std::optional<OwnJoints> own;
+  std::map<std::string, internal::GivenMasks> given;
+  BuildOptions options;
+};
+
+Ground GroundOf(const BuildInputs& inputs, const BuildOptions& wanted, BuildReport* report) {
+  CheckOptions(inputs, wanted);
+  Ground ground;
+  ground.rig = ReadAnyCalibration(inputs.calibration);
+  ground.pose = internal::ReadJointsOf(inputs, report);
+  report->world = ground.pose.world;
+  ground.poses = ToCoco19(ground.pose);
+  ground.own = OwnJointsOf(inputs, ground.pose, report);
+  if (wanted.masks) ground.given = internal::FindGivenMasks(inputs);
+  Append(internal::NumberMasksAsFrames(inputs, &ground.given), &report->warnings);
+  ground.options = WithPossibleMasks(wanted, ground.own, ground.poses, !ground.given.empty(), report);
+  return ground;
+}
+
 }  // namespace
 
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& wanted, const RunContext& run) {
-  CheckOptions(inputs, wanted);
-  const geometry::Rig rig = ReadAnyCalibration(inputs.calibration);
   BuildReport report;
-  const Pose3d pose = ReadJointsOf(inputs, &report);
-  report.world = pose.world;
-  const std::map<int, People> poses = ToCoco19(pose);
-  const std::optional<OwnJoints> own = OwnJointsOf(inputs, pose, &report);
-  auto given = wanted.masks ? internal::FindGivenMasks(inputs) : std::map<std::string, internal::GivenMasks>{};
-  Append(internal::NumberMasksAsFrames(inputs, &given), &report.warnings);
-  const BuildOptions options = WithPossibleMasks(wanted, own, poses, !given.empty(), &report);
+  const Ground g = GroundOf(inputs, wanted, &report);
   AtomicFolder folder(out, wanted.overwrite, InputsOf(inputs));
-  std::vector<CameraJob> jobs = MakeJobs(inputs, rig, poses, MedianRms(pose), folder.work_path(), given);
-  internal::RequireSizes(jobs, inputs.calibration, options);
-  CheckViews(inputs, jobs, pose, &report);
+  std::vector<CameraJob> jobs = MakeJobs(inputs, g.rig, g.poses, MedianRms(g.pose), folder.work_path(), g.given);
+  internal::RequireSizes(jobs, inputs.calibration, g.options);
+  CheckViews(inputs, jobs, g.pose, &report);
   const std::string key = inputs.kept.empty() ? "" : inputs.kept_key();
   for (CameraJob& job : jobs) job.kept = key.empty() ? "" : inputs.kept + "/" + key;
   internal::BlockKeeper keeper(inputs.kept, key);
   keeper.During([&] {
-    const std::vector<CameraResult> results = RunJobs(&jobs, options, static_cast<int>(poses.size()), run);
-    WriteDataset(inputs, options, rig, jobs, results, poses, own, given, run, &folder, &report);
+    const std::vector<CameraResult> results = RunJobs(&jobs, g.options, static_cast<int>(g.poses.size()), run);
+    WriteDataset(inputs, g.options, g.rig, jobs, results, g.poses, g.own, g.given, run, &folder, &report);
     return true;
   });
   keeper.Forget();
   return report;
+}
+
+std::vector<std::string> KeepBuildPart(const BuildInputs& inputs, const BuildPart& part, const BuildOptions& wanted,
+                                       const RunContext& run) {
+  BuildReport said;  // the build says it again
+  const Ground g = GroundOf(inputs, wanted, &said);
+  std::vector<CameraJob> jobs = MakeJobs(inputs, g.rig, g.poses, MedianRms(g.pose), "", g.given);
+  const auto other = [&](const CameraJob& job) { return job.footage.camera != part.camera; };
+  jobs.erase(std::remove_if(jobs.begin(), jobs.end(), other), jobs.end());
+  if (jobs.empty()) throw UsageError("camera " + part.camera + " has no footage");
+  internal::RequireSizes(jobs, inputs.calibration, g.options);
+  const std::string key = inputs.kept_key();
+  CameraJob& job = jobs.front();
+  job.kept = inputs.kept + "/" + key;
+  ProgressStage stage(run, "images and masks", 0);
+  job.on_image = [&stage] { stage.Advance(); };
+  std::vector<std::string> kept = internal::KeepCameraPart(job, part, g.options);
+  for (std::string& name : kept) name = name.substr(inputs.kept.size() + 1);
+  return kept;
 }
 
 }  // namespace mvstudio::dataset

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -114,5 +116,17 @@ struct BuildReport {
 /// calibration, sizes that cannot be explained, and gaps with `require_complete`.
 BuildReport BuildDataset(const BuildInputs& inputs, const std::string& out, const BuildOptions& options,
                          const RunContext& run = {});
+
+/// What one process keeps for a build that another does.
+struct BuildPart {
+  std::string camera;    ///< the studio's name
+  bool samples = false;  ///< what is learned from a first pass over the footage, in place of blocks
+  int64_t first_block = 0, end_block = std::numeric_limits<int64_t>::max();  ///< of 300 frames, up to before the last
+};
+
+/// Makes the part under `inputs.kept` and `inputs.kept_key`, where BuildDataset with the same inputs and options finds it.
+/// Returns what is there then, as KEY/CAMERA-BLOCK. Throws as BuildDataset does, and UsageError for a camera without footage.
+std::vector<std::string> KeepBuildPart(const BuildInputs& inputs, const BuildPart& part, const BuildOptions& options,
+                                       const RunContext& run = {});
 
 }  // namespace mvstudio::dataset

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "core/disk/files.h"
+#include "core/disk/kept.h"
 #include "core/disk/manifest.h"
 #include "core/disk/trace.h"
 #include "core/error.h"
@@ -16,6 +17,8 @@ namespace {
 
 constexpr char kBlockFile[] = "block.json";
 
+KeptResults KeptSamples(const CameraJob& job) { return {CacheIn(job.kept), "samples"}; }
+
 void RemoveKept(const std::vector<std::string>& paths) {
   const UntracedScope untraced;
   try {
@@ -26,6 +29,42 @@ void RemoveKept(const std::vector<std::string>& paths) {
 }
 
 }  // namespace
+
+std::optional<FootageSamples> ReadKeptSamples(const CameraJob& job) {
+  const std::optional<std::string> bytes = job.kept.empty() ? std::nullopt : KeptSamples(job).Load(job.name);
+  if (!bytes) return std::nullopt;
+  try {
+    KeptReader in(*bytes);
+    FootageSamples samples;
+    samples.width = in.Get<int>(), samples.height = in.Get<int>();
+    samples.gaps = in.All<int>(), samples.time_steps = in.All<int>();
+    for (uint64_t left = in.Count(1); left > 0; --left) {
+      Image image;
+      image.width = in.Get<int>(), image.height = in.Get<int>(), image.channels = in.Get<int>();
+      image.pixels = in.All<uint8_t>();
+      if (image.pixels.size() != static_cast<size_t>(image.width) * image.height * image.channels) throw DamagedBytes();
+      samples.frames.push_back(std::move(image));
+    }
+    return samples;
+  } catch (const DamagedBytes&) {
+    KeptSamples(job).Damaged(job.name);
+  }
+  return std::nullopt;
+}
+
+void KeepSamples(const FootageSamples& samples, const CameraJob& job) {
+  if (job.kept.empty()) return;
+  KeptWriter out;
+  out.Put(samples.width), out.Put(samples.height);
+  out.PutAll(samples.gaps.data(), samples.gaps.size());
+  out.PutAll(samples.time_steps.data(), samples.time_steps.size());
+  out.Put<uint64_t>(samples.frames.size());
+  for (const Image& image : samples.frames) {
+    out.Put(image.width), out.Put(image.height), out.Put(image.channels);
+    out.PutAll(image.pixels.data(), image.pixels.size());
+  }
+  KeptSamples(job).Store(job.name, out.Take());
+}
 
 std::string BuiltBlockFolder(const CameraJob& job, int64_t block) {
   return job.kept.empty() ? "" : job.kept + "/" + job.name + Format("-%06lld", static_cast<long long>(block));

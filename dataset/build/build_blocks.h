@@ -4,8 +4,10 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/error.h"
+#include "core/image.h"
 #include "dataset/build/build_camera.h"
 
 namespace mvstudio::dataset::internal {
@@ -17,6 +19,18 @@ struct BuiltBlock {
   BuiltCamera built;   ///< counts of this block; mean_area_fraction is a sum
   bool ended = false;  ///< the footage holds no later frame
 };
+
+/// What the first pass over a camera's footage gives.
+struct FootageSamples {
+  std::vector<Image> frames;    ///< to learn the background from
+  std::vector<int> time_steps;  ///< of each of them
+  int width = 0, height = 0;
+  std::vector<int> gaps;  ///< time steps with joints and no image, ascending
+};
+
+/// Kept beside the camera's blocks; nothing where there are none.
+std::optional<FootageSamples> ReadKeptSamples(const CameraJob& job);
+void KeepSamples(const FootageSamples& samples, const CameraJob& job);
 
 /// KEPT/CAMERA-000012; empty where nothing is kept.
 std::string BuiltBlockFolder(const CameraJob& job, int64_t block);

@@ -16,6 +16,7 @@
 #include "core/format.h"
 #include "core/text/shell_word.h"
 #include "dataset/build/build_blocks.h"
+#include "dataset/build/first_pass.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
@@ -24,144 +25,12 @@ namespace mvstudio::dataset::internal {
 namespace fs = std::filesystem;
 namespace {
 
-std::string SizeText(int width, int height) { return std::to_string(width) + "x" + std::to_string(height); }
+using Samples = FootageSamples;
 
-bool HasJoint(const People& people) {
-  for (const auto& [id, pose] : people) {
-    if (std::any_of(pose.valid.begin(), pose.valid.end(), [](bool v) { return v; })) return true;
-  }
-  return false;
-}
-
-/// Frames to learn the background from: evenly spaced among those with joints.
-std::set<int> SampleFrames(const std::map<int, People>& poses, int count) {
-  std::vector<int> with_joints;
-  for (const auto& [frame, people] : poses) {
-    if (HasJoint(people)) with_joints.push_back(frame);
-  }
-  const int n = static_cast<int>(with_joints.size()), k = std::min(std::max(count, 1), n);
-  std::set<int> samples;
-  for (int i = 0; i < k; ++i) samples.insert(with_joints[size_t(2 * i + 1) * n / (2 * k)]);
-  return samples;
-}
-
-struct Samples {
-  std::vector<Image> frames;
+std::vector<People> PeopleOf(const CameraJob& job, const Samples& samples) {
   std::vector<People> people;
-  int width = 0, height = 0;
-  std::vector<int> gaps;
-};
-
-/// The time steps of a frame of the footage.
-class TimeSteps {
- public:
-  explicit TimeSteps(const CameraFootage& footage) {
-    if (!footage.timeline) return;
-    known_ = true;
-    const CameraTimeline* camera = footage.timeline->Find(footage.camera);
-    if (!camera) throw FormatError(footage.path, "timeline", "camera " + footage.camera + " is not in the take's timeline");
-    for (const auto& [frame, time_step] : TimeStepsOfFrames(*camera)) of_[frame].push_back(static_cast<int>(time_step));
-  }
-  std::vector<int> Of(int64_t number) const {
-    if (!known_)
-      return number >= 0 && number <= std::numeric_limits<int>::max() ? std::vector<int>{static_cast<int>(number)}
-                                                                      : std::vector<int>{};
-    const auto found = of_.find(number);
-    return found == of_.end() ? std::vector<int>{} : found->second;
-  }
-  /// Those of `wanted` that the camera has no frame for, as the timeline tells.
-  std::set<int> WithoutFrame(const std::set<int>& wanted) const {
-    std::set<int> without = known_ ? wanted : std::set<int>{};
-    for (const auto& [frame, time_steps] : of_) {
-      for (const int time_step : time_steps) without.erase(time_step);
-    }
-    return without;
-  }
-
- private:
-  bool known_ = false;
-  std::map<int64_t, std::vector<int>> of_;
-};
-
-std::string ListText(const std::set<int>& numbers) {
-  constexpr size_t kShown = 8;
-  std::string text;
-  size_t count = 0;
-  for (const int number : numbers) {
-    if (count++ == kShown) return text + ", … (" + std::to_string(numbers.size()) + " in all)";
-    text += (text.empty() ? "" : ", ") + std::to_string(number);
-  }
-  return text;
-}
-
-/// Handles time steps that have joints and no image.
-void Settle(const CameraJob& job, const std::set<int>& gaps, const std::set<int>& lost, int count, int64_t last,
-            const BuildOptions& options, Samples* samples) {
-  if (!lost.empty() && !options.keep_undamaged) {
-    throw FormatError(job.footage.path, "frame " + std::to_string(*lost.begin()),
-                      "has 3D joints and no image; the footage holds " + std::to_string(count) + " frames, the last is " +
-                          std::to_string(last) + ": is it the footage of this take, and whole?" +
-                          (lost.size() == 1 && *lost.begin() == count
-                               ? " If the joints' program counts frames from 1, option 'first-frame' 1 says so"
-                               : ""));
-  }
-  std::set<int> all = gaps;
-  all.insert(lost.begin(), lost.end());
-  if (!all.empty() && options.require_complete) {
-    throw FormatError(job.footage.path, "time step " + std::to_string(*all.begin()),
-                      "has 3D joints and no image: no frame was recorded at the time steps " + ListText(all) +
-                          "; without option 'require-complete' these images are left out");
-  }
-  samples->gaps.assign(all.begin(), all.end());
-}
-
-void CheckOrder(const FrameSource& source, const FrameSource::Frame& frame, int64_t last, Samples* samples) {
-  const auto [width, height] = source.size_px();
-  if (frame.number <= last) RefuseOrder(source.path(), frame.label, frame.number, last);
-  if (samples->width == 0) samples->width = width, samples->height = height;
-  if (width != samples->width || height != samples->height) {
-    throw FormatError(source.path(), frame.label,
-                      "is " + SizeText(width, height) + ", the ones before are " + SizeText(samples->width, samples->height));
-  }
-}
-
-/// The next frame; where damage is not passed over, says how it could be.
-std::optional<FrameSource::Frame> NextFrame(const BuildOptions& options, FrameSource* source) {
-  if (options.keep_undamaged) return source->Advance();
-  try {
-    return source->Advance();
-  } catch (const FormatError& error) {
-    const std::string start = error.path() + (error.where().empty() ? "" : ": " + error.where()) + ": ";
-    throw FormatError(error.path(), error.where(),
-                      std::string(error.what()).substr(start.size()) + "; option 'keep-undamaged' uses what decodes");
-  }
-}
-
-/// First pass over the footage: all of it must decode, have one size and reach the last frame of the joints.
-Samples ReadSamples(const CameraJob& job, const std::set<int>& wanted, const BuildOptions& options) {
-  Samples samples;
-  std::set<int> missing;
-  for (const auto& [frame, people] : *job.poses) missing.insert(frame);
-  const TimeSteps time_steps(job.footage);
-  const std::set<int> gaps = time_steps.WithoutFrame(missing);
-  for (const int gap : gaps) missing.erase(gap);
-  auto source = OpenFrames(job.footage.path, {options.keep_undamaged});
-  int64_t last = -1;
-  int count = 0;
-  for (; auto frame = NextFrame(options, source.get()); ++count) {
-    CheckOrder(*source, *frame, last, &samples);
-    last = frame->number;
-    Image image;
-    for (const int time_step : time_steps.Of(frame->number)) {
-      missing.erase(time_step);
-      if (!wanted.count(time_step)) continue;
-      if (image.empty()) image = source->FullImage();
-      samples.frames.push_back(image);
-      samples.people.push_back(job.poses->at(time_step));
-    }
-  }
-  Settle(job, gaps, missing, count, last, options, &samples);
-  return samples;
+  for (const int time_step : samples.time_steps) people.push_back(job.poses->at(time_step));
+  return people;
 }
 
 std::string ScoresText(const std::vector<SizeRule>& rules, const std::vector<double>& scores) {
@@ -177,8 +46,8 @@ SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const Build
                        std::vector<Notice>* warnings) {
   const geometry::Camera& c = job.camera.camera;
   const auto rules = SizeRules(c.width_px, c.height_px, samples.width, samples.height);
-  const std::string sizes =
-      "footage is " + SizeText(samples.width, samples.height) + ", the calibration is for " + SizeText(c.width_px, c.height_px);
+  const std::string sizes = "footage is " + PixelsText(samples.width, samples.height) + ", the calibration is for " +
+                            PixelsText(c.width_px, c.height_px);
   if (rules.empty()) {
     const bool rotated = samples.width == c.height_px && samples.height == c.width_px;
     throw FormatError(job.footage.path, "",
@@ -197,7 +66,7 @@ SizeDecision MatchSize(const CameraJob& job, const Samples& samples, const Build
     decision = {rules[0], false, {}};
     reason = "without evidence: no frame has joints";
   } else {
-    decision = DecideSizeRule(rules, job.camera, samples.frames, samples.people, job.joint_rms_px, options.mask);
+    decision = DecideSizeRule(rules, job.camera, samples.frames, PeopleOf(job, samples), job.joint_rms_px, options.mask);
     reason = std::string(decision.decisive ? "which the joints fit best"
                                            : "the likeliest of the rules that the joints do not rule out") +
              " (evidence in nats: " + ScoresText(rules, decision.scores) + ")";
@@ -248,15 +117,34 @@ class FrameWriter {
     if (built->images > 0) built->mean_area_fraction /= built->images;
   }
 
+  /// Folders of the blocks from `first` to before `end` that are there then; a damaged one is left to the build.
+  std::vector<std::string> KeepAll(int64_t first, int64_t end) {
+    std::vector<std::string> folders;
+    for (int64_t number = first; number < end; ++number) {
+      const std::string kept = BuiltBlockFolder(job_, number);
+      std::optional<BuiltBlock> block = ReadBuiltBlock(kept);
+      if (!block && !fs::exists(kept)) block = MakeKept(number, kept);
+      if (!block) continue;
+      folders.push_back(kept);
+      if (block->ended) break;
+    }
+    return folders;
+  }
+
  private:
   BuiltBlock WriteKept(int64_t number, const std::string& kept) {
+    const BuiltBlock block = MakeKept(number, kept);
+    TakeBuiltBlock(kept, job_.folder);
+    return block;
+  }
+
+  BuiltBlock MakeKept(int64_t number, const std::string& kept) {
     const UntracedScope untraced;
     const OutputLockScope locks;  // that of each block ends with it
     AtomicFolder folder(kept, false);
     const BuiltBlock block = Write(number, folder.work_path());
     WriteBuiltBlock(block, folder.work_path());
     folder.Commit();
-    TakeBuiltBlock(kept, job_.folder);
     return block;
   }
 
@@ -324,35 +212,78 @@ CameraMaskModel Learn(const CameraJob& job, const Samples& samples, const geomet
     plate = ReadImage(job.footage.plate);
     if (plate.width != samples.width || plate.height != samples.height) {
       throw FormatError(job.footage.plate, "",
-                        "the clean plate is " + SizeText(plate.width, plate.height) + ", the footage " +
-                            SizeText(samples.width, samples.height));
+                        "the clean plate is " + PixelsText(plate.width, plate.height) + ", the footage " +
+                            PixelsText(samples.width, samples.height));
     }
   }
   std::vector<ProjectedBody> bodies;
-  for (const People& people : samples.people) bodies.push_back(ProjectBody(people, camera, options));
+  for (const People& people : PeopleOf(job, samples)) bodies.push_back(ProjectBody(people, camera, options));
   return LearnCamera(samples.frames, bodies, plate.empty() ? nullptr : &plate, options);
 }
 
-CameraResult Build(const CameraJob& job, const BuildOptions& options) {
-  CameraResult result;
-  result.frame_rate_hz = FrameRate(job.footage);
+bool NeedsFrames(const CameraJob& job, const Samples& samples, const BuildOptions& options) {
+  const geometry::Camera& c = job.camera.camera;
+  return (options.masks && !job.masks) || SizeRules(c.width_px, c.height_px, samples.width, samples.height).size() > 1;
+}
+
+/// Kept by an earlier pass, or read. `keep_frames`: also where that takes room.
+Samples SamplesOf(const CameraJob& job, const BuildOptions& options, bool keep_frames) {
+  if (std::optional<Samples> kept = ReadKeptSamples(job)) return std::move(*kept);
   Samples samples = ReadSamples(job, SampleFrames(*job.poses, options.mask.background_frames), options);
+  const bool needed = NeedsFrames(job, samples, options);
+  if (!needed) samples.frames.clear(), samples.time_steps.clear();
+  if (!needed || keep_frames) KeepSamples(samples, job);
+  return samples;
+}
+
+/// What all blocks of a camera stand on.
+struct CameraStart {
+  CameraResult result;
+  std::optional<CameraMaskModel> model;
+};
+
+CameraStart StartOf(const CameraJob& job, const Samples& samples, const BuildOptions& options) {
+  CameraStart start;
+  CameraResult& result = start.result;
+  result.frame_rate_hz = FrameRate(job.footage);
   result.gaps = samples.gaps;
   result.size = MatchSize(job, samples, options, &result.warnings);
   result.camera = ApplySizeRule(job.camera, result.size.rule, samples.width, samples.height);
   result.built.name = job.name;
   result.built.alias = job.footage.camera;
   result.built.size_rule = result.size.rule.name;
-  CameraMaskModel model;
-  const bool masks = options.masks && !job.masks && !samples.frames.empty();
-  if (masks) {
-    model = Learn(job, samples, result.camera, options.mask);
-    result.built.background_known = model.background.KnownFraction();
-  }
-  samples.frames.clear();
-  FrameWriter(job, result.camera, masks ? &model : nullptr, options).WriteAll(&result.built);
+  if (!options.masks || job.masks || samples.frames.empty()) return start;
+  start.model = Learn(job, samples, result.camera, options.mask);
+  result.built.background_known = start.model->background.KnownFraction();
+  return start;
+}
+
+CameraResult Build(const CameraJob& job, const BuildOptions& options) {
+  CameraStart start = StartOf(job, SamplesOf(job, options, false), options);
+  CameraResult& result = start.result;
+  FrameWriter(job, result.camera, start.model ? &*start.model : nullptr, options).WriteAll(&result.built);
   result.camera.camera.name = job.name;
-  return result;
+  return std::move(result);
+}
+
+std::vector<std::string> KeepPart(const CameraJob& job, const BuildPart& part, const BuildOptions& options) {
+  const Samples samples = SamplesOf(job, options, true);
+  if (part.samples) return {job.kept + "/samples/" + job.name};
+  const CameraStart start = StartOf(job, samples, options);
+  return FrameWriter(job, start.result.camera, start.model ? &*start.model : nullptr, options)
+      .KeepAll(part.first_block, part.end_block);
+}
+
+/// FormatErrors name the camera.
+template <class Work>
+auto NamingCamera(const CameraJob& job, const Work& work) -> decltype(work()) {
+  try {
+    return work();
+  } catch (const FormatError& error) {
+    const std::string prefix = error.path() + (error.where().empty() ? "" : ": " + error.where()) + ": ";
+    const std::string what = std::string(error.what()).substr(std::min(prefix.size(), std::string(error.what()).size()));
+    throw FormatError(error.path(), "camera " + job.footage.camera + (error.where().empty() ? "" : ", " + error.where()), what);
+  }
 }
 
 }  // namespace
@@ -366,10 +297,10 @@ void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibra
     const auto [width, height] = source->size_px();
     if (!SizeRules(c.width_px, c.height_px, width, height).empty()) continue;
     const bool rotated = width == c.height_px && height == c.width_px;
-    wrong += (wrong.empty() ? "" : "; ") + ("camera " + job.footage.camera) + ": footage is " + SizeText(width, height) +
-             ", the calibration is for " + SizeText(c.width_px, c.height_px) +
+    wrong += (wrong.empty() ? "" : "; ") + ("camera " + job.footage.camera) + ": footage is " + PixelsText(width, height) +
+             ", the calibration is for " + PixelsText(c.width_px, c.height_px) +
              (rotated ? ": the footage is turned by a quarter" : ": more than 2 % apart");
-    if (!rotated) sizes += " option 'camera-size' " + ShellWord(job.footage.camera + "=" + SizeText(width, height));
+    if (!rotated) sizes += " option 'camera-size' " + ShellWord(job.footage.camera + "=" + PixelsText(width, height));
   }
   if (wrong.empty()) return;
   const std::string resize = sizes.empty() ? ""
@@ -378,14 +309,12 @@ void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibra
   throw FormatError(calibration, "", wrong + "; calibrate at this size or give the footage that was calibrated" + resize);
 }
 
+std::vector<std::string> KeepCameraPart(const CameraJob& job, const BuildPart& part, const BuildOptions& options) {
+  return NamingCamera(job, [&] { return KeepPart(job, part, options); });
+}
+
 CameraResult BuildCamera(const CameraJob& job, const BuildOptions& options) {
-  try {
-    return Build(job, options);
-  } catch (const FormatError& error) {
-    const std::string prefix = error.path() + (error.where().empty() ? "" : ": " + error.where()) + ": ";
-    const std::string what = std::string(error.what()).substr(std::min(prefix.size(), std::string(error.what()).size()));
-    throw FormatError(error.path(), "camera " + job.footage.camera + (error.where().empty() ? "" : ", " + error.where()), what);
-  }
+  return NamingCamera(job, [&] { return Build(job, options); });
 }
 
 }  // namespace mvstudio::dataset::internal

@@ -40,6 +40,9 @@ struct CameraResult {
 /// SizeRules explains; `calibration` is the file's path, for the message.
 void RequireSizes(const std::vector<CameraJob>& jobs, const std::string& calibration, const BuildOptions& options);
 
+/// Keeps a part of one camera's images and masks, or the first pass over its footage: see KeepBuildPart.
+std::vector<std::string> KeepCameraPart(const CameraJob& job, const BuildPart& part, const BuildOptions& options);
+
 /// Writes images and masks of one camera.
 CameraResult BuildCamera(const CameraJob& job, const BuildOptions& options);
 

@@ -5,6 +5,7 @@
 #include <mutex>
 #include <set>
 
+#include "core/disk/kept.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "core/parallel.h"
@@ -152,9 +153,24 @@ void CompareImages(const PanopticSequence& sequence, const std::vector<geometry:
   for (const Finding& finding : found) findings->Add(finding);
 }
 
+/// Whether the camera was checked before; damaged bytes count as nothing.
+bool TakeKept(const KeptChecks& kept, const std::string& camera, FootageCheck* check, Findings* findings) {
+  const std::optional<std::string> bytes = kept.load ? kept.load(camera) : std::nullopt;
+  if (!bytes) return false;
+  try {
+    Findings found;
+    *check = internal::CheckFromBytes(*bytes, &found);
+    *findings = found;
+    return true;
+  } catch (const DamagedBytes&) {
+    return false;
+  }
+}
+
 std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const std::vector<geometry::RigCamera>& cameras,
                                        const std::map<int, Body3dScene>& hd, const std::map<int, Body3dScene>& vga,
-                                       const VerifyOptions& options, const RunContext& run, Findings* findings) {
+                                       const VerifyOptions& options, const KeptChecks& kept, const RunContext& run,
+                                       Findings* findings) {
   std::vector<Findings> by_camera(cameras.size());
   std::vector<FootageCheck> checks(cameras.size());
   const std::map<int, Body3dScene> none;
@@ -163,15 +179,22 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
   std::mutex mutex;
   ParallelFor(static_cast<int64_t>(cameras.size()), run.num_threads, [&](int64_t i) {
     const auto k = static_cast<size_t>(i);
-    const PanopticFootage& footage = sequence.footage.at(cameras[k].camera.name);
-    const PanopticKind kind = KindOf(cameras[k].camera.name);
+    if (kept.count > 0 && i % kept.count != kept.index) return;
+    const std::string& name = cameras[k].camera.name;
+    const PanopticFootage& footage = sequence.footage.at(name);
+    const PanopticKind kind = KindOf(name);
     const auto& scenes = kind == PanopticKind::kHd ? hd : kind == PanopticKind::kVga ? vga : none;
-    checks[k] = footage.is_video ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
-                                 : internal::VerifyImages(sequence, cameras[k], footage, scenes, masks, options, &by_camera[k]);
+    if (!TakeKept(kept, name, &checks[k], &by_camera[k])) {
+      checks[k] = footage.is_video
+                      ? internal::VerifyVideo(cameras[k], footage, scenes, options, &by_camera[k])
+                      : internal::VerifyImages(sequence, cameras[k], footage, scenes, masks, options, &by_camera[k]);
+      if (kept.store) kept.store(name, internal::BytesOfCheck(checks[k], by_camera[k].list()));
+    }
     const std::lock_guard<std::mutex> lock(mutex);
     stage.Advance();
   });
   for (const Findings& f : by_camera) findings->Append(f);
+  if (kept.count > 0) return checks;
   internal::CompareCameras(cameras, checks, sequence, findings);
   CompareImages(sequence, cameras, hd, masks, run, findings);
   return checks;
@@ -207,7 +230,8 @@ std::string WithoutPath(const FormatError& error) {
 int VerifyReport::num_errors() const { return Count(findings, Finding::Severity::kError); }
 int VerifyReport::num_warnings() const { return Count(findings, Finding::Severity::kWarning); }
 
-VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options, const RunContext& run) {
+VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options, const RunContext& run,
+                           const KeptChecks& kept) {
   if (options.image_step < 1) throw UsageError("option 'picture-step' must be at least 1");
   Findings findings;
   const PanopticSequence sequence = ScanPanopticSequence(root, options.follow_links);
@@ -229,7 +253,7 @@ VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options
   CheckInView(sequence, rig, hd, &findings);
   const auto cameras = CamerasWithFootage(sequence, rig, &findings);
   report.cameras = static_cast<int>(cameras.size());
-  const std::vector<FootageCheck> checks = CheckFootage(sequence, cameras, hd, vga, options, run, &findings);
+  const std::vector<FootageCheck> checks = CheckFootage(sequence, cameras, hd, vga, options, kept, run, &findings);
   for (size_t i = 0; i < checks.size(); ++i) {
     const FootageCheck& check = checks[i];
     const std::string& name = cameras[i].camera.name;

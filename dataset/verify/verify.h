@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -45,10 +47,20 @@ struct VerifyReport {
   int num_warnings() const;
 };
 
+/// Checks of single cameras that several processes share.
+struct KeptChecks {
+  std::function<std::optional<std::string>(const std::string& camera)> load = {};
+  std::function<void(const std::string& camera, std::string bytes)> store = {};
+  int index = 0, count = 0;  ///< only the cameras whose number in the calibration, modulo `count`, is `index`; 0: all
+};
+
 /// Checks a dataset folder in Panoptic layout, from mvstudio or elsewhere, and lists all defects. Checked are calibration,
 /// names, sizes, joints, faces, hands, sync tables, missing, damaged or repeated images and videos, masks, and joints
 /// off the masks. Images and masks that are missing are a warning, for a camera without any an error. Throws IoError when the
 /// folder or its calibration is missing.
-VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options = {}, const RunContext& run = {});
+/// `kept.load`: what is there is not looked at again. With `kept.count`, cameras are not compared with each other, and the
+/// report is of those cameras alone.
+VerifyReport VerifyDataset(const std::string& root, const VerifyOptions& options = {}, const RunContext& run = {},
+                           const KeptChecks& kept = {});
 
 }  // namespace mvstudio::dataset

@@ -71,6 +71,10 @@ FootageCheck VerifyImages(const PanopticSequence& sequence, const geometry::RigC
 FootageCheck VerifyVideo(const geometry::RigCamera& camera, const PanopticFootage& footage,
                          const std::map<int, Body3dScene>& scenes, const VerifyOptions& options, Findings* findings);
 
+/// A camera's check and its findings as bytes. Reading throws DamagedBytes.
+std::string BytesOfCheck(const FootageCheck& check, const std::vector<Finding>& findings);
+FootageCheck CheckFromBytes(const std::string& bytes, Findings* findings);
+
 /// Finds cameras whose footage is that of another, and numbers of frames that differ within a kind.
 void CompareCameras(const std::vector<geometry::RigCamera>& cameras, const std::vector<FootageCheck>& checks,
                     const PanopticSequence& sequence, Findings* findings);

@@ -651,6 +651,7 @@ def dataset_build(
     first_mask: int = ...,
     no_masks: bool = ...,
     cache: _List = ...,
+    part: _Text = ...,
     sequence: _Text = ...,
     png: bool = ...,
     jpeg_quality: int = ...,

@@ -18,8 +18,9 @@ namespace {
 
 using nlohmann::ordered_json;
 
-CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptions& options, const RunContext& run) {
-  const dataset::VerifyReport report = dataset::VerifyDataset(folder, options, run);
+CommandResult VerifyFolder(const std::string& folder, const dataset::VerifyOptions& options, const RunContext& run,
+                           const dataset::KeptChecks& kept) {
+  const dataset::VerifyReport report = dataset::VerifyDataset(folder, options, run, kept);
   CommandResult result;
   result.metrics = {{"num_errors", report.num_errors()}, {"num_warnings", report.num_warnings()}};
   result.Add(DescribeDatasetFindings(report.findings));
@@ -218,12 +219,13 @@ CommandResult DescribeDatasetFindings(const std::vector<dataset::Finding>& findi
   return result;
 }
 
-CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run) {
+CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run,
+                                  const dataset::KeptChecks& kept) {
   if (IsSession(path)) {
     throw UsageError(path + " is a session: see mvstudio doctor " + ShellWord(path) +
                      "; dataset verify looks at datasets and packs");
   }
-  CommandResult result = dataset::IsPack(path) ? VerifyPackFile(path, run) : VerifyFolder(path, options, run);
+  CommandResult result = dataset::IsPack(path) ? VerifyPackFile(path, run) : VerifyFolder(path, options, run, kept);
   result.inputs = {path};
   return result;
 }

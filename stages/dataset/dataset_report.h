@@ -12,7 +12,8 @@ namespace mvstudio::stages {
 
 /// Lists all defects of a folder in Panoptic layout or a pack: exit 6 when parts are bad, 3 when everything is. Throws
 /// UsageError for a session.
-CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run);
+CommandResult VerifyDatasetOrPack(const std::string& path, const dataset::VerifyOptions& options, const RunContext& run,
+                                  const dataset::KeptChecks& kept = {});
 
 /// Describes a session, a folder in Panoptic layout or a pack.
 CommandResult DescribeDataset(const std::string& path);

@@ -26,6 +26,7 @@ struct DatasetBuildOptions {
   bool make_masks = false;  ///< without `masks`: make new ones also where the session's take has some
   bool no_masks = false;
   CachePlace cache;  ///< of what a build that was cut has made; auto: beside `out`
+  std::string part;  ///< see ParsePart; empty: all of it
   dataset::BuildOptions build;
   bool keep_sequence = false;  ///< build.sequence holds also where the session's take has a name
   bool keep_rate = false;      ///< build.frame_rate_hz holds also where the session or the joints state one
@@ -60,6 +61,9 @@ void VisitFields(Visitor&& visit, DatasetBuildOptions& o) {
   visit("cache", o.cache,
         "where images and masks are kept until the dataset is there, so that a build that was cut goes on with the next 300 "
         "frames: a folder, off, or auto: hidden beside option 'out', where they take no room of their own");
+  visit("part", o.part,
+        "keep a part for a later run with the same option 'cache', a folder, and write a list alone: samples=CAMERA (what is "
+        "learned of its footage), frames=CAMERA or frames=CAMERA:3-5 (blocks of 300 frames)");
   VisitFields(visit, o.build);
 }
 

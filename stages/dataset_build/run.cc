@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/disk/kept_key.h"
+#include "core/disk/output.h"
 #include "core/disk/paths.h"
 #include "core/disk/place.h"
 #include "core/error.h"
@@ -109,6 +110,16 @@ std::string KeyOfBuild(const DatasetBuildOptions& options, const dataset::BuildI
   return key.Take();
 }
 
+dataset::BuildPart BuildPartOf(const DatasetBuildOptions& options) {
+  const StagePart part = ParsePart(options.part);
+  if (part.kind != PartKind::kSamples && part.kind != PartKind::kFrames)
+    throw UsageError("option 'part' " + options.part + ": a dataset is built by samples=CAMERA and frames=CAMERA");
+  if (options.out.empty()) throw UsageError("option 'part' needs option 'out', a folder for the list of what is kept");
+  if (options.cache.kind != CachePlace::Kind::kFolder)
+    throw UsageError("option 'part' keeps its result: give option 'cache' a folder");
+  return {part.camera, part.kind == PartKind::kSamples, part.first_block, part.end_block};
+}
+
 }  // namespace
 
 bool DatasetBuildReport::OtherWorld() const { return built.world != dataset::kZUpWorld && built.world != calibrated_world; }
@@ -129,6 +140,26 @@ DatasetBuildReport RunDatasetBuild(DatasetBuildOptions options, const RunContext
   report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   report.calibrated_world = WorldText(dataset::ReadAnyCalibration(report.inputs.calibration));
   report.options = std::move(options);
+  return report;
+}
+
+PartReport RunDatasetBuildPart(DatasetBuildOptions options, const RunContext& run) {
+  const dataset::BuildPart part = BuildPartOf(options);
+  PartReport report{{}, options.part, options.out, {}};
+  dataset::BuildInputs inputs = ToBuildInputs(&options, &report.notes);
+  AtomicFolder folder(options.out, options.build.overwrite, {inputs.calibration, inputs.pose3d});
+  inputs.kept = KeptPlace(options);
+  inputs.kept_key = [&] { return KeyOfBuild(options, inputs); };
+  const bool there = std::any_of(inputs.footage.begin(), inputs.footage.end(),
+                                 [&](const dataset::CameraFootage& footage) { return footage.camera == part.camera; });
+  if (there) {
+    for (const std::string& name : dataset::KeepBuildPart(inputs, part, options.build, run))
+      report.kept.push_back("datasets/" + name);
+  } else {
+    report.notes.partial = true;  // its camera is not in the calibration
+  }
+  WritePart(report, folder.work_path());
+  folder.Commit();
   return report;
 }
 

@@ -8,6 +8,7 @@
 #include "dataset/build/build.h"
 #include "stages/dataset_build/options.h"
 #include "stages/input_notes.h"
+#include "stages/part.h"
 
 namespace mvstudio::stages {
 
@@ -28,5 +29,8 @@ struct DatasetBuildReport {
 /// Builds the folder options.out. Throws UsageError, IoError and FormatError, and what dataset::BuildDataset throws; a take
 /// without any image of the joints' time steps is no error (BuildReport::images).
 DatasetBuildReport RunDatasetBuild(DatasetBuildOptions options, const RunContext& run = {});
+
+/// Keeps `options.part` where RunDatasetBuild with the same options finds it. Throws as that does.
+PartReport RunDatasetBuildPart(DatasetBuildOptions options, const RunContext& run = {});
 
 }  // namespace mvstudio::stages

@@ -23,14 +23,19 @@ struct CutCamera {
 };
 
 /// Seconds of one image and one thread: docs/scale.md, "What an hour costs".
-double ImageSeconds(StageKind kind, double megapixels) { return kind == StageKind::kPose2d ? 0.41 : 0.12 + 0.21 * megapixels; }
+double ImageSeconds(StageKind kind, double megapixels) {
+  if (kind == StageKind::kPose2d) return 0.41;
+  if (kind == StageKind::kVerify) return 0.01 + 0.13 * megapixels;
+  return kind == StageKind::kMask ? 0.12 + 0.21 * megapixels : 0.13 * megapixels;
+}
 
 bool Gives(const PipelineStage& stage, const std::string& option) {
   return std::any_of(stage.options.begin(), stage.options.end(), [&](const auto& given) { return given.name == option; });
 }
 
 bool CanBeCut(const PipelineStage& stage) {
-  if (stage.kind != StageKind::kPose2d && stage.kind != StageKind::kMask) return false;
+  constexpr StageKind kCut[] = {StageKind::kPose2d, StageKind::kMask, StageKind::kDataset, StageKind::kVerify};
+  if (std::find(std::begin(kCut), std::end(kCut), stage.kind) == std::end(kCut)) return false;
   for (const char* option : {"cache", "out", "part", "budget", "target"})
     if (Gives(stage, option)) return false;
   for (const LineOption& option : stage.options) {
@@ -68,8 +73,10 @@ class StageCutter {
   std::vector<std::vector<PartTask>> Cut() const {
     std::vector<std::vector<PartTask>> levels;
     if (!(total_s_ > 2 * task_s_)) return levels;
-    if (stage_.kind == StageKind::kMask) levels.push_back(Samples());
-    if (!Gives(stage_, "backend")) levels.push_back({Part({PartKind::kChoice, "", 0, 0}, NAN, nullptr)});
+    if (stage_.kind == StageKind::kVerify) return {Shares()};
+    if (stage_.kind != StageKind::kPose2d) levels.push_back(Samples());
+    if (stage_.kind != StageKind::kDataset && !Gives(stage_, "backend"))
+      levels.push_back({Part({PartKind::kChoice, "", 0, 0}, NAN, nullptr)});
     levels.push_back(Frames());
     return levels;
   }
@@ -80,6 +87,19 @@ class StageCutter {
   std::vector<PartTask> Samples() const {
     std::vector<PartTask> parts;
     for (const CutCamera& camera : cameras_) parts.push_back(Part({PartKind::kSamples, camera.name, 0, 0}, NAN, &camera));
+    return parts;
+  }
+
+  /// Cameras of a dataset have other names, and none before it is built.
+  std::vector<PartTask> Shares() const {
+    const auto cameras = static_cast<double>(cameras_.size());
+    const int count = static_cast<int>(std::min(cameras, std::ceil(total_s_ / task_s_)));
+    std::vector<PartTask> parts;
+    for (int index = 0; index < count; ++index) {
+      StagePart part{PartKind::kShare, "", 0, 0};
+      part.index = index, part.count = count;
+      parts.push_back(Part(part, total_s_ / count, nullptr));
+    }
     return parts;
   }
 
@@ -109,7 +129,7 @@ class StageCutter {
     stage.output =
         folder_ + "/parts/" + std::string(ToString(stage.kind)) + "-" + dataset::Slug(stage.take) + "/" + Place(part);
     stage.options.push_back({"part", {stage.part}});
-    stage.options.push_back({"out", {stage.output}});
+    SetOutput(&stage);
     stage.options.push_back({"cache", {KeptFolder(folder_)}});
     if (!camera) return task;
     std::set<std::string> others;
@@ -119,6 +139,16 @@ class StageCutter {
     stage.inputs.erase(std::remove_if(stage.inputs.begin(), stage.inputs.end(), is_other), stage.inputs.end());
     stage.need = NeedOf(stage.kind, {1, camera->megapixels, camera->num_frames});
     return task;
+  }
+
+  static void SetOutput(PipelineStage* stage) {
+    const auto keep = std::find_if(stage->options.begin(), stage->options.end(),
+                                   [](const LineOption& option) { return option.name == "keep"; });
+    if (keep != stage->options.end()) {
+      keep->values = {stage->output};
+    } else {
+      stage->options.push_back({"out", {stage->output}});
+    }
   }
 
   /// A name of a folder; cameras may have any name.

@@ -8,7 +8,7 @@
 
 namespace mvstudio::stages {
 
-/// Parts of `pose2d` and `mask` of takes: by cameras, and where a camera takes longer than `task_seconds`, by blocks of frames.
+/// Parts of `pose2d`, `mask`, `dataset` and `verify` of takes: by cameras, and where a camera takes longer than `task_seconds`, by blocks of frames.
 /// Each keeps its result in KeptFolder(`folder`) and lists it in PLAN/parts. A stage that is foretold to take at most twice as
 /// long as a task has none; neither has one that chooses settings by a budget, or whose cache, output or part is given.
 /// `folder`: of the plan, absolute.

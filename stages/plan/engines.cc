@@ -157,7 +157,7 @@ std::string SlurmText(const Plan& plan, const std::vector<int>& ids, const Engin
     const std::string before = JobsBefore(plan, arrays, k);
     const std::string limit = options.max_running > 0 ? "%" + std::to_string(options.max_running) : "";
     const std::string command =
-        "exec " + TaskCommand(plan, options) + "$((" + std::to_string(array.first) + " + SLURM_ARRAY_TASK_ID))";
+        "exec " + TaskCommand(plan, options) + "$((" + std::to_string(array.first) + " + SLURM_ARRAY_TASK_ID)) --wait";
     text += "job" + std::to_string(k + 1) + "=$(sbatch --parsable --requeue --open-mode=append --job-name=" + array.name +
             " --array=" + Indices(indices) + limit + " --output=" + ShellWord(plan.folder + "/log/%x-%A_%a.txt");
     if (!before.empty()) {

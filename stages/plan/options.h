@@ -43,6 +43,7 @@ struct TaskOptions {
   std::string plan;  ///< folder
   int task = 0;
   bool again = false;  ///< also what is done, and what others made
+  bool wait = false;   ///< for another process that does the task now
 };
 
 struct JobsOptions {

@@ -31,8 +31,9 @@ struct TaskReport {
 };
 
 /// One task, unless it is done. Throws UsageError where it waits for others, FormatError where an input that no task makes is
-/// not what it was when the plan was written.
-TaskReport RunTask(const TaskOptions& options, const PipelineTools& tools);
+/// not what it was when the plan was written, LockedError where another process does it and `options.wait` is off or `run` is
+/// cancelled.
+TaskReport RunTask(const TaskOptions& options, const PipelineTools& tools, const RunContext& run = {});
 
 struct TaskRow {
   int id = 0;

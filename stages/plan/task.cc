@@ -1,5 +1,7 @@
+#include <chrono>
 #include <filesystem>
 #include <optional>
+#include <thread>
 
 #include "core/disk/lock.h"
 #include "core/disk/manifest.h"
@@ -23,6 +25,18 @@ void RequireSameInputs(const PlanTask& task) {
   }
 }
 
+/// Slurm starts a task twice when its controller was killed: both end well where the second waits for the first.
+void LockTask(const std::string& path, bool wait, const RunContext& run, std::optional<OutputLock>* lock) {
+  while (!*lock) {
+    try {
+      lock->emplace(path);
+    } catch (const LockedError&) {
+      if (!wait || (run.progress && run.progress->Cancelled())) throw;
+      std::this_thread::sleep_for(std::chrono::milliseconds(200));
+    }
+  }
+}
+
 void RequireDone(const Plan& plan, const PlanTask& task) {
   for (const int id : task.after) {
     const PlanTask& earlier = TaskOf(plan, id);
@@ -36,8 +50,8 @@ void RequireDone(const Plan& plan, const PlanTask& task) {
 
 class TaskRun {
  public:
-  TaskRun(const TaskOptions& options, const PipelineTools& tools)
-      : options_(options), tools_(tools), plan_(ReadPlan(options.plan)), task_(TaskOf(plan_, options.task)) {
+  TaskRun(const TaskOptions& options, const PipelineTools& tools, const RunContext& run)
+      : options_(options), tools_(tools), run_(run), plan_(ReadPlan(options.plan)), task_(TaskOf(plan_, options.task)) {
     report_.task = task_.id;
     row_.stage = task_.stage.name();
     row_.command = task_.stage.line().Text();
@@ -46,7 +60,8 @@ class TaskRun {
   TaskReport Run() {
     RequireDone(plan_, task_);
     RequireSameInputs(task_);
-    const OutputLock lock(TriedPath(plan_, task_));
+    std::optional<OutputLock> lock;
+    LockTask(TriedPath(plan_, task_), options_.wait, run_, &lock);
     std::optional<StageRecord> earlier = ReadTaskRecord(TriedPath(plan_, task_), task_);
     if (!earlier) earlier = ReadTaskRecord(MarkerPath(plan_, task_), task_);
     Judgement judged = JudgeStage(task_.stage, tools_.version, earlier ? &*earlier : nullptr);
@@ -102,6 +117,7 @@ class TaskRun {
 
   const TaskOptions& options_;
   const PipelineTools& tools_;
+  const RunContext& run_;
   const Plan plan_;
   const PlanTask& task_;
   TaskReport report_;
@@ -111,6 +127,8 @@ class TaskRun {
 
 }  // namespace
 
-TaskReport RunTask(const TaskOptions& options, const PipelineTools& tools) { return TaskRun(options, tools).Run(); }
+TaskReport RunTask(const TaskOptions& options, const PipelineTools& tools, const RunContext& run) {
+  return TaskRun(options, tools, run).Run();
+}
 
 }  // namespace mvstudio::stages

@@ -1,7 +1,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <filesystem>
+#include <memory>
 #include <set>
 
 #include "tests/avatar/panoptic_fixture.h"
@@ -89,6 +91,76 @@ TEST_F(AvatarSignals, EndingTheFirstRankEndsTheOthers) {
                   "100000"},
                  number, [&] { return fs::exists(out + "/checkpoint.safetensors"); });
   }
+}
+
+TEST_F(AvatarSignals, RanksThatSrunStartedStopTogetherAndGoOnToTheSameBytes) {
+  const std::vector<std::unique_ptr<TempDir>> streams = [] {
+    std::vector<std::unique_ptr<TempDir>> made;
+    for (int rank = 0; rank < 2; ++rank) made.push_back(std::make_unique<TempDir>());
+    return made;
+  }();
+  const auto start = [&](int rank, const Words& words, const char* restarts) {
+    Words all = words;
+    all.insert(all.end(), {"--rendezvous", "slurm", "--threads", "1"});
+    return std::make_unique<Running>(all, *streams[static_cast<size_t>(rank)], [rank, restarts] {
+      for (const auto& [name, value] :
+           {std::pair("SLURM_JOB_ID", "7"), std::pair("SLURM_STEP_ID", "0"), std::pair("SLURM_NTASKS", "2"),
+            std::pair("SLURM_STEP_NUM_NODES", "1"), std::pair("SLURM_RESTART_COUNT", restarts)})
+        setenv(name, value, 1);
+      setenv("SLURM_PROCID", std::to_string(rank).c_str(), 1);
+    });
+  };
+  const auto train = [&](const std::string& out) {
+    return Words{"avatar",
+                 "train",
+                 Data(),
+                 "--out",
+                 out,
+                 "--size",
+                 "32",
+                 "--width",
+                 "4",
+                 "--downs",
+                 "2",
+                 "--encoder-blocks",
+                 "1",
+                 "--decoder-blocks",
+                 "1",
+                 "--no-fit-shape",
+                 "--init-steps",
+                 "4",
+                 "--save-every",
+                 "2",
+                 "--steps",
+                 "600"};
+  };
+  const auto both_end = [&](const Words& words, const char* restarts, int number, const std::string& checkpoint) {
+    const std::array<std::unique_ptr<Running>, 2> ranks = {start(0, words, restarts), start(1, words, restarts)};
+    if (number > 0) {
+      EXPECT_TRUE(WaitUntil([&] { return fs::exists(checkpoint) || ranks[0]->HasEnded(); }));
+      ranks[1]->Send(number);  // one hears it, both stop
+    }
+    std::array<int, 2> exits{};
+    for (size_t rank = 0; rank < 2; ++rank) {
+      EXPECT_TRUE(ranks[rank]->Await(std::chrono::seconds(100)));
+      exits[rank] = ranks[rank]->Result().exit;
+      EXPECT_THAT(exits[rank], ::testing::AnyOf(0, 75)) << ranks[rank]->Result().err;
+    }
+    return exits;
+  };
+  const std::string whole = work_ / "whole", file = "/checkpoint.safetensors";
+  EXPECT_THAT(both_end(train(whole), "0", 0, ""), ::testing::Each(0));
+  for (const int number : {SIGUSR1, SIGTERM}) {
+    const std::string cut = work_ / std::to_string(number);
+    EXPECT_THAT(both_end(train(cut), "0", number, cut + file), ::testing::Each(75));
+    ASSERT_TRUE(fs::exists(cut + file));
+    EXPECT_NE(Slurp(cut + file), Slurp(whole + file)) << "it was cut before its end";
+    EXPECT_THAT(both_end({"avatar", "resume", cut}, "1", 0, ""), ::testing::Each(0));
+    EXPECT_EQ(Slurp(cut + file), Slurp(whole + file));
+  }
+  for (const auto& entry : fs::directory_iterator(work_.path()))
+    EXPECT_FALSE(Mentions(entry.path().string(), ".ranks-")) << entry.path();
+  EXPECT_EQ(RunCli({"avatar", "resume", whole, "--rendezvous", "slurm"}, "env -u SLURM_JOB_ID ").exit, 2) << "no srun";
 }
 
 TEST_F(AvatarSignals, EndingATradeoffEndsTheTrainingThatItRuns) {

@@ -1,10 +1,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <future>
 #include <map>
 #include <sstream>
+#include <thread>
 
 #include "tests/support/run_cli.h"
 
@@ -50,7 +53,13 @@ TEST_F(PlanCommands, DoWhatRunDoes) {
   EXPECT_EQ(RunCli({"task", Path("plan"), "3"}).exit, 2) << "before those that it waits for";
   EXPECT_EQ(RunCli({"task", Path("plan"), "4"}).exit, 2) << "there are three";
   EXPECT_EQ(RunCli({"jobs", "status", Path("plan")}).exit, 6);
-  const nlohmann::json first = RunCli({"task", Path("plan"), "1", "--json"}).Json();
+  auto does_it = std::async(std::launch::async, [] { return RunCli({"task", Path("plan"), "1", "--json"}).Json(); });
+  while (!fs::exists(Path("plan/tried/1.json"))) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  EXPECT_EQ(RunCli({"task", Path("plan"), "1"}).exit, 75) << "another process does it";
+  const CliRun waited = RunCli({"task", Path("plan"), "1", "--wait"});
+  EXPECT_EQ(waited.exit, 0) << waited.err;
+  EXPECT_THAT(waited.out, HasSubstr("up to date"));
+  const nlohmann::json first = does_it.get();
   const double peak_mb = first["timing"]["peak_rss_mb"].get<double>(), foretold_mb = Foretold(1, "memory_mb");
   if (!kSanitized) {
     EXPECT_GT(foretold_mb, peak_mb / 2);
@@ -99,21 +108,22 @@ TEST_F(PlanCommands, DoWhatRunDoes) {
   EXPECT_EQ(RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "triangulate", "--overwrite"}).exit, 0);
 }
 
-/// Masks by cameras, joined by a task that finds what the others kept.
-TEST_F(PlanCommands, MasksInPartsAreThoseOfOneRun) {
+/// Masks and a dataset by cameras, joined by tasks that find what the others kept; its check by cameras, too.
+TEST_F(PlanCommands, PartsGiveWhatOneRunGives) {
   for (const char* name : {"cut", "whole"}) fs::copy(Path("fresh"), Path(name), fs::copy_options::recursive);
-  const CliRun whole = RunCli({"run", Path("whole"), "--to", "mask"});
+  const CliRun whole = RunCli({"run", Path("whole"), "--to", "verify"});
   ASSERT_THAT(whole.exit, ::testing::AnyOf(0, 6)) << whole.err;
-  const auto masks = [](const std::string& session) {
+  const auto images = [](const std::string& session, const std::string& stage) {
     std::map<std::string, std::string> files;
-    const std::string folder = Path(session + "/masks/take1");
+    const std::string folder = Path(session + "/" + stage + "/take1");
     for (const auto& entry : fs::recursive_directory_iterator(folder)) {
       if (entry.path().extension() == ".png" || entry.path().extension() == ".jpg")
         files[entry.path().string().substr(folder.size())] = Slurp(entry.path().string());
     }
     return files;
   };
-  const CliRun plan = RunCli({"plan", Path("cut"), "--out", Path("parts"), "--to", "mask", "--task-seconds", "1", "--write",
+  const auto masks = [&](const std::string& session) { return images(session, "masks"); };
+  const CliRun plan = RunCli({"plan", Path("cut"), "--out", Path("parts"), "--to", "verify", "--task-seconds", "0.1", "--write",
                               "ninja", "slurm", "snakemake"});
   ASSERT_EQ(plan.exit, 0) << plan.err;
   EXPECT_THAT(plan.out, HasSubstr("mask take1 frames=cam_02"));
@@ -126,10 +136,21 @@ TEST_F(PlanCommands, MasksInPartsAreThoseOfOneRun) {
   };
   const CliRun all = RunCli({"jobs", "submit", Path("parts")});
   ASSERT_EQ(all.exit, 0) << all.err << Slurp(Path("parts/submit.log"));
-  EXPECT_EQ(states(), (std::map<std::string, int>{{"done", 3 + 3 + 1 + 3 + 1}})) << "samples, choice, frames, the whole";
+  EXPECT_EQ(states(), (std::map<std::string, int>{{"done", 3 + (3 + 1 + 3 + 1) + (3 + 3 + 1) + (3 + 1)}}))
+      << "samples, choice, frames, the whole; samples, frames, the whole; shares, the whole";
   EXPECT_EQ(masks("cut").size(), size_t{3 * 12 + 3});
   EXPECT_EQ(masks("cut"), masks("whole"));
   EXPECT_FALSE(fs::exists(Path("cut/masks/take1/part.json")));
+  EXPECT_EQ(images("cut", "dataset").size(), size_t{2 * 3 * 12});
+  EXPECT_EQ(images("cut", "dataset"), images("whole", "dataset"));
+  const auto found = [](const std::string& session) {
+    const auto metrics = nlohmann::json::parse(Slurp(Path(session + "/verify/take1/dataset_verify.result.json")))["metrics"];
+    std::vector<int> numbers;
+    for (const char* name : {"num_errors", "num_warnings", "cameras", "frames", "pictures", "masks"})
+      numbers.push_back(metrics[name]);
+    return numbers;
+  };
+  EXPECT_EQ(found("cut"), found("whole"));
 
   // The parts did their work: that they are gone changes nothing, and a lost result is made without them.
   fs::remove_all(Path("parts/kept")), fs::remove_all(Path("parts/parts"));

@@ -1,6 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <signal.h>
+#include <sys/mount.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -8,9 +10,11 @@
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <memory>
 #include <thread>
 
+#include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
 
 /// `mvstudio jobs` with a real Slurm of one node, which the test starts and ends: Debian's slurm-wlm and munge.
@@ -69,11 +73,16 @@ class Slurm {
   void StartController() { controller_ = Start({"slurmctld", "-D", "-f", Configuration()}); }
   void KillController() { controller_->End(SIGKILL); }
 
-  /// What a client of Slurm prints.
+  /// What a client of Slurm prints; clients wait for minutes where there is no controller.
   std::string Ask(const std::string& line) const {
     const std::string out = folder_ + "/answer";
-    return std::system((line + " >" + ShellQuote(out) + " 2>&1").c_str()) == 0 ? Slurp(out) : "failed: " + Slurp(out);
+    const std::string command = "timeout 10 " + line + " >" + ShellQuote(out) + " 2>&1";
+    return std::system(command.c_str()) == 0 ? Slurp(out) : "failed: " + Slurp(out);
   }
+  bool IsIdle() const { return Ask("sinfo --noheader --format=%t").rfind("idle", 0) == 0; }
+  bool IsEmpty() const { return Ask("squeue --noheader").empty(); }
+  std::string NumRunning() const { return Ask("squeue --noheader --states=RUNNING --format=%A"); }
+  std::string Log() const { return Ask("squeue") + Slurp(folder_ + "/slurmctld.out"); }
 
  private:
   std::string Configuration() const { return folder_ + "/slurm.conf"; }
@@ -95,7 +104,9 @@ class Slurm {
                                    << "/slurmctld.pid\nSlurmdPidFile=" << folder_
                                    << "/slurmd.pid\nProctrackType=proctrack/linuxproc\nTaskPlugin=task/none\n"
                                    << "SelectType=select/cons_tres\nSelectTypeParameters=CR_Core\n"
-                                   << "SlurmdParameters=config_overrides\nReturnToService=2\nNodeName=" << host
+                                   << "SlurmdParameters=config_overrides\nReturnToService=2\nMpiDefault=none\n"
+                                   << "SchedulerParameters=sched_interval=1,batch_sched_delay=0,sched_min_interval=0\n"
+                                   << "KillWait=5\nNodeName=" << host
                                    << " NodeAddr=127.0.0.1 CPUs=2 RealMemory=8000 State=UNKNOWN\nPartitionName=main Nodes="
                                    << host << " Default=YES MaxTime=INFINITE State=UP\n";
   }
@@ -113,46 +124,185 @@ bool Await(int seconds, const Condition& condition) {
   return false;
 }
 
+class SlurmJobs : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    for (const char* program : {"munged", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel", "sinfo", "scontrol"})
+      if (!IsInstalled(program)) GTEST_SKIP() << program << " is not there: Debian's slurm-wlm and munge";
+    if (geteuid() != 0) GTEST_SKIP() << "needs the right to start slurmd";
+    if (unshare(CLONE_NEWNS) != 0 || mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0)
+      GTEST_SKIP() << "needs the right to mount a small file system";
+    fs::create_directory(Path("slurm"));
+    slurm_ = std::make_unique<Slurm>(Path("slurm"));
+    ASSERT_TRUE(Await(60, [&] { return slurm_->IsIdle(); })) << slurm_->Ask("sinfo") << slurm_->Log();
+  }
+
+  std::string Path(const std::string& name) const { return folder_ / name; }
+
+  /// Sessions `s` and `straight` of the same bytes.
+  void MakeSessions() const {
+    ASSERT_EQ(RunCli({"synth", "--out", Path("s"), "--cameras", "3", "--size", "320x240", "--board", "charuco:5x4:240mm:180mm",
+                      "--board-frames", "40", "--take-frames", "12"})
+                  .exit,
+              0);
+    fs::copy(Path("s"), Path("straight"), fs::copy_options::recursive);
+  }
+  void Jobs(const std::string& verb) const {
+    const CliRun submitted = RunCli({"jobs", verb, Path("plan"), "--engine", "slurm"});
+    ASSERT_EQ(submitted.exit, 0) << submitted.err << Slurp(Path("plan/submit.log"));
+  }
+  std::map<std::string, int> States() const {
+    std::map<std::string, int> counts;
+    const nlohmann::json json = RunCli({"jobs", "status", Path("plan"), "--json"}).Json();
+    for (const auto& task : json["metrics"]["tasks"]) ++counts[task["state"].get<std::string>()];
+    return counts;
+  }
+  int NumDone() const { return States()["done"]; }
+  bool AwaitEmpty(int seconds) const {
+    return Await(seconds, [&] { return slurm_->IsEmpty(); });
+  }
+  /// What tasks said, and what Slurm did.
+  std::string Logs() const {
+    std::string text = slurm_->Log();
+    if (!fs::exists(Path("plan/log"))) return text;
+    for (const auto& entry : fs::directory_iterator(Path("plan/log")))
+      text += entry.path().filename().string() + ":\n" + Slurp(entry.path().string());
+    return text;
+  }
+  /// What Slurm knew after its last save is lost: it may start again what is done, or runs.
+  void KillAndStartController() {
+    slurm_->KillController();
+    slurm_->StartController();
+    ASSERT_TRUE(Await(60, [&] { return slurm_->Ask("sinfo --noheader").rfind("failed", 0) != 0; })) << slurm_->Log();
+  }
+  /// All files of a kind below SESSION/FOLDER by their names.
+  std::map<std::string, std::string> BytesOf(const std::string& folder) const {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : fs::recursive_directory_iterator(Path(folder))) {
+      const std::string name = entry.path().filename().string(), end = entry.path().extension().string();
+      if (end == ".png" || end == ".jpg" || end == ".h5" || name == "points.csv" || name == "calibration.json")
+        files[entry.path().lexically_relative(Path(folder)).string()] = Slurp(entry.path().string());
+    }
+    return files;
+  }
+
+  const TempDir folder_;
+  std::unique_ptr<Slurm> slurm_;
+};
+
 /// A task is killed, then the controller: one `jobs retry` does what is missing, and every byte is that of `run`.
-TEST(SlurmJobs, AfterKillsOneRetryDoesTheRest) {
-  for (const char* program : {"munged", "slurmctld", "slurmd", "sbatch", "squeue", "scancel", "sinfo"})
-    if (!IsInstalled(program)) GTEST_SKIP() << program << " is not there: Debian's slurm-wlm and munge";
-  if (geteuid() != 0) GTEST_SKIP() << "needs the right to start slurmd";
-  const TempDir folder;
-  const auto path = [&](const std::string& name) { return folder / name; };
-  ASSERT_EQ(RunCli({"synth", "--out", path("s"), "--cameras", "3", "--size", "320x240", "--board", "charuco:5x4:240mm:180mm",
-                    "--board-frames", "40", "--take-frames", "12"})
-                .exit,
-            0);
-  fs::copy(path("s"), path("straight"), fs::copy_options::recursive);
-  ASSERT_EQ(RunCli({"plan", path("s"), "--out", path("plan"), "--to", "triangulate", "--write", "slurm"}).exit, 0);
-  const auto num_done = [&] {
-    return RunCli({"jobs", "status", path("plan"), "--json"}).Json()["metrics"]["num_done"].get<int>();
-  };
+TEST_F(SlurmJobs, AfterKillsOneRetryDoesTheRest) {
+  MakeSessions();
+  ASSERT_EQ(RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "triangulate", "--write", "slurm"}).exit, 0);
+  Jobs("submit");
+  ASSERT_TRUE(Await(60, [&] { return fs::exists(Path("plan/tried/1.json")); })) << Logs();
+  slurm_->Ask("scancel --user=root --state=RUNNING --signal=KILL --full");
+  ASSERT_TRUE(AwaitEmpty(60)) << "what waits for a killed task is cancelled: " << Logs();
+  EXPECT_LT(NumDone(), 3);
+  KillAndStartController();
 
-  fs::create_directory(path("slurm"));
-  Slurm slurm(path("slurm"));
-  const auto is_idle = [&] { return slurm.Ask("sinfo --noheader --format=%t").rfind("idle", 0) == 0; };
-  const auto is_empty = [&] { return slurm.Ask("squeue --noheader").empty(); };
-  ASSERT_TRUE(Await(60, is_idle)) << slurm.Ask("sinfo") << Slurp(path("slurm/slurmctld.out"));
-
-  const CliRun submitted = RunCli({"jobs", "submit", path("plan"), "--engine", "slurm"});
-  ASSERT_EQ(submitted.exit, 0) << submitted.err << Slurp(path("plan/submit.log"));
-  ASSERT_TRUE(Await(60, [&] { return fs::exists(path("plan/tried/1.json")); })) << slurm.Ask("squeue");
-  slurm.Ask("scancel --user=root --state=RUNNING --signal=KILL --full");
-  ASSERT_TRUE(Await(60, is_empty)) << "what waits for a killed task is cancelled: " << slurm.Ask("squeue");
-  EXPECT_LT(num_done(), 3);
-  slurm.KillController();
-  slurm.StartController();
-  ASSERT_TRUE(Await(60, is_idle)) << slurm.Ask("sinfo");
-
-  ASSERT_EQ(RunCli({"jobs", "retry", path("plan"), "--engine", "slurm"}).exit, 0);
-  ASSERT_TRUE(Await(120, is_empty)) << slurm.Ask("squeue");
-  EXPECT_EQ(num_done(), 3);
-  const CliRun straight = RunCli({"run", path("straight"), "--to", "triangulate"});
+  Jobs("retry");
+  ASSERT_TRUE(AwaitEmpty(120)) << Logs();
+  EXPECT_EQ(NumDone(), 3) << Logs();
+  const CliRun straight = RunCli({"run", Path("straight"), "--to", "triangulate"});
   ASSERT_THAT(straight.exit, ::testing::AnyOf(0, 6)) << straight.err;
-  for (const char* file : {"calib/calibration.json", "pose3d/take1/points.csv"})
-    EXPECT_EQ(Slurp(path(std::string("s/") + file)), Slurp(path(std::string("straight/") + file))) << file;
+  for (const char* folder : {"/calib", "/pose3d"}) {
+    EXPECT_FALSE(BytesOf("s" + std::string(folder)).empty());
+    EXPECT_EQ(BytesOf("s" + std::string(folder)), BytesOf("straight" + std::string(folder)));
+  }
+}
+
+/// A plan cut by parts: a part is killed, the node drained, the controller killed, a marker forged, the disk full.
+TEST_F(SlurmJobs, PartsSurviveKillsADrainAForgedMarkerAndAFullDisk) {
+  MakeSessions();
+  ASSERT_EQ(
+      RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "verify", "--task-seconds", "0.1", "--write", "slurm"}).exit,
+      0);
+  constexpr int kBeforeMasks = 3 + 3 + 1 + 3, kTasks = kBeforeMasks + 1 + (3 + 3 + 1) + (3 + 1);
+  constexpr int kSamples = 4;  // the first task of samples; 1 to 3 are stages
+  Jobs("submit");
+  const std::string tried = Path("plan/tried/" + std::to_string(kSamples) + ".json");
+  ASSERT_TRUE(Await(120, [&] { return fs::exists(tried); })) << Logs();
+  slurm_->Ask("scancel --user=root --state=RUNNING --signal=KILL --full");
+  ASSERT_TRUE(AwaitEmpty(60)) << Logs();
+  EXPECT_THAT(NumDone(), ::testing::AllOf(::testing::Ge(3), ::testing::Lt(kTasks)));
+
+  // A forged marker, a true one of another task, counts for nothing, and is nobody's of mvstudio to remove.
+  const std::string forged = Path("plan/done/" + std::to_string(kTasks) + ".json");
+  fs::copy_file(Path("plan/done/1.json"), forged);
+  EXPECT_LT(NumDone(), kTasks);
+  EXPECT_EQ(RunCli({"jobs", "retry", Path("plan"), "--engine", "slurm"}).exit, 2);
+  fs::remove(forged);
+
+  // Drained: what runs ends, nothing begins. Then the controller forgets what it did.
+  Jobs("retry");
+  ASSERT_TRUE(Await(60, [&] { return !slurm_->NumRunning().empty(); })) << Logs();
+  const std::string node = slurm_->Ask("sinfo --noheader --format=%n");
+  const auto update = [&](const std::string& state) {
+    return slurm_->Ask("scontrol update NodeName=" + node.substr(0, node.find('\n')) + " State=" + state + " Reason=test");
+  };
+  EXPECT_EQ(update("DRAIN"), "");
+  EXPECT_TRUE(Await(120, [&] { return slurm_->NumRunning().empty(); })) << Logs();
+  const int drained = NumDone();
+  std::this_thread::sleep_for(std::chrono::seconds(3));
+  EXPECT_EQ(NumDone(), drained) << "nothing begins on a node that is drained";
+  EXPECT_LT(drained, kTasks);
+  KillAndStartController();
+  update("RESUME");
+
+  // The disk that holds the masks is full: the task fails, and says so.
+  fs::create_directories(Path("s/masks"));
+  ASSERT_EQ(mount("tmpfs", Path("s/masks").c_str(), "tmpfs", 0, "size=40k"), 0);
+  ASSERT_TRUE(AwaitEmpty(180)) << Logs();
+  Jobs("retry");
+  ASSERT_TRUE(AwaitEmpty(180)) << Logs();
+  EXPECT_EQ(NumDone(), kBeforeMasks) << Logs();
+  EXPECT_EQ(RunCli({"jobs", "status", Path("plan")}).exit, 7) << "out of resources";
+  ASSERT_EQ(umount(Path("s/masks").c_str()), 0);
+
+  Jobs("retry");
+  ASSERT_TRUE(AwaitEmpty(180)) << Logs();
+  EXPECT_EQ(NumDone(), kTasks) << Logs();
+  const CliRun straight = RunCli({"run", Path("straight"), "--to", "verify"});
+  ASSERT_THAT(straight.exit, ::testing::AnyOf(0, 6)) << straight.err;
+  for (const char* folder : {"/calib", "/pose3d", "/masks", "/dataset"}) {
+    EXPECT_FALSE(BytesOf("s" + std::string(folder)).empty());
+    EXPECT_EQ(BytesOf("s" + std::string(folder)), BytesOf("straight" + std::string(folder)));
+  }
+}
+
+/// One training of two processes: told to stop, it saves and ends with 75; started again, it has the bytes of one that nobody
+/// cut.
+TEST_F(SlurmJobs, ATrainingUnderSrunGoesOnToTheSameBytes) {
+  if (RunCli({"version", "--json"}).Json()["metrics"]["avatar"] != true) GTEST_SKIP() << "built without avatars";
+  avatar::WriteMannequinDataset(Path("data"), 4, 12, 96);
+  const auto submit = [&](const std::string& run) {
+    const std::string net =
+        " --size 32 --width 4 --downs 2 --encoder-blocks 1 --decoder-blocks 1 --no-fit-shape --init-steps 4"
+        " --save-every 2 --steps 600";
+    const std::string script = Path("train.sh"), end = " --rendezvous slurm --threads 1\n";
+    std::ofstream(script) << "#!/bin/sh\nif [ -e " << run << "/checkpoint.safetensors ]; then\n  srun " << CliPath()
+                          << " avatar resume " << run << end << "else\n  srun " << CliPath() << " avatar train " << Path("data")
+                          << " --out " << run << net << end << "fi\necho ended with $?\n";
+    slurm_->Ask("sbatch --ntasks=2 --output=" + run + ".txt " + script);
+  };
+  const auto bytes = [&](const std::string& run) { return Slurp(run + "/checkpoint.safetensors"); };
+  submit(Path("whole"));
+  ASSERT_TRUE(AwaitEmpty(120)) << slurm_->Log();
+  EXPECT_THAT(Slurp(Path("whole.txt")), ::testing::HasSubstr("ended with 0"));
+  for (const char* signal : {"USR1", "TERM"}) {
+    const std::string run = Path(signal);
+    submit(run);
+    ASSERT_TRUE(Await(60, [&] { return fs::exists(run + "/checkpoint.safetensors"); })) << Slurp(run + ".txt");
+    slurm_->Ask("scancel --user=root --state=RUNNING --signal=" + std::string(signal));  // the processes, not the script
+    ASSERT_TRUE(AwaitEmpty(60)) << slurm_->Log();
+    EXPECT_THAT(Slurp(run + ".txt"), ::testing::HasSubstr("ended with 75"));
+    EXPECT_NE(bytes(run), bytes(Path("whole")));
+    submit(run);
+    ASSERT_TRUE(AwaitEmpty(120)) << slurm_->Log();
+    EXPECT_THAT(Slurp(run + ".txt"), ::testing::HasSubstr("ended with 0"));
+    EXPECT_EQ(bytes(run), bytes(Path("whole")));
+  }
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "core/disk/files.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
@@ -460,6 +461,40 @@ TEST_F(VerifyTest, WhatRemainsUsable) {
 TEST_F(VerifyTest, NoDatasetAtAll) {
   EXPECT_THROW(VerifyDataset(Path("none")), IoError);
   EXPECT_THROW(VerifyDataset(Path("hdImgs")), IoError);
+}
+
+TEST_F(VerifyTest, WhatOthersCheckedIsNotLookedAtAgain) {
+  WriteImage(Image(80, 60, 1), Mask0(6));  // the joints lie beside it
+  fs::remove(Path("hdImgs/00_01/00_01_00000007.jpg"));
+  const VerifyReport whole = VerifyDataset(folder_.path());
+  ASSERT_FALSE(whole.findings.empty());
+  std::map<std::string, std::string> bytes;
+  KeptChecks kept;
+  kept.load = [&](const std::string& camera) {
+    const auto found = bytes.find(camera);
+    return found == bytes.end() ? std::nullopt : std::optional<std::string>(found->second);
+  };
+  kept.store = [&](const std::string& camera, std::string made) { bytes[camera] = std::move(made); };
+  kept.count = 2;
+  for (kept.index = 0; kept.index < 2; ++kept.index) {
+    VerifyDataset(folder_.path(), {}, {}, kept);
+    EXPECT_EQ(bytes.size(), static_cast<size_t>(kept.index + 1)) << "one camera a share";
+  }
+  const std::string image = ReadFile(Image0(5));
+  WriteFileAtomic(Image0(5), "damaged since");
+  kept.count = 0;
+  const VerifyReport joined = VerifyDataset(folder_.path(), {}, {}, kept);
+  const auto texts = [](const VerifyReport& report) {
+    std::vector<std::string> all;
+    for (const Finding& finding : report.findings) all.push_back(finding.code + " " + finding.path + " " + finding.text);
+    return all;
+  };
+  EXPECT_EQ(texts(joined), texts(whole)) << "the damage was not seen";
+  EXPECT_EQ(joined.images, whole.images);
+  EXPECT_EQ(joined.masks, whole.masks);
+  EXPECT_EQ(joined.no_image, whole.no_image);
+  bytes["00_00"].pop_back();
+  EXPECT_GT(VerifyDataset(folder_.path(), {}, {}, kept).num_errors(), whole.num_errors()) << "damaged bytes are none";
 }
 
 }  // namespace

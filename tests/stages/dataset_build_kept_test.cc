@@ -134,6 +134,63 @@ TEST(KeptBuild, ACutBuildGoesOnAtTheBlockThatWasNotFinished) {
   }
 }
 
+ino_t InodeOf(const std::string& path) {
+  struct stat info {};
+  return stat(path.c_str(), &info) == 0 ? info.st_ino : 0;
+}
+
+TEST(KeptBuild, PartsInAnyOrderAreWhatABuildMakes) {
+  const TempDir folder;
+  DatasetBuildOptions options = LongTake(folder);
+  options.out = folder / "alone", options.cache.kind = CachePlace::Kind::kOff;
+  RunDatasetBuild(options);
+  const auto whole = BytesBelow(options.out);
+  options.cache = CacheIn(folder / "cache");
+  std::map<std::string, std::string> kept;  // by part
+  for (const char* part : {"frames=cam_b", "samples=cam_a", "frames=cam_a:1-1", "frames=cam_a:0-0"}) {
+    options.part = part, options.out = folder / part;
+    const PartReport report = RunDatasetBuildPart(options);
+    ASSERT_FALSE(report.kept.empty()) << part;
+    EXPECT_TRUE(fs::exists(options.out + "/part.json"));
+    kept[part] = folder / "cache/" + report.kept.back();
+  }
+  EXPECT_TRUE(fs::exists(kept["frames=cam_b"] + "/block.json"));
+  EXPECT_THAT(kept["frames=cam_b"], ::testing::EndsWith("00_01-000001"));
+  const ino_t made = InodeOf(kept["frames=cam_a:1-1"] + "/hdImgs/00_00/00_00_00000305.jpg");
+  EXPECT_NE(made, ino_t{0});
+  options.part.clear(), options.out = folder / "joined";
+  RunDatasetBuild(options);
+  EXPECT_EQ(BytesBelow(options.out), whole);
+  EXPECT_EQ(InodeOf(options.out + "/hdImgs/00_00/00_00_00000305.jpg"), made) << "taken, not made again";
+  for (const char* wrong : {"choice", "frames=nobody", "frames=cam_a:2-1"}) {
+    options.part = wrong, options.out = folder / "wrong";
+    if (options.part == "frames=nobody") {
+      EXPECT_TRUE(RunDatasetBuildPart(options).notes.partial);
+    } else {
+      EXPECT_THROW(RunDatasetBuildPart(options), UsageError) << wrong;
+    }
+  }
+  options.part = "frames=cam_a", options.out = folder / "nowhere", options.cache.kind = CachePlace::Kind::kAuto;
+  EXPECT_THROW(RunDatasetBuildPart(options), UsageError) << "who would find it?";
+}
+
+/// Whatever a killed process left in the hidden folder goes with the next build that ends well.
+TEST(KeptBuild, NothingStaysBesideADatasetThatIsThere) {
+  const TempDir folder;
+  const CachesAllowed allowed;
+  DatasetBuildOptions options = LongTake(folder);
+  options.out = folder / "d";
+  for (const bool cut : {false, true}) {
+    if (cut) {
+      EXPECT_EQ(ImagesUntil(kLong + 1, options), kLong + 1);
+    }
+    fs::create_directories(folder / ".kept-d");  // before the first block, or after the last was removed
+    options.build.overwrite = true;
+    RunDatasetBuild(options);
+    EXPECT_FALSE(fs::exists(folder / ".kept-d")) << cut;
+  }
+}
+
 TEST(KeptBuild, OtherInputsAndDamageCountAsNothing) {
   const TempDir folder;
   DatasetBuildOptions options = LongTake(folder);

@@ -245,6 +245,12 @@ b = "raw/b"
   std::vector<const PipelineStage*> chosen;
   for (const PipelineStage& stage : stages)
     if (IsAskedFor(stage, options.pipeline) && stage.left_out.empty()) chosen.push_back(&stage);
+  const auto chosen_until_verify = [&] {
+    std::vector<const PipelineStage*> all;
+    for (const PipelineStage& stage : stages)
+      if (stage.kind <= StageKind::kVerify && stage.left_out.empty()) all.push_back(&stage);
+    return all;
+  };
   const auto names = [&](const StageRecords& earlier) {
     const Plan plan = PlanOf(options.pipeline, chosen, earlier, CutStages(options, chosen, earlier, "/plan"));
     std::vector<std::string> all;
@@ -290,6 +296,18 @@ b = "raw/b"
   const PartsByStage parts = CutStages(options, chosen, {}, "/plan");
   ASSERT_EQ(parts.at("mask walk").size(), 3u) << "samples, choice, frames";
   EXPECT_EQ(parts.at("mask walk")[0].size(), 2u);
+  EXPECT_EQ(parts.count("dataset walk"), 0u) << "its images are small";
+  options.task_seconds = 1;
+  const auto shares = CutStages(options, chosen_until_verify(), {}, "/plan").at("verify walk");
+  ASSERT_EQ(shares.size(), 1u);
+  ASSERT_EQ(shares[0].size(), 2u) << "as many as cameras at most";
+  EXPECT_THAT(shares[0][1].stage.line().Text(), HasSubstr("--keep /plan/parts/verify-walk/"));
+  EXPECT_THAT(shares[0][1].stage.line().Text(), HasSubstr("--part share=1/2 "));
+  options.task_seconds = 1e-3;
+  const auto built = CutStages(options, chosen_until_verify(), {}, "/plan").at("dataset walk");
+  ASSERT_EQ(built.size(), 2u) << "samples, frames";
+  EXPECT_EQ(built[0].size(), 2u);
+  options.task_seconds = 10;
   std::ofstream(folder / "mvstudio.toml", std::ios::app)
       << "[run.pose2d]\nbackend = \"movenet\"\n[run.mask]\ncache = \"off\"\n";
   const std::vector<PipelineStage> given = PipelineOf(dataset::ReadSession(folder.path()), options.pipeline);
@@ -305,11 +323,12 @@ b = "raw/b"
 }
 
 TEST(PlanCut, PartsAreReadAsTheyAreWritten) {
-  for (const char* text : {"choice", "samples=cam 1", "frames=a", "frames=a:0-0", "frames=a:b:3-17", "frames=a:b"})
+  for (const char* text : {"choice", "samples=cam 1", "frames=a", "frames=a:0-0", "frames=a:b:3-17", "frames=a:b", "share=1/4"})
     EXPECT_EQ(ToString(ParsePart(text)), text);
   EXPECT_EQ(ParsePart("frames=a:b:3-17").camera, "a:b");
   EXPECT_EQ(ParsePart("frames=a:b:3-17").end_block, 18);
-  for (const char* text : {"", "frames=", "samples=", "frame=a", "frames=a:5-3", "frames=a:0-99999999999"})
+  for (const char* text : {"", "frames=", "samples=", "frame=a", "frames=a:5-3", "frames=a:0-99999999999", "share=4/4",
+                           "share=1", "share=-1/2", "share=1/2x"})
     EXPECT_THROW(ParsePart(text), UsageError) << text;
 }
 

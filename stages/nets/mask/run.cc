@@ -225,6 +225,8 @@ MaskStageReport RunMask(MaskStageOptions options, const RunContext& run) {
 PartReport RunMaskPart(MaskStageOptions options, const RunContext& run) {
   const StagePart part = ParsePart(options.part);
   CheckMaskPart(options);
+  if (part.kind == PartKind::kShare)
+    throw UsageError("option 'part' " + options.part + ": masks are made by samples=CAMERA, choice and frames=CAMERA");
   PartReport report{{}, options.part, options.out, {}};
   TakeInput take = ReadTakeInput(options.take, &report.notes);
   if (part.kind != PartKind::kChoice && !HasCamera(take, part.camera))

@@ -195,7 +195,8 @@ DetectJob JobOf(const Pose2dOptions& options, const Pose2dInput& input) {
 }
 
 void CheckPart(const Pose2dOptions& options, const StagePart& part) {
-  if (part.kind == PartKind::kSamples) throw UsageError("option 'part' " + options.part + ": pose2d learns from no samples");
+  if (part.kind != PartKind::kChoice && part.kind != PartKind::kFrames)
+    throw UsageError("option 'part' " + options.part + ": pose2d has the parts choice and frames=CAMERA");
   if (options.out.empty()) throw UsageError("option 'part' needs option 'out', a folder for the list of what is kept");
   if (!KeptResults(options.cache, kPosesKind).enabled())
     throw UsageError("option 'part' keeps its result: give option 'cache'");

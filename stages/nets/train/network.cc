@@ -1,3 +1,5 @@
+#include <ATen/ATen.h>
+
 #include <optional>
 #include <utility>
 
@@ -81,9 +83,16 @@ class NetworkMethod : public TrainingMethod {
   bool body_alone_ = false;
 };
 
-/// Trains to the end with checkpoints on the way. A request to stop saves first. Only the first rank writes files.
+/// Returns when the first rank has come here: where one process ends, schedulers may end the others.
+void WaitForFirst(const avatar::Ranks* ranks) {
+  at::Tensor nothing = at::zeros({1});
+  if (ranks) ranks->Broadcast(nothing);
+}
+
+/// Trains to the end with checkpoints on the way. A request to stop saves first. Only the first rank writes files. `ranks`:
+/// nullptr for one process.
 avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, const avatar::TrainOptions& options, const TrainingPlace& place,
-                                 double earlier_s, const RunContext& run) {
+                                 double earlier_s, const avatar::Ranks* ranks, const RunContext& run) {
   const double start_s = SecondsNow();
   AvatarRun* files = place.team.first() ? &place.files : nullptr;
   const avatar::AvatarPack* watched = place.packs.watched ? &*place.packs.watched : nullptr;
@@ -104,6 +113,7 @@ avatar::TrainReport TrainAndSave(avatar::Trainer& trainer, const avatar::TrainOp
   avatar::TrainReport report = trainer.Run(watched, callback);
   if (files) files->Save(trainer, samples);
   if (report.stopped) {
+    WaitForFirst(ranks);
     throw CancelledError("interrupted after step " + std::to_string(trainer.model().step) +
                          ": the checkpoint is saved, `mvstudio avatar resume` goes on");
   }
@@ -127,10 +137,11 @@ void TrainNetwork(avatar::Trainer& trainer, const avatar::TrainOptions& options,
                   const RunContext& run, AvatarTrainReport* report) {
   const double start_s = SecondsNow();
   const RankTeam& team = place.team;
-  if (const auto joined = team.join ? team.join() : nullptr) trainer.Join(joined);
+  const auto joined = team.join ? team.join() : nullptr;
+  if (joined) trainer.Join(joined);
   if (place.begin && team.first()) place.begin();
   NetworkTrained trained;
-  trained.report = TrainAndSave(trainer, options, place, earlier_s, run);
+  trained.report = TrainAndSave(trainer, options, place, earlier_s, joined.get(), run);
   if (!team.first()) return;
   if (team.finish) team.finish();
   trained.seconds = SecondsNow() - start_s;

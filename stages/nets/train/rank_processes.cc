@@ -1,11 +1,14 @@
 #include "stages/nets/train/rank_processes.h"
 
 #include <algorithm>
+#include <cstdlib>
+#include <filesystem>
 
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "stages/nets/train/slurm_step.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -24,10 +27,23 @@ std::vector<std::string> Without(const std::vector<std::string>& words, const st
   return rest;
 }
 
+/// srun's variables stand in for what was not typed.
+RankArguments WithStep(RankArguments arguments) {
+  if (!arguments.BySrun()) return arguments;
+  if (arguments.ranks > 1 || arguments.rank != 0 || arguments.world_size != 1)
+    throw UsageError(
+        "option 'rendezvous' slurm takes ranks from `srun`: leave option 'ranks', option 'rank' and option "
+        "'world-size' out");
+  const SlurmStep step = ReadSlurmStep([](const char* name) -> const char* { return std::getenv(name); });
+  arguments.ranks = 1, arguments.rank = step.rank, arguments.world_size = step.size;
+  return arguments;
+}
+
 }  // namespace
 
-RankOptions RanksOf(const RankArguments& arguments, const std::vector<std::string>& typed, const RunContext& run,
+RankOptions RanksOf(const RankArguments& given, const std::vector<std::string>& typed, const RunContext& run,
                     const std::string& folder) {
+  const RankArguments arguments = WithStep(given);
   const auto start = [=](int before) {
     RankArguments asked = arguments;
     if (asked.ranks == 0) asked.ranks = asked.world_size > 1 || asked.rank > 0 ? 1 : before;
@@ -52,12 +68,20 @@ RankProcesses::RankProcesses(const RankArguments& a, const std::vector<std::stri
       throw UsageError("option 'rank' " + std::to_string(a.rank) + " needs option 'world-size'");
     place_.one_machine = a.rendezvous.rfind("local:", 0) == 0;
     if (place_.one_machine) place_.rendezvous = a.rendezvous.substr(6);
+    if (a.BySrun()) TakeSlurmStep(folder);
     return;
   }
   meeting_ = std::make_unique<ScratchFolder>(folder);
   place_ = {0, a.ranks, meeting_->path() + "/ranks", true, {}};
   threads_ = std::max(1, ResolveThreads(run.num_threads) / a.ranks);
   StartOthers(Without(typed, {"--ranks", "--threads", "--progress"}), a.ranks);
+}
+
+void RankProcesses::TakeSlurmStep(const std::string& folder) {
+  const SlurmStep step = ReadSlurmStep([](const char* name) -> const char* { return std::getenv(name); });
+  place_.rendezvous = MeetingBeside(folder, step), place_.one_machine = step.one_machine;
+  MakeFolder(std::filesystem::path(place_.rendezvous).parent_path().string());
+  if (threads_ == 0) threads_ = step.threads;
 }
 
 void RankProcesses::StartOthers(const std::vector<std::string>& words, int ranks) {

@@ -17,6 +17,8 @@ struct RankArguments {
   int ranks = 1;  ///< processes to start here; 0 in `avatar resume`: as many as before
   int rank = 0, world_size = 1;
   std::string rendezvous;
+
+  bool BySrun() const { return rendezvous == "slurm"; }
 };
 
 template <class Visitor>
@@ -26,7 +28,10 @@ void VisitFields(Visitor&& visit, RankArguments& a) {
         "batch as many times as large");
   visit("rank", a.rank, "which process this is, from 0, when you start them yourself (several machines)");
   visit("world-size", a.world_size, "how many processes you start");
-  VisitStyled(visit, OptionStyle::kUnset, "rendezvous", a.rendezvous, "a new file that all of them can see");
+  VisitStyled(
+      visit, OptionStyle::kUnset, "rendezvous", a.rendezvous,
+      "a new file that all of them can see; slurm: `srun` started them, and its variables tell option 'rank' and option "
+      "'world-size'");
 }
 
 /// The processes that `arguments` ask for, with their files in `folder`. `typed`: the command line, program and all, which the
@@ -52,6 +57,7 @@ class RankProcesses {
   void Finish();
 
  private:
+  void TakeSlurmStep(const std::string& folder);
   void StartOthers(const std::vector<std::string>& words, int ranks);
 
   const ProgressSink* progress_;
