@@ -58,6 +58,7 @@ std::string SecondsText(double seconds) {
 
 std::string_view ToString(ErrorUnit unit) {
   if (unit == ErrorUnit::kPercent) return "%";
+  if (unit == ErrorUnit::kSsim) return "1 - SSIM";
   return unit == ErrorUnit::kPx ? "px" : "mm";
 }
 
@@ -68,11 +69,13 @@ ErrorTarget ParseTarget(const std::string& text, const std::string& option) {
   if (rest.empty() && value > 0) {
     if (unit == "px") return {value, ErrorUnit::kPx};
     if (unit == "%") return {value, ErrorUnit::kPercent};
+    if (unit == "ssim" && value < 1) return {1 - value, ErrorUnit::kSsim};
     for (const AmountUnit& length : kLengths) {
       if (unit == length.name && std::isfinite(value * length.factor)) return {value * length.factor, ErrorUnit::kMm};
     }
   }
-  throw UsageError("option '" + option + "' '" + text + "': expected an error above 0 with its unit, such as 0.5px or 2mm");
+  throw UsageError("option '" + option + "' '" + text +
+                   "': expected an error above 0 with its unit, such as 0.5px or 2mm, or an SSIM below 1, such as 0.85ssim");
 }
 
 double BudgetOptions::BudgetSeconds() const {

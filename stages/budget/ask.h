@@ -16,14 +16,14 @@ double ParseSeconds(const std::string& text, const std::string& option);
 /// "1h 30min", "4.2s".
 std::string SecondsText(double seconds);
 
-enum class ErrorUnit { kPx, kMm, kPercent };
-std::string_view ToString(ErrorUnit unit);
+enum class ErrorUnit { kPx, kMm, kPercent, kSsim };  ///< kSsim: the error is 1 - SSIM
+std::string_view ToString(ErrorUnit unit);           ///< "px", "mm", "%", "1 - SSIM"
 
 struct ErrorTarget {
   double value = 0;
   ErrorUnit unit = ErrorUnit::kPx;
 };
-/// "0.2px", "1mm", "0.5cm", "0.001m", "12%". Throws UsageError.
+/// "0.2px", "1mm", "0.5cm", "0.001m", "12%"; "0.85ssim" is an error of 0.15. Throws UsageError.
 ErrorTarget ParseTarget(const std::string& text, const std::string& option);
 
 struct BudgetOptions {

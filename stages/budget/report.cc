@@ -18,6 +18,7 @@ using nlohmann::ordered_json;
 
 std::string BudgetErrorText(const BudgetReport& report, double error) {
   if (!std::isfinite(error)) return "an error that cannot be judged";
+  if (report.unit == ErrorUnit::kSsim) return Format("SSIM %.4f", 1 - error);
   return Format("%.3g %s", error, std::string(ToString(report.unit)).c_str());
 }
 
@@ -87,11 +88,32 @@ ordered_json PredictionJson(const BudgetReport& report) {
   return json;
 }
 
-ordered_json MachineJson() {
-  ordered_json json = {{"processor", ProcessorName()}, {"cores", std::thread::hardware_concurrency()}};
+/// Mean number of processes that run; NaN where the system does not say.
+double LoadNow() {
   double load = 0;
-  if (getloadavg(&load, 1) == 1) json["load"] = load;
+  return getloadavg(&load, 1) == 1 ? load : std::nan("");
+}
+
+ordered_json MachineJson(const BudgetReport& report) {
+  ordered_json json = {{"processor", ProcessorName()}, {"cores", std::thread::hardware_concurrency()}};
+  json["load_at_trial"] = FiniteOrNull(report.load), json["load"] = FiniteOrNull(LoadNow());
   return json;
+}
+
+/// A trial of the clock's seconds foretells them for a machine that stays as busy.
+std::string LoadText(const BudgetReport& report) {
+  const double now = LoadNow();
+  if (!std::isfinite(report.load) || !std::isfinite(now)) return "";
+  return Format(" (%.1f processes ran after the trial, %.1f run now)", report.load, now);
+}
+
+/// A budget that was not kept.
+std::vector<Notice> LateWarnings(const BudgetReport& report) {
+  if (!(report.actual_s > report.asked.BudgetSeconds())) return {};
+  return {{"BUD-LATE",
+           "option 'budget' " + report.asked.budget + " is exceeded: it took " + SecondsText(report.actual_s) + ", " +
+               SecondsText(report.Chosen().predicted_s) + " was predicted" + LoadText(report),
+           "times hold for a machine that stays as busy as in the trial: run it alone, or give more time"}};
 }
 
 /// What did not come out as it was asked for, or far from what the trial let expect.
@@ -128,6 +150,7 @@ std::string ProcessorName() {
 }
 
 void Choose(double elapsed_s, BudgetReport* report) {
+  report->load = LoadNow();
   for (SettingTrial& trial : report->trials) {
     if (!trial.IsTried()) continue;
     const Foretold seconds = ForetellSeconds(trial.parts, trial.size);
@@ -155,11 +178,16 @@ CommandResult Describe(const BudgetReport& report) {
   for (const SettingTrial& trial : report.trials) json["reasons"].push_back(TrialText(report, trial));
   for (const SettingTrial& trial : report.trials) json["trials"].push_back(TrialJson(trial));
   const SettingTrial& chosen = report.Chosen();
-  result.text = "chosen by a trial of " + SecondsText(report.trial_s) + ": " + ReasonOf(report) + "\npredicted " +
-                SecondsText(chosen.predicted_s) + ", " + BudgetErrorText(report, chosen.error) + "; came out " +
-                SecondsText(report.actual_s) + ", " + BudgetErrorText(report, report.actual_error) + "\n";
+  const double share = report.trial_s / report.actual_s;
+  json["trial_share"] = FiniteOrNull(share);
+  result.text = "chosen by a trial of " + SecondsText(report.trial_s) +
+                (std::isfinite(share) ? Format(", %.0f %% of the time", 100 * share) : "") + ": " + ReasonOf(report) +
+                "\npredicted " + TimeText(chosen) + " on a machine that stays as busy, " +
+                BudgetErrorText(report, chosen.error) + "; came out " + SecondsText(report.actual_s) + ", " +
+                BudgetErrorText(report, report.actual_error) + "\n";
   for (const std::string& reason : report.reasons) result.text += "  " + reason + "\n";
   for (const Notice& warning : WarningsOf(report)) result.warnings.push_back(warning);
+  for (const Notice& warning : LateWarnings(report)) result.warnings.push_back(warning);
   return result;
 }
 
@@ -169,7 +197,7 @@ void KeepPrediction(const BudgetReport& report, const std::string& folder) {
   json.update(PredictionJson(report));
   for (const auto& [what, count] : report.sizes) json["sizes"][what] = count;
   json["threads"] = report.threads;
-  json["machine"] = MachineJson();
+  json["machine"] = MachineJson(report);
   AppendLine((std::filesystem::path(folder) / kPredictionsFile).string(), json.dump());
 }
 

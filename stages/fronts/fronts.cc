@@ -21,6 +21,37 @@ Value WayValue(const FrontWay& way) {
   return value;
 }
 
+Value NumbersValue(const std::vector<double>& numbers) {
+  Value value = Value::Array();
+  for (const double number : numbers) value.Append(number);
+  return value;
+}
+
+std::vector<double> NumbersFrom(const Value& value) {
+  std::vector<double> numbers;
+  for (const Value& number : value.items()) numbers.push_back(number.Number());
+  return numbers;
+}
+
+Value GrowthValue(const GrowthRow& row) {
+  Value value = Value::Object();
+  value.Set("stage", row.stage).Set("axis", row.axis).Set("factors", NumbersValue(row.factors));
+  value.Set("processor_seconds", NumbersValue(row.cpu_s)).Set("peak_rss_mb", NumbersValue(row.peak_rss_mb));
+  value.Set("error", NumbersValue(row.error)).Set("exponent", row.exponent).Set("why_not", row.why_not);
+  return value;
+}
+
+GrowthRow GrowthFrom(const Value& value) {
+  GrowthRow row;
+  row.stage = value["stage"].Text(), row.axis = value["axis"].Text(), row.why_not = value["why_not"].Text();
+  row.factors = NumbersFrom(value["factors"]), row.cpu_s = NumbersFrom(value["processor_seconds"]);
+  row.peak_rss_mb = NumbersFrom(value["peak_rss_mb"]), row.error = NumbersFrom(value["error"]);
+  const size_t n = std::min({row.factors.size(), row.cpu_s.size(), row.peak_rss_mb.size(), row.error.size()});
+  for (auto* numbers : {&row.factors, &row.cpu_s, &row.peak_rss_mb, &row.error}) numbers->resize(n);
+  FinishGrowth(&row);
+  return row;
+}
+
 WayMark MarkOf(const std::string& word) { return ChoiceOf(kWayMarkWords, word).value_or(WayMark::kNone); }
 
 FrontWay WayFrom(const Value& value) {
@@ -71,6 +102,9 @@ std::string FrontsJson(const Fronts& fronts) {
   Value value = Value::Object();
   value.Set("schema", kFrontsSchema).Set("footage", fronts.footage).Set("machine", machine);
   value.Set("threads", fronts.threads).Set("seed", static_cast<int64_t>(fronts.seed)).Set("stages", stages);
+  Value growth = Value::Array();
+  for (const GrowthRow& row : fronts.growth) growth.Append(GrowthValue(row));
+  value.Set("grown", fronts.grown).Set("growth", growth);
   return value.Dump(1) + "\n";
 }
 
@@ -88,6 +122,8 @@ Fronts ReadFronts(const std::string& path) {
   fronts.cores = whole(value["machine"]["cores"]), fronts.threads = whole(value["threads"]);
   fronts.seed = static_cast<unsigned long long>(value["seed"].integer());
   for (const Value& stage : value["stages"].items()) fronts.stages.push_back(FrontFrom(stage));
+  fronts.grown = value["grown"].Text();
+  for (const Value& row : value["growth"].items()) fronts.growth.push_back(GrowthFrom(row));
   return fronts;
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/fields.h"
+#include "stages/fronts/growth.h"
 
 /// Ways to do a stage by what they cost and how far off they are.
 namespace mvstudio::stages {
@@ -50,6 +51,8 @@ struct Fronts {
   double load = NAN;  ///< mean number of running processes when it began
   unsigned long long seed = 0;
   std::vector<StageFront> stages;
+  std::string grown;  ///< the smallest studio of `growth`
+  std::vector<GrowthRow> growth;
 };
 
 /// Sets the ways that no other beats, and `why_not` of a stage none of whose ways gave figures.

@@ -15,7 +15,8 @@ struct FrontsOptions {
   std::vector<std::string> only;  ///< stages; empty: all
   std::string from;               ///< results of an earlier run, of which the page is made; nothing is measured
   bool quick = false;
-  std::string out;  ///< the page; the results go beside it, with the extension .json
+  std::string peers;  ///< a program that measures other programs on the same data; empty: none
+  std::string out;    ///< the page; the results go beside it, with the extension .json
 };
 
 template <class Visitor>
@@ -26,6 +27,9 @@ void VisitFields(Visitor&& visit, FrontsOptions& o) {
   VisitStyled(visit, OptionStyle::kList, "only", o.only,
               "with commas, of calibrate, pose2d, mask, triangulate, pack, avatar; all unless given");
   VisitStyled(visit, OptionStyle::kSwitch, "quick", o.quick, "a smaller studio, fewer frames and shorter trainings");
+  visit("peers", o.peers,
+        "program that is called with a stage and where its data are, and prints ways of other programs as JSON "
+        "(bench/peers/fronts.py)");
   visit("from", o.from, "results of an earlier run (.json): makes the page of them and measures nothing");
 }
 

@@ -1,6 +1,7 @@
 #include <algorithm>
 
 #include "core/format.h"
+#include "core/join.h"
 #include "report/page/format.h"
 #include "report/page/html.h"
 #include "report/svg/svg.h"
@@ -83,6 +84,58 @@ report::Section SectionOf(const StageFront& front) {
   return section;
 }
 
+/// Of one stage, the three ways to grow.
+std::string GrowthFigure(const std::string& stage, const std::vector<GrowthRow>& rows, bool time) {
+  report::LineChartSpec spec;
+  spec.title = stage + (time ? ": time" : ": error");
+  spec.x = {"times as many", true, false}, spec.y = {time ? "processor time (s)" : "error", true, false};
+  spec.width = 340, spec.height = 220;
+  int colour = 0;
+  for (const GrowthRow& row : rows) {
+    if (row.stage != stage) continue;
+    if (row.factors.size() > 1) spec.series.push_back({row.axis, row.factors, time ? row.cpu_s : row.error, false, colour});
+    ++colour;
+  }
+  return spec.series.empty() ? "" : report::FigureHtml(report::LineChart(spec), "");
+}
+
+std::string NumbersText(const std::vector<double>& numbers, int digits) {
+  return Join(numbers, ", ", [&](double number) { return report::FormatNumber(number, digits); });
+}
+
+std::string GrowthTable(const std::vector<GrowthRow>& rows) {
+  report::Table table("");
+  table.AddColumn("stage", "", false), table.AddColumn("grows", "", false), table.AddColumn("times", "", false);
+  table.AddColumn("processor time", "s", false), table.AddColumn("exponent"), table.AddColumn("peak memory", "MiB", false);
+  table.AddColumn("error", "", false), table.AddColumn("", "", false);
+  for (const GrowthRow& row : rows) {
+    const std::string exponent = std::isfinite(row.exponent) ? report::FormatNumber(row.exponent, 2) : "flat";
+    table.AddRow({row.stage, row.axis, NumbersText(row.factors, 2), NumbersText(row.cpu_s, 3),
+                  row.factors.size() > 1 ? exponent : "", NumbersText(row.peak_rss_mb, 3), NumbersText(row.error, 3),
+                  row.why_not.empty() ? row.reason : row.why_not});
+  }
+  return table.Html();
+}
+
+report::Section GrowthSection(const Fronts& fronts) {
+  report::Section section{"growth", "Growth", "", true};
+  std::vector<std::string> figures;
+  for (const StageFront& front : fronts.stages) {
+    for (const bool time : {true, false}) {
+      const std::string figure = GrowthFigure(front.stage, fronts.growth, time);
+      if (!figure.empty()) figures.push_back(figure);
+    }
+  }
+  section.body_html = report::ParagraphHtml(
+                          "Each stage without flags, on synthetic studios with more cameras, more frames or more pixels than "
+                          "the smallest: " +
+                          fronts.grown +
+                          ". The exponent is k of a time start + c n^k; flat: it grows by "
+                          "less than 0.15 s.") +
+                      report::GridHtml(figures) + GrowthTable(fronts.growth);
+  return section;
+}
+
 std::string MachineText(const Fronts& fronts) {
   std::string text = Format("Measured with %d thread%s", fronts.threads, fronts.threads == 1 ? "" : "s");
   if (!fronts.processor.empty()) text += Format(" on %d cores of %s", fronts.cores, fronts.processor.c_str());
@@ -98,10 +151,11 @@ std::string FrontsPage(const Fronts& fronts) {
       report::ParagraphHtml(
           "Each way is a command of its own. Errors are of data that took no part. Processor time counts all threads and does "
           "not grow with what else the machine does; the time by the clock does. Large dots: no other way is both cheaper and "
-          "better. A ring: what a command does without flags. Squares: peers. How costs grow with frames, cameras, people and "
-          "pixels: docs/notes/growth.md, which scripts/growth measures.");
+          "better. A ring: what a command does without flags. Squares: peers. How costs grow with people, too: "
+          "docs/notes/growth.md, which scripts/growth measures.");
   std::vector<report::Section> sections;
   for (const StageFront& front : fronts.stages) sections.push_back(SectionOf(front));
+  if (!fronts.growth.empty()) sections.push_back(GrowthSection(fronts));
   return report::PageHtml("mvstudio tradeoff all", header, sections, "");
 }
 

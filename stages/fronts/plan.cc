@@ -47,8 +47,8 @@ class Planner {
     Begin("pose2d", "camera that is left out, median (px)");
     Need(m_.calibration, "a calibration is");
     const auto way = [&](const std::string& name, WayMark mark, const Options& options) {
-      Options all = {
-          {"calib", {m_.calibration}}, {"frames", {m_.quick ? "0-7" : "0-19"}}, {"overlays", {"0"}}, {"cache", {"off"}}};
+      Options all = {{"calib", {m_.calibration}}, {"overlays", {"0"}}, {"cache", {"off"}}};
+      if (!m_.whole_take) all.push_back({"frames", {m_.quick ? "0-7" : "0-19"}});
       Add(name, mark, {"pose2d"}, Joined(Joined(OfTake(), all), options), ErrorAt({"/agreement/median_px"}));
     };
     way("default", WayMark::kDefault, {});
@@ -66,7 +66,8 @@ class Planner {
     Begin("mask", truth ? "1 - IoU with the true masks" : "disagreement with the visual hull (part of the masks)");
     Need(m_.pose3d, "3D joints are");
     const auto way = [&](const std::string& name, WayMark mark, const Options& options) {
-      Options all = {{"frames", {m_.quick ? "0-5" : "0-11"}}, {"sheet-tiles", {"0"}}};
+      Options all = {{"sheet-tiles", {"0"}}, {"cache", {"off"}}};
+      if (!m_.whole_take) all.push_back({"frames", {m_.quick ? "0-5" : "0-11"}});
       if (truth) all.push_back({"truth", {}});
       for (const std::string& camera : m_.cameras)
         if (truth) all.back().values.push_back(camera + "=" + m_.truth_masks + "/" + camera);

@@ -18,6 +18,7 @@ struct FrontsMaterial {
   std::string truth_masks;           ///< a folder for each camera in it
   std::string runs;                  ///< folder for what the ways write
   bool quick = false;
+  bool whole_take = false;  ///< `pose2d` and `mask` are of all frames
   int threads = 0;
   unsigned long long seed = 1;
 };

@@ -67,6 +67,7 @@ KeptPrediction PredictionOf(const ordered_json& json) {
     if (value.is_string()) kept.settings += " " + value.get<std::string>();
   }
   kept.predicted_s = NumberAt(json, "predicted_seconds"), kept.actual_s = NumberAt(json, "actual_seconds");
+  kept.trial_s = NumberAt(json, "trial_seconds");
   kept.predicted_error = NumberAt(json, "predicted_error"), kept.actual_error = NumberAt(json, "actual_error");
   return kept;
 }
@@ -91,12 +92,13 @@ std::vector<KeptPrediction> ReadPredictions(const std::string& path) {
 }
 
 StagePredictions SummaryOfStage(const std::string& stage, const std::vector<KeptPrediction>& predictions) {
-  std::vector<double> seconds, errors;
+  std::vector<double> seconds, errors, shares;
   for (const KeptPrediction& p : predictions) {
     if (p.stage != stage) continue;
+    if (std::isfinite(p.trial_s / p.actual_s)) shares.push_back(p.trial_s / p.actual_s);
     seconds.push_back(p.actual_s / p.predicted_s), errors.push_back(p.actual_error / p.predicted_error);
   }
-  return {stage, FiguresOfRatios(seconds, kSecondsBand), FiguresOfRatios(errors, kErrorBand)};
+  return {stage, FiguresOfRatios(seconds, kSecondsBand), FiguresOfRatios(errors, kErrorBand), UpperMedian(shares)};
 }
 
 std::string PredictionsPage(const PredictionsReport& report) {
@@ -168,27 +170,32 @@ PredictionsReport RunPredictions(const PredictionsOptions& options) {
 CommandResult Describe(const PredictionsReport& report) {
   CommandResult result;
   static_cast<InputNotes&>(result) = report.notes;
-  result.text = "stage        frames  predicted s  actual s  ratio  predicted error  actual error  settings\n";
+  result.text = "stage         frames  predicted s  actual s  ratio  trial s   predicted error  actual error  settings\n";
   result.metrics["predictions"] = ordered_json::array();
   for (const KeptPrediction& p : report.predictions) {
-    result.text += Format(
-        "%-11s  %6s  %11s  %8s  %5s  %15s  %12s  %s\n", p.stage.c_str(), Shown(p.frames, 0).c_str(),
-        Shown(p.predicted_s, 2).c_str(), Shown(p.actual_s, 2).c_str(), Shown(p.actual_s / p.predicted_s, 2).c_str(),
-        (Shown(p.predicted_error, 3) + " " + p.error_unit).c_str(), Shown(p.actual_error, 3).c_str(), p.settings.c_str());
+    result.text +=
+        Format("%-12s  %6s  %11s  %8s  %5s  %7s  %16s  %12s  %s\n", p.stage.c_str(), Shown(p.frames, 0).c_str(),
+               Shown(p.predicted_s, 2).c_str(), Shown(p.actual_s, 2).c_str(), Shown(p.actual_s / p.predicted_s, 2).c_str(),
+               Shown(p.trial_s, 2).c_str(), (Shown(p.predicted_error, 3) + " " + p.error_unit).c_str(),
+               Shown(p.actual_error, 3).c_str(), p.settings.c_str());
     result.metrics["predictions"].push_back({{"stage", p.stage},
                                              {"file", p.path},
                                              {"settings", p.settings},
                                              {"predicted_seconds", FiniteOrNull(p.predicted_s)},
                                              {"actual_seconds", FiniteOrNull(p.actual_s)},
+                                             {"trial_seconds", FiniteOrNull(p.trial_s)},
                                              {"predicted_error", FiniteOrNull(p.predicted_error)},
                                              {"actual_error", FiniteOrNull(p.actual_error)},
                                              {"error_unit", p.error_unit}});
   }
-  result.text += "\nstage        time within 15 %   median   worst   error within 20 %   median   worst\n";
+  result.text +=
+      "\nstage         time within 15 %   median   worst   error within 20 %   median   worst   trial, share of the time\n";
   for (const StagePredictions& stage : report.stages) {
-    result.text += Format("%-11s       %s        %s\n", stage.stage.c_str(), RatioText(stage.seconds).c_str(),
-                          RatioText(stage.error).c_str());
-    result.metrics["stages"][stage.stage] = {{"seconds", RatioJson(stage.seconds)}, {"error", RatioJson(stage.error)}};
+    result.text += Format("%-12s       %s        %s   %s %%\n", stage.stage.c_str(), RatioText(stage.seconds).c_str(),
+                          RatioText(stage.error).c_str(), Shown(100 * stage.trial_share, 0).c_str());
+    result.metrics["stages"][stage.stage] = {{"seconds", RatioJson(stage.seconds)},
+                                             {"error", RatioJson(stage.error)},
+                                             {"trial_share", FiniteOrNull(stage.trial_share)}};
   }
   if (report.page.empty()) return result;
   result.outputs.push_back({report.page, "figure"});

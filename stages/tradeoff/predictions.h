@@ -17,6 +17,7 @@ struct KeptPrediction {
   std::string stage, path, settings, processor, error_unit;
   double frames = 0, threads = 0, load = 0;
   double predicted_s = 0, actual_s = 0, predicted_error = 0, actual_error = 0;  ///< NaN: unknown
+  double trial_s = 0;                                                           ///< of actual_s
 };
 
 /// Actual over predicted, over the runs that have both.
@@ -28,6 +29,7 @@ struct RatioFigures {
 struct StagePredictions {
   std::string stage;
   RatioFigures seconds, error;
+  double trial_share = 0;  ///< of the time that runs took, median; NaN: unknown
 };
 
 struct PredictionsReport {

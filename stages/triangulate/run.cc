@@ -58,7 +58,7 @@ void CheckOptions(const TriangulateOptions& options, const std::optional<Project
   CheckChunks(options, project);
   (void)options.budget.BudgetSeconds();  // what they cannot be must not cost the run
   const std::optional<ErrorTarget> target = options.budget.Target();
-  if (target && target->unit == ErrorUnit::kPercent)
+  if (target && target->unit != ErrorUnit::kPx && target->unit != ErrorUnit::kMm)
     throw UsageError("option 'target' " + options.budget.target + ": joints have errors in px or mm");
   CheckFootage(options);
   CheckReferences(options);  // a wrong path must not cost the run

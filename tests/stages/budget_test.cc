@@ -40,6 +40,9 @@ TEST(Budget, TargetsHaveUnits) {
   EXPECT_DOUBLE_EQ(ParseTarget("0.001m", "target").value, 1);
   EXPECT_DOUBLE_EQ(ParseTarget("12.5%", "target").value, 12.5);
   EXPECT_EQ(ParseTarget("12.5%", "target").unit, ErrorUnit::kPercent);
+  EXPECT_NEAR(ParseTarget("0.85ssim", "target").value, 0.15, 1e-12) << "an error of 0.15";
+  EXPECT_EQ(ParseTarget("0.85ssim", "target").unit, ErrorUnit::kSsim);
+  for (const char* hostile : {"1ssim", "0ssim", "1.5ssim"}) EXPECT_THROW(ParseTarget(hostile, "target"), UsageError) << hostile;
   for (const char* hostile : {"", "1", "px", "0px", "-1mm", "1in", "1mm1mm", "1pxx", "nanpx", "1 px"})
     EXPECT_THROW(ParseTarget(hostile, "target"), UsageError) << hostile;
 }
@@ -186,6 +189,11 @@ TEST(Budget, WhatComesOutWorseThanItWasForetoldIsSaid) {
   EXPECT_EQ(codes(0.04), "");
   EXPECT_EQ(codes(0.11), "BUD-PREDICTION");
   EXPECT_EQ(codes(std::nan("")), "") << "nothing was left to judge it by";
+  report.actual_s = 61;
+  EXPECT_EQ(codes(0.03), "BUD-LATE");
+  EXPECT_THAT(Describe(report).warnings.at(0).text, HasSubstr("option 'budget' 1min is exceeded: it took 1min 1s, 7.5s was"));
+  report.actual_s = 10, report.trial_s = 2;
+  EXPECT_THAT(Describe(report).text, HasSubstr("a trial of 2.0s, 20 % of the time"));
   report.asked.target = "0.035px";
   Choose(2, &report);
   EXPECT_EQ(codes(0.034), "");

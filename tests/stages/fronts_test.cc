@@ -45,6 +45,10 @@ Fronts SmallFronts() {
   fronts.footage = "Session day1", fronts.processor = "Some processor", fronts.cores = 4, fronts.threads = 2, fronts.load = 1.5;
   fronts.seed = 7;
   fronts.stages = {SmallFront(), {"pack", "reading", "error", "space", "no dataset is there", {}}};
+  fronts.grown = "a small studio";
+  fronts.growth = {{"mask", "frames", {1, 4, 16}, {1, 2, 6}, {100, 101, 99}, {5, 4, 3}}, {"pack", "frames", {}, {}, {}, {}}};
+  fronts.growth[1].why_not = "no dataset is there";
+  for (GrowthRow& row : fronts.growth) FinishGrowth(&row);
   return fronts;
 }
 
@@ -91,8 +95,36 @@ TEST(Fronts, ResultsReadBackGiveTheSamePage) {
   EXPECT_THAT(MessageOf<FormatError>([&] { ReadFronts(folder / "other.json"); }), HasSubstr("tradeoff all"));
 }
 
+TEST(Fronts, TheExponentIsThatOfTheTimeAboveItsStart) {
+  const std::vector<double> factors = {1, 4, 16};
+  const auto of = [&](double start, double per_one, double k) {
+    std::vector<double> seconds;
+    for (const double n : factors) seconds.push_back(start + per_one * std::pow(n, k));
+    return GrowthExponent(factors, seconds);
+  };
+  for (const double k : {0.5, 1.0, 1.5, 3.0}) EXPECT_NEAR(of(2, 0.3, k), k, 1e-12);
+  EXPECT_TRUE(std::isnan(of(2, 0.001, 1))) << "noise";
+  EXPECT_NEAR(GrowthExponent({1, 4}, {1, 16}), 2, 1e-12);
+  EXPECT_TRUE(std::isnan(GrowthExponent({1, 4, 16}, {1, 0.5, 3}))) << "it shrinks on the way";
+  EXPECT_TRUE(std::isnan(GrowthExponent({1}, {1})));
+}
+
+TEST(Fronts, GrowthAboveLinearHasItsReasonOrSaysThatNoneIsKnown) {
+  GrowthRow row{"calibrate", "cameras", {1, 4, 16}, {1, 8, 64}, {1, 1, 1}, {1, 1, 1}};
+  FinishGrowth(&row);
+  EXPECT_TRUE(row.WorseThanLinear());
+  EXPECT_THAT(row.reason, HasSubstr("one dense system"));
+  row.axis = "frames";
+  FinishGrowth(&row);
+  EXPECT_EQ(row.reason, "no reason is known");
+  GrowthRow linear{"calibrate", "frames", {1, 4, 16}, {1, 4, 16}, {1, 1, 1}, {1, 1, 1}};
+  FinishGrowth(&linear);
+  EXPECT_NEAR(linear.exponent, 1, 1e-12);
+  EXPECT_THAT(linear.reason, IsEmpty());
+}
+
 /// A session with all that the stages need, and one take.
-void PutSession(const TempDir& folder) {
+void PutSession(const fs::path& folder) {
   std::ofstream(folder / "mvstudio.toml") << R"(schema = "mvstudio.session/1"
 units = "m"
 board = "chessboard:9x6:25mm"
@@ -105,7 +137,7 @@ a = "raw/a"
 b = "raw/b"
 )";
   for (const char* path : {"calib/calibration.json", "pose3d/walk/points.csv", "dataset/walk/dataset.json"}) {
-    fs::create_directories(fs::path(folder / path).parent_path());
+    fs::create_directories((folder / path).parent_path());
     std::ofstream(folder / path) << "{}";
   }
 }
@@ -113,6 +145,13 @@ b = "raw/b"
 /// Answers as the commands do; nets are not installed.
 struct Pretended {
   std::vector<std::string> lines;
+  double frames = 0;  ///< of the last studio that was made
+
+  static std::string After(const CommandLine& line, const std::string& name) {
+    for (const LineOption& option : line.options)
+      if (option.name == name) return option.values.at(0);
+    return "";
+  }
 
   CallOutcome operator()(const CommandLine& line) {
     lines.push_back(line.Text());
@@ -120,6 +159,12 @@ struct Pretended {
     outcome.seconds = 3, outcome.cpu_s = 2 + 0.1 * static_cast<double>(lines.size()), outcome.peak_rss_mb = 100;
     auto& metrics = outcome.result.metrics;
     const std::string command = line.command.front();
+    if (command == "synth") {
+      frames = std::stod(After(line, "take-frames"));
+      WriteFileAtomic(After(line, "out") + "/ours.txt", std::string());
+      PutSession(After(line, "out"));
+    }
+    if (command == "mask") outcome.cpu_s = 1 + 1e-3 * frames * frames;
     if (command == "calibrate") metrics["rig_holdout_rms_px"] = 0.03;
     if (command == "pose2d")
       outcome.result.exit = kExitMissingTool, outcome.result.errors = {{"NET", "no net is there", "fetch"}};
@@ -149,7 +194,7 @@ FrontsReport RunPretended(const FrontsOptions& options, Pretended* pretended) {
 
 TEST(Fronts, EveryStageOfASessionIsMeasuredByItsOwnCommands) {
   const TempDir folder;
-  PutSession(folder);
+  PutSession(folder.path());
   FrontsOptions options;
   options.session = folder.path(), options.out = folder / "page/fronts.html";
   fs::create_directories(folder / "page");
@@ -182,9 +227,54 @@ TEST(Fronts, EveryStageOfASessionIsMeasuredByItsOwnCommands) {
   EXPECT_EQ(ReadFile(RunPretended(again, &pretended).page), ReadFile(report.page));
 }
 
+TEST(Fronts, StudiosGrowAndStagesWithThem) {
+  const TempDir folder;
+  FrontsOptions options;
+  options.out = folder / "fronts.html", options.only = {"mask"};
+  Pretended pretended;
+  const FrontsReport report = RunPretended(options, &pretended);
+  ASSERT_EQ(report.fronts.growth.size(), 3u);
+  for (const GrowthRow& row : report.fronts.growth) {
+    EXPECT_EQ(row.stage, "mask");
+    EXPECT_THAT(row.factors, ElementsAre(1, 4, 16));
+    EXPECT_EQ(std::isfinite(row.exponent), row.axis == "frames") << row.axis;
+    if (row.axis != "frames") continue;
+    EXPECT_NEAR(row.exponent, 2, 1e-9);
+    EXPECT_EQ(row.reason, "no reason is known");
+  }
+  EXPECT_THAT(Describe(report).text, HasSubstr("mask         frames     2.00 no reason is known"));
+  EXPECT_THAT(ReadFile(report.page), HasSubstr("times as many"));
+  EXPECT_FALSE(fs::exists(folder / "fronts.runs"));
+}
+
+/// A program of the user's: a shell script that prints what it was called with.
+TEST(Fronts, PeersAreWaysOfTheProgramThatWasGiven) {
+  const TempDir folder;
+  PutSession(folder.path());
+  std::ofstream(folder / "peers.sh") << R"(#!/bin/sh
+[ "$1" = mask ] || { echo "knows masks alone" >&2; exit 3; }
+echo '[{"name": "other program", "command": "'"$*"'", "processor_seconds": 0.5, "error": 0.05},
+       {"name": "absent", "why_not": "it is not installed"}]'
+)";
+  fs::permissions(folder / "peers.sh", fs::perms::owner_all);
+  FrontsOptions options;
+  options.session = folder.path(), options.out = folder / "fronts.html", options.only = {"mask", "triangulate"};
+  options.peers = folder / "peers.sh";
+  Pretended pretended;
+  const FrontsReport report = RunPretended(options, &pretended);
+  const std::vector<FrontWay>& masks = report.fronts.stages.at(0).ways;
+  const FrontWay &other = masks.at(masks.size() - 2), &absent = masks.back();
+  EXPECT_EQ(other.mark, WayMark::kPeer);
+  EXPECT_TRUE(other.time_front);
+  EXPECT_THAT(other.command, HasSubstr("mask session=" + folder.path() + " take=walk calib="));
+  EXPECT_EQ(absent.why_not, "it is not installed");
+  EXPECT_THAT(report.fronts.stages.at(1).ways.back().why_not, HasSubstr("ended with 3: knows masks alone"));
+  EXPECT_THAT(report.fronts.growth, IsEmpty()) << "a session is as large as it is";
+}
+
 TEST(Fronts, WhatASessionLacksIsSaidInOneLine) {
   const TempDir folder;
-  PutSession(folder);
+  PutSession(folder.path());
   fs::remove_all(folder / "dataset");
   FrontsOptions options;
   options.session = folder.path(), options.out = folder / "fronts.html", options.only = {"pack"};

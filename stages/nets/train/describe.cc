@@ -164,6 +164,7 @@ CommandResult Describe(const AvatarTrainReport& report) {
   result.Add(DescribeImages(report));
   result.Add(DescribeStart(report));
   result.Add(DescribeResumed(report));
+  if (report.budget) result.Add(Describe(*report.budget));
   Append(report.conflicts, &result.warnings);
   if (report.fit) {
     result.metrics["body"] = ToJson(*report.fit);

@@ -121,15 +121,9 @@ class GaussianMethod : public TrainingMethod {
 
   void Train(const TrainingPlace& place, const RunContext& run, AvatarTrainReport* report) override {
     const RunPacks& packs = place.packs;
-    const splats::TrainOptions steps =
-        TrainOptionsOf(options_.gaussians, train, [&](const std::string& name) { return options_.Given(name); });
-    avatar::GaussianImages images;
-    images.train = avatar::TrainViewsOf(packs.train, packs.train_views);
-    images.camera.assign(packs.train.camera_idx.data_ptr<int64_t>(),
-                         packs.train.camera_idx.data_ptr<int64_t>() + packs.train.size());
+    const splats::TrainOptions steps = StepsOf();
     std::vector<splats::TrainView> watched;
-    if (packs.watched) watched = avatar::TrainViewsOf(*packs.watched, packs.watched_views);
-    if (!place.config.split.validation_cameras.empty()) images.validation = watched;
+    const avatar::GaussianImages images = ImagesOf(place.config, packs, &watched);
     Trained trained;
     trained.asked = AskedFor(options_.gaussians, steps);
     const double start_s = SecondsNow();
@@ -144,10 +138,34 @@ class GaussianMethod : public TrainingMethod {
     Save(trained, place.config, packs, place.files, run);
     report->method = avatar::Method::kGaussians, report->steps = trained.learned.result.best_step;
     report->num_parameters = NumbersOf(trained.learned.result.cloud), report->wall_s = trained.wall_s;
+    if (options_.budget.Asked()) report->judged_ssim = trained.learned.result.validation_ssim;
     report->gaussians = std::move(trained.learned);
   }
 
+  MethodTrial Try(const avatar::RunConfig& config, const RunPacks& packs, const RunContext& run) override {
+    const double begin_s = SecondsNow();
+    std::vector<splats::TrainView> watched;
+    avatar::GaussianTraining learned = avatar::TrainGaussians(*config.pack.fitted, ImagesOf(config, packs, &watched),
+                                                              options_.gaussians.colour_degree, StepsOf(), run);
+    return {SecondsNow() - begin_s, 0, std::move(learned.result.validation_ssim)};
+  }
+
  private:
+  splats::TrainOptions StepsOf() const {
+    return TrainOptionsOf(options_.gaussians, train, [&](const std::string& name) { return options_.Given(name); });
+  }
+
+  static avatar::GaussianImages ImagesOf(const avatar::RunConfig& config, const RunPacks& packs,
+                                         std::vector<splats::TrainView>* watched) {
+    avatar::GaussianImages images;
+    images.train = avatar::TrainViewsOf(packs.train, packs.train_views);
+    const int64_t* camera = packs.train.camera_idx.data_ptr<int64_t>();
+    images.camera.assign(camera, camera + packs.train.size());
+    if (packs.watched) *watched = avatar::TrainViewsOf(*packs.watched, packs.watched_views);
+    if (!config.split.validation_cameras.empty()) images.validation = *watched;
+    return images;
+  }
+
   const AvatarTrainOptions& options_;
 };
 

@@ -21,6 +21,13 @@ struct TrainingPlace {
       begin;  ///< removes an older run and writes the configuration; called once nothing can be refused any more
 };
 
+/// What a training that leaves no files came to.
+struct MethodTrial {
+  double seconds = 0;        ///< of its steps
+  double scoring_s = 0;      ///< of the scores, where they are not among the steps
+  std::vector<double> ssim;  ///< of each validation image, in the mask's box
+};
+
 /// A kind of avatar. When it is made, it refuses options of other kinds.
 class TrainingMethod {
  public:
@@ -29,11 +36,15 @@ class TrainingMethod {
   virtual void Prepare(avatar::RunConfig* config) = 0;
   /// Trains, writes, and fills the method's part of the report.
   virtual void Train(const TrainingPlace& place, const RunContext& run, AvatarTrainReport* report) = 0;
+  /// Trains and scores in memory alone.
+  virtual MethodTrial Try(const avatar::RunConfig& config, const RunPacks& packs, const RunContext& run) = 0;
 
   avatar::ModelOptions model;  ///< what crops must hold
   avatar::TrainOptions train;
 };
 
+/// The one list of methods. The options must outlive what is returned. Throws UsageError for options of other kinds.
+std::unique_ptr<TrainingMethod> MakeMethod(const AvatarTrainOptions& options);
 std::unique_ptr<TrainingMethod> MakeNetworkMethod(const AvatarTrainOptions& options);
 std::unique_ptr<TrainingMethod> MakeGaussianMethod(const AvatarTrainOptions& options);
 

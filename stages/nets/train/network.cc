@@ -3,8 +3,11 @@
 #include <optional>
 #include <utility>
 
+#include "avatar/nets/sequence.h"
+#include "avatar/run/evaluate/baselines.h"
 #include "avatar/run/evaluate/posenet_features.h"
 #include "avatar/run/references/body_textures.h"
+#include "avatar/scores/image_scores.h"
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/log.h"
@@ -23,6 +26,19 @@ void SettleGain(bool given, const avatar::DatasetSplit& split, avatar::TrainOpti
         "option 'least-gain' needs option 'validate-camera' or a option 'split' with validation images, and option "
         "'validate-pictures' above 0");
   if (!judged) options->least_gain = 0;
+}
+
+/// SSIM of each image in the mask's box, as `avatar eval` has it.
+std::vector<double> ScoresOf(avatar::Trainer& trainer, const avatar::AvatarPack& images) {
+  std::vector<double> ssim;
+  trainer.UseHanded([&](avatar::AvatarModel& model) {
+    const avatar::RenderedPack rendered = avatar::RenderPack(model, images, 4);
+    for (const metrics::ImageScore& score :
+         avatar::ScoreImages(avatar::EightBit(avatar::OnBlack(images)), images.masks, avatar::EightBit(rendered.images),
+                             rendered.masks.to(at::kDouble)))
+      ssim.push_back(score.bbox.ssim);
+  });
+  return ssim;
 }
 
 /// Networks: tna, direct, v2v and hf.
@@ -55,22 +71,40 @@ class NetworkMethod : public TrainingMethod {
   }
 
   void Train(const TrainingPlace& place, const RunContext& run, AvatarTrainReport* report) override {
-    const auto net = PerceptualNet(&train);
     if (from_) report->seen = SeenPoses(options_.init_from, place.config);
-    std::optional<avatar::StartNetwork> start;
-    if (from_) {
-      start = StartFrom(*from_, model, place.packs.train.size_px, run.seed);
-      report->start = {options_.init_from, from_->options.method, start->taken, start->partly, start->fresh};
-    }
-    avatar::Trainer trainer = start ? avatar::Trainer(place.packs.train, std::move(*start), train, run, net)
-                                    : avatar::Trainer(place.packs.train, model, train, run, net);
-    if (model.method == avatar::Method::kHf)
-      trainer.SetBodyTextures(avatar::TexturesToTensor(place.config.pack.fitted->textures));
+    avatar::Trainer trainer = MakeTrainer(place.config, place.packs, run, &report->start);
     report->body_alone = body_alone_;
     TrainNetwork(trainer, train, place, 0, run, report);
+    if (options_.budget.Asked() && place.team.first()) report->judged_ssim = ScoresOf(trainer, *place.packs.watched);
+  }
+
+  MethodTrial Try(const avatar::RunConfig& config, const RunPacks& packs, const RunContext& run) override {
+    MethodTrial trial;
+    const double begin_s = SecondsNow();
+    std::optional<NetworkStart> start;
+    avatar::Trainer trainer = MakeTrainer(config, packs, run, &start);
+    trainer.Run(nullptr, {});
+    const double trained_s = SecondsNow();
+    trial.ssim = ScoresOf(trainer, *packs.watched);
+    trial.seconds = trained_s - begin_s, trial.scoring_s = SecondsNow() - trained_s;
+    return trial;
   }
 
  private:
+  avatar::Trainer MakeTrainer(const avatar::RunConfig& config, const RunPacks& packs, const RunContext& run,
+                              std::optional<NetworkStart>* began) {
+    const auto net = PerceptualNet(&train);
+    std::optional<avatar::StartNetwork> start;
+    if (from_) {
+      start = StartFrom(*from_, model, packs.train.size_px, run.seed);
+      *began = {options_.init_from, from_->options.method, start->taken, start->partly, start->fresh};
+    }
+    avatar::Trainer trainer = start ? avatar::Trainer(packs.train, std::move(*start), train, run, net)
+                                    : avatar::Trainer(packs.train, model, train, run, net);
+    if (model.method == avatar::Method::kHf) trainer.SetBodyTextures(avatar::TexturesToTensor(config.pack.fitted->textures));
+    return trainer;
+  }
+
   /// Whether there is no network: nobody asked for one, and nothing can show that it adds to the fitted body.
   bool TakesBodyAlone() const {
     const bool fitted = options_.fit == BodyFitMode::kAuto && model.prior == avatar::Prior::kTemplate;

@@ -10,6 +10,7 @@
 #include "avatar/settings/options.h"
 #include "avatar/train/train_ranks.h"
 #include "core/choice/option_style.h"
+#include "stages/budget/ask.h"
 #include "stages/nets/avatar_fit.h"
 #include "stages/nets/avatar_train_data.h"
 
@@ -45,6 +46,7 @@ struct AvatarTrainOptions {
   avatar::TrainOptions train;
   avatar::GaussianOptions gaussians;
   avatar::TrainingSetOptions pack;
+  BudgetOptions budget;
 
   std::set<std::string> given;  ///< names of the options that somebody chose
   bool relative_paths = false;  ///< the run's configuration names its inputs by paths from the run
@@ -76,6 +78,9 @@ void VisitFields(Visitor&& visit, AvatarTrainOptions& o) {
   VisitFields(visit, o.train);
   VisitFields(visit, o.gaussians);
   VisitFields(visit, o.pack);
+  VisitBudget(visit, o.budget,
+              "SSIM on a camera that is not trained on that is enough, e.g. 0.85ssim: the cheapest of body, Gaussians and "
+              "networks that a trial predicts to reach it");
 }
 
 /// A run that goes on.

@@ -7,6 +7,7 @@
 #include "avatar/run/gaussians/gaussian_training.h"
 #include "avatar/run/pack/person_fit.h"
 #include "avatar/train/train.h"
+#include "stages/budget/report.h"
 #include "stages/nets/avatar_train_data.h"
 #include "stages/result.h"
 
@@ -48,6 +49,8 @@ struct AvatarTrainReport {
   std::optional<avatar::PersonFit> fit;  ///< where the body was fitted here
   std::optional<dataset::MaskMeaning> masks;
   std::optional<int64_t> resumed_from;  ///< step
+  std::vector<double> judged_ssim;      ///< with a budget: of each validation image
+  std::optional<BudgetReport> budget;
   std::vector<CommandResult::Output> outputs;
 };
 

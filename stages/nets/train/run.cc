@@ -8,17 +8,13 @@
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "stages/nets/body_motion.h"
+#include "stages/nets/train/budget.h"
 #include "stages/nets/train/method.h"
 
 namespace mvstudio::stages {
 namespace {
 
 using avatar::RunConfig;
-
-/// The one list of methods.
-std::unique_ptr<TrainingMethod> MakeMethod(const AvatarTrainOptions& options) {
-  return options.model.method == avatar::Method::kGaussians ? MakeGaussianMethod(options) : MakeNetworkMethod(options);
-}
 
 /// The person's own body into `config`, where the options ask for one: read, or fitted. Labels of DensePose have no use for it.
 std::optional<avatar::PersonFit> FitFor(const AvatarTrainOptions& options, const dataset::PanopticDataset& data,
@@ -79,12 +75,19 @@ void BeginRun(const RunConfig& config, const avatar::References* references, con
 
 }  // namespace
 
-AvatarTrainReport RunAvatarTrain(const AvatarTrainOptions& options, RunContext run) {
-  const double begin_s = SecondsNow();
-  const auto method = MakeMethod(options);
+std::unique_ptr<TrainingMethod> MakeMethod(const AvatarTrainOptions& options) {
+  return options.model.method == avatar::Method::kGaussians ? MakeGaussianMethod(options) : MakeNetworkMethod(options);
+}
+
+AvatarTrainReport RunAvatarTrain(AvatarTrainOptions options, RunContext run) {
+  const double begin_s = SecondsNow(), started_s = options.budget.NowSeconds();
+  CheckAvatarBudget(options);
+  const bool choose = options.budget.Asked();
+  auto method = choose ? nullptr : MakeMethod(options);
   const dataset::PanopticDataset data = dataset::OpenPanopticDataset(options.dataset);
+  if (choose) LeaveJudgeOut(data, &options);
   RunConfig config = ConfigOf(options, data);
-  method->Prepare(&config);
+  if (method) method->Prepare(&config);
   AvatarRun files(options.out);
   std::optional<OutputFolder> place;
   if (options.ranks.rank == 0) {
@@ -98,12 +101,19 @@ AvatarTrainReport RunAvatarTrain(const AvatarTrainOptions& options, RunContext r
   AvatarTrainReport report;
   report.rank = team.rank, report.dataset = options.dataset, report.folder = options.out;
   if (options.ranks.rank == 0) report.conflicts = CheckTrainingImages(data, config.split, run);
+  if (choose) RequireTimeToFit(data, config, options, started_s, run);
   report.fit = FitFor(options, data, run, &config);
+  if (choose) {
+    report.budget = ChooseAvatar(data, config, started_s, run, &options);
+    method = MakeMethod(options);
+    method->Prepare(&config);
+  }
   const RunPacks packs = BuildPacks(data, method->model, method->train, run, &config);
   const auto begin = [&] { BeginRun(config, packs.references.get(), options, files); };
   method->Train({config, packs, files, team, begin}, run, &report);
   if (!team.first()) return report;
   FillImages(config, packs, &report);
+  if (choose) KeepAvatarBudget(started_s, &report);
   report.outputs = files.Outputs();
   ReportSplitFrames(data, options.split, &report.notes);
   report.masks = data.Masks();

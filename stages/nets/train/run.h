@@ -8,7 +8,7 @@ namespace mvstudio::stages {
 
 /// Fits the body, makes the crops, trains and writes the run. Throws UsageError, IoError, FormatError and MissingToolError, and
 /// CancelledError after a checkpoint; a loss that is not finite is a report with the weights before it.
-AvatarTrainReport RunAvatarTrain(const AvatarTrainOptions& options, RunContext run = {});
+AvatarTrainReport RunAvatarTrain(AvatarTrainOptions options, RunContext run = {});
 /// Continues a run of a network.
 AvatarTrainReport RunAvatarResume(const AvatarResumeOptions& options, RunContext run = {});
 
