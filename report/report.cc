@@ -22,15 +22,46 @@ std::string TitleOf(const std::string& run_folder, const ReportOptions& options)
   return "Capture report: " + fs::path(PathOnDisk(run_folder)).filename().string();
 }
 
+/// Files that were never a run's: a calibration of another program, points of a capture system.
+bool HoldsFilesAlone(const RunData& data) { return data.stages.empty() && data.histories.empty() && data.provenance.empty(); }
+
+/// Whether cameras saw the points; those of a capture system state none.
+bool AreMeasured(const CsvFile& points) {
+  const std::vector<double> views = points.table.Numbers(points.table.Column("num_views"));
+  return std::any_of(views.begin(), views.end(), [](double count) { return count > 0; });
+}
+
+std::string CountText(size_t count, const std::string& what) {
+  return FormatCount(static_cast<double>(count)) + " " + what + (count == 1 ? "" : "s");
+}
+
+/// "5 cameras; 25 joints over 100 time steps."
+std::string SentenceOfFiles(const RunData& data) {
+  std::string text;
+  if (!data.calibrations.empty()) text = CountText(data.calibrations.front().value["cameras"].items().size(), "camera");
+  if (!data.points.empty()) {
+    const TableFile& table = data.points.front().table;
+    std::set<std::string> joints, frames;
+    const int joint = table.Column("joint"), frame = table.Column("frame");
+    for (const auto& row : table.rows) {
+      if (joint >= 0) joints.insert(row[joint]);
+      if (frame >= 0) frames.insert(row[frame]);
+    }
+    text += (text.empty() ? "" : "; ") + CountText(joints.size(), "joint") + " over " + CountText(frames.size(), "time step");
+  }
+  return text + ".";
+}
+
 std::string Header(const std::string& title, Verdict verdict, const SectionContext& context) {
   const RunData& data = context.data;
   const ReportOptions& options = context.options;
   const bool client = ForClient(options);
-  std::string line = std::to_string(data.stages.size()) + (data.stages.size() == 1 ? " result" : " results") +
-                     (client ? "" : " in " + data.root);
-  if (!options.generated_at.empty()) line += ", written " + options.generated_at;
+  if (HoldsFilesAlone(data))
+    return "<h1>" + EscapeHtml(title) + "</h1>" + ParagraphHtml(SentenceOfFiles(data), "sentence") +
+           (client ? "" : WorstList(context));
+  const std::string& written = options.generated_at;
   return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(VerdictSentence(data, !client), "sentence") +
-         (client ? "" : WorstList(context)) + ParagraphHtml(line, "muted");
+         (client ? "" : WorstList(context)) + (written.empty() ? "" : ParagraphHtml("Written " + written, "muted"));
 }
 
 Value NoticesToValue(const std::vector<Notice>& notices) {
@@ -74,7 +105,17 @@ void AddAvatars(const std::string& folder, bool follow_links, RunData* data) {
   for (Notice& warning : other.warnings) data->warnings.push_back(std::move(warning));
 }
 
+std::vector<Section> SectionsOfFiles(SectionContext* context) {
+  std::vector<Section> sections = {StudioSection(context)};
+  if (!context->data.calibrations.empty()) sections.push_back(CalibrationSection(context));
+  if (!context->data.points.empty() && AreMeasured(context->data.points.front()))
+    sections.push_back(TriangulationSection(context));
+  if (!context->warnings.empty() || !context->data.warnings.empty()) sections.push_back(VerdictSection(context));
+  return sections;
+}
+
 std::vector<Section> StudioSections(SectionContext* context) {
+  if (HoldsFilesAlone(context->data)) return SectionsOfFiles(context);
   std::vector<Section> sections = {PreviewSection(context),     HeldOutSection(context),       FootageSection(context),
                                    CalibrationSection(context), TriangulationSection(context), DatasetSection(context),
                                    AvatarSection(context),      TruthSection(context),         ProvenanceSection(context)};

@@ -11,6 +11,7 @@ namespace mvstudio::report {
 namespace {
 
 constexpr size_t kMaxCurvePoints = 400;
+const ImageRole kTextures{"textures", "", {}, false, "the surface of each part of the body, as the network learned it"};
 
 /// Rows of one phase; long ones are averaged in equal bins.
 LineSeries Curve(const std::string& name, const std::vector<double>& x, const std::vector<double>& y) {
@@ -43,7 +44,9 @@ bool IsScore(const std::string& column) {
 std::string CurveFigure(const TableFile& table, int step, int phase, int column, double width) {
   const KeyLabel label = LabelOfKey(table.columns[column]);
   LineChartSpec spec;
-  spec.title = label.label;
+  spec.title = label.label == "total"           ? "loss, all terms"
+               : IsScore(table.columns[column]) ? label.label
+                                                : "loss: " + label.label;
   spec.x.label = "step";
   spec.y.label = label.label + (label.unit.empty() ? "" : " (" + label.unit + ")");
   spec.width = width;
@@ -74,13 +77,16 @@ std::string Curves(SectionContext* context, const CsvFile& history) {
   const TableFile& table = history.table;
   const int step = table.Column("step"), phase = table.Column("phase");
   if (step < 0 || table.rows.empty()) return {};
-  std::string html = "<h3>Training <span class=\"unit\">" + EscapeHtml(history.file) + "</span></h3>\n", first;
+  const bool several = context->data.histories.size() > 1;
+  std::string html =
+      "<h3>Training" + (several ? " <span class=\"unit\">" + EscapeHtml(history.file) + "</span>" : std::string()) + "</h3>\n";
+  std::string first;
   std::vector<std::string> small;
   for (int column = 0; column < static_cast<int>(table.columns.size()); ++column) {
     const std::string& name = table.columns[column];
     if (column == step || column == phase || name == "wall_s" || name == "lr" || small.size() >= 12) continue;
     const bool main = first.empty() && (name == "total" || name == "loss");
-    const std::string figure = CurveFigure(table, step, phase, column, main ? 760 : 360);
+    const std::string figure = CurveFigure(table, step, phase, column, 360);
     if (figure.empty()) continue;
     if (main) {
       first = figure;
@@ -88,7 +94,8 @@ std::string Curves(SectionContext* context, const CsvFile& history) {
       small.push_back(figure);
     }
   }
-  html += first + GridHtml(small, "grid small");
+  if (!first.empty()) small.insert(small.begin(), first);
+  html += GridHtml(small, "grid small");
   Value last = Value::Object();
   for (size_t column = 0; column < table.columns.size(); ++column) {
     const double number = table.Number(table.rows.size() - 1, static_cast<int>(column));
@@ -185,6 +192,7 @@ std::string ScoresTable(const Value& metrics) {
 }
 
 std::string CameraBars(const Value& per_camera) {
+  if (per_camera.items().size() < 2) return {};  // the line above says it
   std::vector<std::string> figures;
   const std::pair<const char*, const char*> kScores[] = {
       {"ssim", "SSIM (no unit)"}, {"psnr_db", "PSNR (dB)"}, {"mask_iou", "mask IoU (no unit)"}};
@@ -236,14 +244,20 @@ std::string ScoreLine(const Value& metrics) {
   return ParagraphHtml(text + ".");
 }
 
+/// Folded; the studio in 3D shows it on the body.
+std::string TextureAtlas(SectionContext* context, const Stage& stage) {
+  const std::string images = ImagesOf(context, stage, kTextures);
+  return images.empty() ? "" : DetailsHtml("Texture atlas", images);
+}
+
 std::string EvalBody(SectionContext* context, const Stage& stage) {
   const Value& metrics = stage.metrics();
   const std::string scores = ScoresTable(metrics) + Intervals(metrics);
-  std::string html = StageHeading(stage, true) + ScoreLine(metrics) + CameraBars(metrics["per_camera"]);
+  std::string html = StageHeading(context->data, stage) + ScoreLine(metrics) + CameraBars(metrics["per_camera"]);
   if (!scores.empty()) html += DetailsHtml("Scores and baselines", scores);
   const std::string cameras = ObjectsTable("", metrics["per_camera"]);
   if (!cameras.empty()) html += DetailsHtml("Scores of each camera", cameras);
-  html += ImagesOf(context, stage, {"textures", "Texture atlas", {}});
+  html += TextureAtlas(context, stage);
   const std::string all = NumbersTable("", metrics);
   return html + (all.empty() ? "" : DetailsHtml("All numbers", all));
 }
@@ -264,11 +278,13 @@ Section AvatarSection(SectionContext* context) {
   }
   for (const Stage& stage : context->data.stages) {
     if (stage.command != "avatar train" && stage.command != "avatar resume") continue;
-    section.body_html += ImagesOf(context, stage, {"textures", "Texture atlas", {}});
+    section.body_html += TextureAtlas(context, stage);
     for (const Value& output : stage.result["outputs"].items())
       if (output["role"].Text() == "gaussians-player") section.body_html += EmbedPlayer(context, stage, output);
     const std::string all = NumbersTable("", stage.metrics());
-    if (!all.empty()) section.body_html += DetailsHtml("All numbers of `" + stage.command + "` (" + stage.file + ")", all);
+    if (!all.empty())
+      section.body_html += DetailsHtml(
+          "All numbers of the training" + (context->data.All(stage.command).size() > 1 ? " in " + stage.folder : ""), all);
   }
   if (section.body_html.empty()) {
     SetNotRun(&section, "Avatar",

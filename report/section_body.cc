@@ -34,7 +34,7 @@ std::string BodyTables(const Value& metrics) {
 
 std::string FitBody(SectionContext* context, const Stage& stage) {
   const Value& metrics = stage.metrics();
-  std::string html = StageHeading(stage, true) + BodyTables(metrics);
+  std::string html = StageHeading(context->data, stage) + BodyTables(metrics);
   const Value& limits = metrics["surface_maps"];
   for (const Value& output : stage.result["outputs"].items()) {
     if (output["role"].Text() != "surface-maps") continue;

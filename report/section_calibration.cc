@@ -164,16 +164,16 @@ std::string StageBody(SectionContext* context, const Stage& stage, bool named) {
   const JsonFile* file = CalibrationOf(context->data, stage.folder);
   static const Value null;
   const Value& calibration = file ? file->value : null;
-  std::string html = StageHeading(stage, named);
+  std::string html = named ? StageHeading(context->data, stage) : "";
   std::string summary;
   const auto add = [&](const std::string& label, const std::string& text) {
     summary += (summary.empty() ? "" : "; ") + label + " " + text;
   };
-  if (metrics["rms_px"].IsNumber()) add("rms", FormatWithUnit(metrics["rms_px"].Number(), "px"));
-  if (metrics["holdout_rms_px"].IsNumber()) add("held-out rms", FormatWithUnit(metrics["holdout_rms_px"].Number(), "px"));
+  if (metrics["rms_px"].IsNumber()) add("rms", FormatWithUnit(metrics["rms_px"].Number(), "px", 3));
+  if (metrics["holdout_rms_px"].IsNumber()) add("held-out rms", FormatWithUnit(metrics["holdout_rms_px"].Number(), "px", 3));
   if (metrics["baseline_mm"].IsNumber()) add("baseline", FormatWithUnit(metrics["baseline_mm"].Number(), "mm", 5));
   if (metrics["rejected_fraction"].IsNumber())
-    add("rejected corners", FormatFixed(100 * metrics["rejected_fraction"].Number(), 2) + "%");
+    add("rejected corners", FormatFixed(100 * metrics["rejected_fraction"].Number(), 1) + "%");
   if (metrics["world"].IsText()) add("world:", metrics["world"].Text());
   if (!summary.empty()) html += ParagraphHtml(summary + ".");
   const Value& cameras = metrics["cameras"];

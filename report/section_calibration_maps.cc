@@ -82,7 +82,7 @@ std::string CameraMaps(const Value& metrics) {
                                        FormatNumber(0.8 * scale) + " px on" + StruckOut(map.rows) + "."));
     }
   }
-  return CameraFigures("Over the image", "", figures, metrics["cameras"].items().size());
+  return CameraFigures("Maps over the image", "", figures, metrics["cameras"].items().size());
 }
 
 std::string Covisibility(const Value& metrics) {
@@ -116,8 +116,8 @@ std::string CameraFigures(const std::string& heading, const std::string& text, c
   constexpr size_t kMostOpen = 4;
   if (figures.empty()) return {};
   const std::string body = (text.empty() ? "" : ParagraphHtml(text, "muted")) + GridHtml(figures, css_class);
-  const std::string title = "<h3>" + EscapeHtml(heading) + "</h3>\n";
-  return title + (num_cameras > kMostOpen ? DetailsHtml("Figures of " + std::to_string(num_cameras) + " cameras", body) : body);
+  if (num_cameras > kMostOpen) return DetailsHtml(heading + " of " + std::to_string(num_cameras) + " cameras", body);
+  return "<h3>" + EscapeHtml(heading) + "</h3>\n" + body;
 }
 
 std::string CalibrationMaps(const Value& metrics) {

@@ -128,10 +128,10 @@ std::string FoldedTable(const std::string& title, const Value& array) {
   return table.empty() ? "" : DetailsHtml(title, table);
 }
 
-std::string StageHeading(const Stage& stage, bool always_named) {
-  if (!always_named) return {};
-  return "<h3>" + EscapeHtml(stage.command) + " " + BadgeHtml(stage.verdict) + " <span class=\"unit\">" +
-         EscapeHtml(stage.file) + "</span></h3>\n";
+std::string StageHeading(const RunData& data, const Stage& stage) {
+  const bool several = data.All(stage.command).size() > 1 && !stage.folder.empty();
+  return "<h3>" + EscapeHtml(stage.command) + " " + BadgeHtml(stage.verdict) +
+         (several ? " <span class=\"unit\">" + EscapeHtml(stage.folder) + "</span>" : "") + "</h3>\n";
 }
 
 void SetNotRun(Section* section, const std::string& what, const std::string& command) {

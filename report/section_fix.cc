@@ -92,8 +92,8 @@ void AddMissedChecks(const Stage& stage, Collector* collector) {
     if (check["pass"].kind() != Value::Kind::kBool || check["pass"].Flag()) continue;
     const std::string unit = check["unit"].Text();
     collector->Add(stage.verdict == Verdict::kFail, "CHECK",
-                   {check["name"].Text("?") + ": " + FormatWithUnit(check["value"].Number(), unit) + ", bound " +
-                        FormatWithUnit(check["bound"].Number(), unit),
+                   {check["name"].Text("?") + ": " + FormatWithUnit(check["value"].Number(), unit, 3) + ", bound " +
+                        FormatWithUnit(check["bound"].Number(), unit, 3),
                     ""},
                    stage.command);
   }
@@ -250,8 +250,10 @@ std::string WhatToFix(const SectionContext& context) {
   std::string shown, hidden;
   for (size_t i = 0; i < findings.size(); ++i) (i < kShown ? shown : hidden) += LineOf(findings[i]);
   std::string html = "<h3>What to fix first</h3>\n";
-  if (OverallVerdict(context.data) == Verdict::kPass) html += ParagraphHtml("No frame failed.");
-  html += findings.empty() ? ParagraphHtml("No warnings.") : "<ol class=\"fix\">" + shown + "</ol>\n";
+  const bool passed = OverallVerdict(context.data) == Verdict::kPass;
+  if (passed && !findings.empty()) html += ParagraphHtml("No frame failed.");
+  html += findings.empty() ? ParagraphHtml(passed ? "No frame failed, no warnings." : "No warnings.")
+                           : "<ol class=\"fix\">" + shown + "</ol>\n";
   if (!hidden.empty())
     html += DetailsHtml(std::to_string(findings.size() - kShown) + " more", "<ol class=\"fix\">" + hidden + "</ol>\n");
   return html;

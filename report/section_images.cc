@@ -21,7 +21,7 @@ std::set<std::string> CameraNames(const Value& metrics) {
   return names;
 }
 
-/// What the result says of an image beyond its path: the entry of metrics.pictures with the same file name.
+/// What the result says of an image beyond its path: its entry in the metrics, of the same file name.
 const Value& ImageEntry(const Value& metrics, const std::string& path) {
   static const Value null;
   const auto name = std::filesystem::path(path).filename();
@@ -41,14 +41,14 @@ double FrameInName(const std::string& stem, const std::string& camera) {
 }
 
 /// "camera cam_02, frame 84, SSIM 0.93, PSNR 24.1 dB", from what the result says of the image, else from its file name.
-std::string Caption(const Value& metrics, const Value& output) {
+std::string Caption(const Value& metrics, const Value& output, const std::string& of_no_camera) {
   const std::string path = output["path"].Text(), stem = std::filesystem::path(path).stem().string();
   const Value& entry = ImageEntry(metrics, path);
   std::string camera = output["camera"].Text(entry["camera"].Text());
   for (const std::string& name : CameraNames(metrics)) {
     if (camera.empty() && stem.find(name) != std::string::npos) camera = name;
   }
-  if (camera.empty()) return WordsOf(stem);
+  if (camera.empty()) return of_no_camera.empty() ? WordsOf(stem) : of_no_camera;
   const double frame = output["frame"].Number(entry["frame"].Number(FrameInName(stem, camera)));
   std::string caption = "camera " + camera + (std::isfinite(frame) ? ", frame " + FormatNumber(frame, 9) : "");
   if (entry["ssim"].IsNumber()) caption += ", SSIM " + FormatFixed(entry["ssim"].Number(), 3);
@@ -80,7 +80,7 @@ std::string WordsOf(const std::string& file_name) {
 }
 
 std::string ImagesOf(SectionContext* context, const Stage& stage, const ImageRole& role) {
-  constexpr size_t kMostOpen = 4;
+  constexpr size_t kMostOpen = 3;
   std::vector<std::string> shown, folded;
   int left_out = 0;
   for (const Value& output : OutputsOf(stage, role.name)) {
@@ -89,12 +89,16 @@ std::string ImagesOf(SectionContext* context, const Stage& stage, const ImageRol
       continue;
     }
     const std::string figure =
-        EmbedOutput(context, stage, output, Caption(stage.metrics(), output), role.legend, role.compared);
+        EmbedOutput(context, stage, output, Caption(stage.metrics(), output, role.caption), role.legend, role.compared);
     if (!figure.empty()) (shown.size() < kMostOpen ? shown : folded).push_back(figure);
   }
   if (shown.empty()) return {};
-  std::string html = (role.title.empty() ? "" : "<h3>" + EscapeHtml(role.title) + "</h3>\n") + GridHtml(shown);
-  if (!folded.empty()) html += DetailsHtml(std::to_string(folded.size()) + " more images", GridHtml(folded));
+  const char* grid = role.compared ? "grid three" : "grid";
+  std::string html = (role.title.empty() ? "" : "<h3>" + EscapeHtml(role.title) + "</h3>\n") + GridHtml(shown, grid);
+  if (!folded.empty()) {
+    html += DetailsHtml(std::to_string(folded.size()) + (folded.size() == 1 ? " more image" : " more images"),
+                        GridHtml(folded, grid));
+  }
   if (left_out > 0)
     html += ParagraphHtml(
         std::to_string(left_out) + " more are listed in the result; option 'max-heldout-pictures' shows more.", "muted");
@@ -108,7 +112,7 @@ Section HeldOutSection(SectionContext* context) {
     const std::string images =
         ImagesOf(context, *stage, {"heldout-picture", "", {"truth", "render", "error", "nearest pose"}, true});
     if (images.empty()) continue;
-    if (stages.size() > 1 && !ForClient(context->options)) section.body_html += StageHeading(*stage, true);
+    if (stages.size() > 1 && !ForClient(context->options)) section.body_html += StageHeading(context->data, *stage);
     section.body_html += images;
   }
   if (!section.body_html.empty()) {

@@ -39,7 +39,7 @@ Section ProvenanceSection(SectionContext* context) {
       entries.push_back(entry.Set("wall_s", stage.result.Path("timing.wall_s")));
     }
   }
-  Table commands("Commands");
+  Table commands("");
   commands.AddColumn("time (UTC)", "", false);
   commands.AddColumn("command", "", false);
   commands.AddColumn("version", "", false);
@@ -69,8 +69,9 @@ Section ProvenanceSection(SectionContext* context) {
                     .Set("inputs", entry["inputs"])
                     .Set("outputs", entry["outputs"]));
   }
-  section.body_html =
-      commands.empty() ? ParagraphHtml("No provenance.jsonl and no saved result in this run.", "muted") : commands.Html();
+  section.body_html = "<p class=\"muted\">Folder: <code>" + EscapeHtml(data.root) + "</code></p>\n";
+  section.body_html += commands.empty() ? ParagraphHtml("No provenance.jsonl and no saved result in this run.", "muted")
+                                        : DetailsHtml("Commands", commands.Html());
   if (!commands.empty()) section.body_html += DetailsHtml("Command lines, as they can be typed again", lines);
   if (!files.empty()) section.body_html += DetailsHtml("Inputs and outputs with their digests", files.Html());
   context->json.Set("provenance", list);

@@ -149,7 +149,7 @@ std::string RigFigures(const Value& calibration, const CsvFile* points, const Va
                  "The same rig from a corner; equal scale on all axes, grid on the lowest level.")};
   const std::string pose = SubjectView(cameras, subject);
   if (!pose.empty()) figures.push_back(FigureHtml(pose, "The pose with the most joints, from the same corner."));
-  return GridHtml(figures);
+  return GridHtml(figures, "grid three");
 }
 
 Value CalibrationSummary(const Value& calibration) {

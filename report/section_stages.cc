@@ -26,6 +26,11 @@ std::string Findings(const Value& metrics) {
   return html;
 }
 
+std::string Capitalised(std::string text) {
+  if (!text.empty()) text[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(text[0])));
+  return text;
+}
+
 /// Folded where it is long.
 std::string TableByLength(const std::string& title, const Value& array) {
   constexpr size_t kMostOpen = 4;
@@ -46,6 +51,18 @@ std::string OverlayCaption(const Stage& stage, const Value& output) {
   return what + (camera.empty() ? ": " + WordsOf(stem) : ", camera " + camera);
 }
 
+/// The first three; more are folded, since each is a contact sheet.
+std::string OverlaysHtml(const std::vector<std::string>& figures) {
+  constexpr size_t kMostOpen = 3;
+  const auto end = figures.begin() + static_cast<std::ptrdiff_t>(std::min(figures.size(), kMostOpen));
+  const std::vector<std::string> open(figures.begin(), end), folded(end, figures.end());
+  if (open.empty()) return {};
+  return GridHtml(open, "grid three") +
+         (folded.empty() ? ""
+                         : DetailsHtml(std::to_string(folded.size()) + (folded.size() == 1 ? " more camera" : " more cameras"),
+                                       GridHtml(folded, "grid three")));
+}
+
 std::string StageBody(SectionContext* context, const Stage& stage) {
   const Value& metrics = stage.metrics();
   std::vector<std::string> overlays;
@@ -53,7 +70,7 @@ std::string StageBody(SectionContext* context, const Stage& stage) {
     if (output["role"].Text() == "overlay")
       overlays.push_back(EmbedOutput(context, stage, output, OverlayCaption(stage, output)));
   }
-  std::string html = StageHeading(stage, true) + (overlays.empty() ? "" : GridHtml(overlays));
+  std::string html = StageHeading(context->data, stage) + OverlaysHtml(overlays);
   const std::string findings = Findings(metrics);
   if (findings.empty() && stage.command == "dataset verify" && stage.verdict == Verdict::kPass)
     html += ParagraphHtml("Nothing found.");
@@ -61,12 +78,12 @@ std::string StageBody(SectionContext* context, const Stage& stage) {
   for (const auto& [key, value] : metrics.fields()) {
     if (value.IsArray() && value.At(0).IsObject() && key != "findings" && key != "problems" && key != "issues" &&
         key != "errors") {
-      html += TableByLength(key == "cameras" ? "Cameras" : LabelOfKey(key).label, value);
+      html += TableByLength(Capitalised(LabelOfKey(key).label), value);
     }
     if (!value.IsObject()) continue;
     for (const auto& [inner_key, inner] : value.fields()) {
       if (inner.IsArray() && inner.At(0).IsObject())
-        html += TableByLength(LabelOfKey(key).label + ": " + LabelOfKey(inner_key).label, inner);
+        html += TableByLength(Capitalised(LabelOfKey(key).label + ": " + LabelOfKey(inner_key).label), inner);
     }
   }
   const std::string all = NumbersTable("", metrics);

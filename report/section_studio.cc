@@ -203,8 +203,9 @@ ScenePeople ReadPeople(const TableFile& table, PeopleIndex* index) {
     for (size_t i = 0; i < 3; ++i) cell.at_m[i] = table.Number(row, at[i]);
     const double seen = table.Number(row, views);
     cell.num_views = seen > 0 ? static_cast<int>(std::min(seen, 255.0)) : 0;
-    cell.rms_px = table.Number(row, rms);
-    const double variance = std::pow(table.Number(row, sigma), 2);
+    const bool measured = cell.num_views > 0;  // else from a file of points alone, whose zeros say nothing
+    cell.rms_px = measured ? table.Number(row, rms) : NAN;
+    const double variance = measured ? std::pow(table.Number(row, sigma), 2) : NAN;
     cell.covariance_m2 = {variance, 0, 0, variance, 0, variance};
   }
   return scene;
@@ -282,14 +283,31 @@ double FloorOf(const std::vector<ViewCamera>& cameras, const Value& boards, cons
   return heights.empty() ? 0 : LinearQuantile(heights, 0);
 }
 
-/// The fitted body over time as an element; empty where no run has one. The viewer takes Gaussians, and a body where there is
-/// no element, from the player of Gaussians.
+/// The bytes of a result's first output of a role that may be embedded; empty where there is none.
+std::string OutputOfRole(SectionContext* context, const Stage& stage, const char* role, bool (*is_right)(std::string_view)) {
+  for (const Value& output : stage.result["outputs"].items()) {
+    if (output["role"].Text() != role) continue;
+    std::string bytes = ReadOutput(context, stage, output, is_right, "no file of a fitted body");
+    if (!bytes.empty()) return bytes;
+  }
+  return {};
+}
+
+/// The fitted body over time, and its colours, as elements: the first that has colours, else the first; empty without one. The
+/// viewer takes Gaussians, and a body where there is no element, from the player of Gaussians.
 std::string BodyOverTime(SectionContext* context) {
-  for (const Stage& stage : context->data.stages) {
-    for (const Value& output : stage.result["outputs"].items()) {
-      if (output["role"].Text() != "body-motion") continue;
-      const std::string bytes = ReadOutput(context, stage, output, IsBodyFile, "no file of a body in motion");
-      if (!bytes.empty()) return "<i data-body=\"" + Base64(bytes) + "\"></i>";
+  const auto has_colours = [](const Stage& stage) {
+    const auto& outputs = stage.result["outputs"].items();
+    return std::any_of(outputs.begin(), outputs.end(), [](const Value& o) { return o["role"].Text() == "body-texture"; });
+  };
+  for (const bool coloured : {true, false}) {
+    for (const Stage& stage : context->data.stages) {
+      if (has_colours(stage) != coloured) continue;
+      const std::string motion = OutputOfRole(context, stage, "body-motion", IsBodyFile);
+      if (motion.empty()) continue;
+      const std::string texture = OutputOfRole(context, stage, "body-texture", IsBodyTexture);
+      return "<i data-body=\"" + Base64(motion) + "\"></i>" +
+             (texture.empty() ? "" : "<i data-texture=\"" + Base64(texture) + "\"></i>");
     }
   }
   return {};

@@ -76,6 +76,7 @@ std::string StatusBar(const std::vector<std::pair<std::string, double>>& counts)
   }
   std::stable_sort(parts.begin(), parts.end(),
                    [](const StackPart& a, const StackPart& b) { return (a.name == "Ok") > (b.name == "Ok"); });
+  if (parts.size() == 1 && parts.front().name == "Ok") return ParagraphHtml("Every joint has a position.");
   return parts.empty() ? ""
                        : FigureHtml(StackedBar("Joints by status", parts),
                                     "Only joints with status Ok have a position; every other one says why it has none.");
@@ -217,13 +218,14 @@ std::string TableBody(SectionContext* context, const CsvFile& points, bool with_
   std::string html;
   if (with_statuses) html += StatusBar(stats.statuses);
   html += DetailsHtml(
-      "Errors of each joint",
-      GridHtml({JointChart("Reprojection error of each joint", "median RMS (px)", stats.joints, &JointStats::median_rms_px),
+      "Errors of joints",
+      GridHtml({FigureHtml(
+                    Histogram("Reprojection error of all joints", {"RMS over the views (px)", false, false}, stats.rms_px), ""),
+                JointChart("Reprojection error of each joint", "median RMS (px)", stats.joints, &JointStats::median_rms_px),
                 JointChart("Predicted uncertainty of each joint", "median \u03c3 (mm)", stats.joints,
                            &JointStats::median_sigma_mm)}));
-  html += GridHtml(
-      {FigureHtml(Histogram("Reprojection error of all joints", {"RMS over the views (px)", false, false}, stats.rms_px), "")});
-  html += Presence(points.table, stats.joints);
+  if (!std::all_of(stats.joints.begin(), stats.joints.end(), [](const JointStats& j) { return j.ok == j.rows; }))
+    html += Presence(points.table, stats.joints);
   Value joints = Value::Array(), statuses = Value::Object();
   for (const JointStats& joint : stats.joints) {
     joints.Append(Value::Object()
@@ -242,7 +244,7 @@ std::string TableBody(SectionContext* context, const CsvFile& points, bool with_
 
 std::string StageBody(SectionContext* context, const Stage& stage, const CsvFile* points, bool named) {
   const Value& metrics = stage.metrics();
-  std::string html = StageHeading(stage, named);
+  std::string html = named ? StageHeading(context->data, stage) : "";
   std::string summary = FormatCount(metrics["num_points"].Number()) + " joints";
   if (metrics["median_rms_px"].IsNumber()) {
     summary += "; reprojection RMS median " + FormatWithUnit(metrics["median_rms_px"].Number(), "px", 3) + ", mean " +

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "report/page/format.h"
@@ -21,8 +22,8 @@ std::string ChecksTable(const Value& checks) {
     const std::string sign = at_least.kind() != Value::Kind::kBool ? "" : at_least.Flag() ? "\u2265 " : "\u2264 ";
     Table::Cell badge("");
     badge.html = BadgeHtml(pass ? Verdict::kPass : Verdict::kFail);
-    table.AddRow({check["name"].Text("?"), FormatNumber(check["value"].Number()), sign + FormatNumber(check["bound"].Number()),
-                  UnitText(check["unit"].Text()), badge},
+    table.AddRow({check["name"].Text("?"), FormatNumber(check["value"].Number(), 3),
+                  sign + FormatNumber(check["bound"].Number(), 3), UnitText(check["unit"].Text()), badge},
                  !pass);
   }
   return table.Html();
@@ -36,8 +37,14 @@ Section TruthSection(SectionContext* context) {
     const Value &checks = stage.metrics()["checks"], &truth = stage.metrics()["truth"];
     const bool own_truth = truth.IsObject() && stage.command != "triangulate";
     if (checks.items().empty() && !own_truth) continue;
-    section.body_html += StageHeading(stage, true);
-    if (!checks.items().empty()) section.body_html += ChecksTable(checks);
+    section.body_html += StageHeading(context->data, stage);
+    const bool kept =
+        std::all_of(checks.items().begin(), checks.items().end(), [](const Value& c) { return c["pass"].Flag(); });
+    if (!checks.items().empty()) {
+      section.body_html += kept ? ParagraphHtml("All " + std::to_string(checks.items().size()) + " checks are kept.") +
+                                      DetailsHtml("Checks", ChecksTable(checks))
+                                : ChecksTable(checks);
+    }
     if (own_truth) section.body_html += DetailsHtml("All comparisons with the truth", NumbersTable("", truth));
   }
   return section;

@@ -48,10 +48,13 @@ std::string StageCard(const Stage& stage, bool with_folder, bool with_errors) {
     const double number = FigureNumber(figure, metrics);
     if (std::isfinite(number)) pairs.emplace_back(figure.label, CardNumber(number, figure.unit));
   }
-  if (pairs.empty()) {
+  const bool has_figures = !pairs.empty();
+  for (const bool speeds : {false, true}) {  // a speed tells least
     for (const auto& [key, value] : metrics.fields()) {
       const KeyLabel label = LabelOfKey(key);
-      if (value.IsNumber() && key != "wall_s" && pairs.size() < 3 && label.label.size() < 26)
+      const bool is_speed = label.label.find("per second") != std::string::npos;
+      if (has_figures || !value.IsNumber() || is_speed != speeds || key == "wall_s" || key == "ranks") continue;
+      if (pairs.size() < (speeds ? 1 : 3) && label.label.size() < 26)
         pairs.emplace_back(label.label, CardNumber(value.Number(), label.unit));
     }
   }

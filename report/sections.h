@@ -78,8 +78,8 @@ std::string NumbersTable(const std::string& caption, const Value& object);
 std::string ObjectsTable(const std::string& caption, const Value& array, const std::vector<std::string>& skip = {});
 /// The same folded, with `title` as its summary; empty without rows.
 std::string FoldedTable(const std::string& title, const Value& array);
-/// "avatar/avatar_eval.result.json" above the stage's content, with its verdict.
-std::string StageHeading(const Stage& stage, bool always_named);
+/// "avatar eval" with its verdict above the stage's content; with its folder where the run has several results of the command.
+std::string StageHeading(const RunData& data, const Stage& stage);
 /// Brief note for a section without data.
 void SetNotRun(Section* section, const std::string& what, const std::string& command);
 
@@ -98,6 +98,7 @@ struct ImageRole {
   std::string name, title;
   std::vector<std::string> legend;
   bool compared = false;
+  std::string caption = {};  ///< of images of no camera; empty: the words of their names
 };
 /// Those images of a result, the worst by SSIM first, with camera, frame and scores as captions; empty without.
 std::string ImagesOf(SectionContext* context, const Stage& stage, const ImageRole& role);

@@ -182,7 +182,7 @@ MAY_INCLUDE |= {
     "stages/pipeline": WITHOUT_TORCH | {"stages", "stages/budget", "stages/input"},
     "stages/plan": WITHOUT_TORCH | {"stages", "stages/input", "stages/pipeline"},
     "stages/study": WITHOUT_TORCH | {"stages", "stages/dataset"},
-    "stages/view": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve"},
+    "stages/view": WITHOUT_TORCH | {"stages", "stages/input", "stages/serve", "stages/calib"},
     "stages/overlay": WITHOUT_TORCH | {"stages", "stages/input", "stages/calib", "stages/view"},
     "stages/nets": STAGE_LIBRARIES | {"stages", "stages/input", "stages/scores"},
     "stages/nets/evaluate": NET_ROOM,

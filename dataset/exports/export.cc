@@ -84,6 +84,9 @@ const std::vector<Writer>& Writers() {
       {{"ros", "ROS: a camera_info file for each camera, without poses", LensNeed::kAny, !kTimeStep, !kOneSize, !kImages,
         kRigOnly},
        WriteRos},
+      {{"mcap", "MCAP with messages of ROS 2, for Rerun and Foxglove: cameras, images, joints, in one file", LensNeed::kPinhole,
+        !kTimeStep, !kOneSize, kImages, !kRigOnly, !kAlpha, "", ".mcap"},
+       WriteMcap},
   };
   return writers;
 }
@@ -182,6 +185,9 @@ void WriteOneFile(const Writer& writer, const Take& take, const std::string& roo
   const std::string folder = std::filesystem::path(out).parent_path().string();
   Images images(take, options, folder);
   writer.write({take, images, options, run, folder, report, out});
+  images.Run(run, report);
+  RequireAny(root, report->missing);
+  NoteMissing(writer.info, options, report);
   FillFromTake(take, report);
 }
 

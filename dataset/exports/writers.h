@@ -41,6 +41,7 @@ void WriteGltf(const Job& job);
 void WritePly(const Job& job);
 void WriteBlender(const Job& job);
 void WriteRos(const Job& job);
+void WriteMcap(const Job& job);
 
 /// Warns of what the programs that read the format cannot hold of these cameras.
 void NoteReaderLimits(const Job& job);

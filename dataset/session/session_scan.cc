@@ -269,6 +269,8 @@ ScannedSession ScanRaw(const std::string& folder, SessionLayout layout) {
 
 ScannedSession ScanSession(const std::string& folder) { return ScanRaw((fs::path(folder) / "raw").string()); }
 
+bool IsVideoFile(const std::string& path) { return IsVideo(path); }
+
 SessionTake ScanFolder(const std::string& folder, std::vector<SessionCamera>* cameras) {
   SessionTake take;
   take.name = fs::path(PathOnDisk(folder)).filename().string();

@@ -36,7 +36,10 @@ ScannedSession ScanRaw(const std::string& raw, SessionLayout layout = SessionLay
 /// Same of folder/raw.
 ScannedSession ScanSession(const std::string& folder);
 
-/// The footage in one folder, as a take with the folder's name.
+/// Whether a name ends as those of videos do.
+bool IsVideoFile(const std::string& path);
+
+/// The footage in one folder, as a take with the folder's name; its paths are relative to the folder.
 SessionTake ScanFolder(const std::string& folder, std::vector<SessionCamera>* cameras);
 
 namespace internal {

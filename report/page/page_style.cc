@@ -54,9 +54,10 @@ td.long{white-space:normal;overflow-wrap:anywhere}
 tr.look td{background:var(--look)}td code{white-space:pre-wrap}
 figure{margin:.4rem 0 1.2rem;min-width:0;overflow-wrap:anywhere}figcaption{font-size:.86em;margin-top:.3rem;max-width:60rem}
 .grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,31rem),1fr));gap:.4rem 1.6rem;align-items:start}
+.grid.three{grid-template-columns:repeat(auto-fill,minmax(min(100%,22.5rem),1fr))}
 .grid.small{grid-template-columns:repeat(auto-fill,minmax(min(100%,17.5rem),1fr))}
 .grid.methods{grid-template-columns:repeat(auto-fill,minmax(min(30%,9rem),1fr));gap:.4rem .6rem}.grid.methods img{width:100%}
-details{margin:.3rem 0 1rem}summary{cursor:pointer;color:var(--c0)}
+details{display:inline-block;vertical-align:top;margin:.2rem 1.4rem .5rem 0}details[open]{display:block;margin:.3rem 0 1rem}summary{cursor:pointer;color:var(--c0)}
 video{max-width:100%;max-height:40rem;display:block}
 img{max-width:100%;height:auto;display:block;border:1px solid var(--rule);background:#888}
 .strip img{width:100%}.strip .legend{display:grid;grid-auto-flow:column;grid-auto-columns:1fr;text-align:center;

@@ -27,6 +27,18 @@ export function readBody(base64) {
   return Object.assign(body, { bone: file.take(Uint8Array, 4 * vertices), weight: file.take(Uint8Array, 4 * vertices) });
 }
 
+/** The body's colours: corners with their vertex and place in an image, which comes as an address. */
+export function readTexture(base64) {
+  const file = open(base64);
+  file.skip(8);
+  const [corners, faces, bytes] = file.counts(3);
+  const vertex = file.take(Uint32Array, corners), uv = Float32Array.from(file.take(Uint16Array, 2 * corners), (v) => v / 65535);
+  const corner = file.take(Uint32Array, 3 * faces), image = file.take(Uint8Array, bytes);
+  let text = '';
+  for (let i = 0; i < bytes; ++i) text += String.fromCharCode(image[i]);
+  return { vertex, uv, corner, address: 'data:image/' + (image[0] === 0x89 ? 'png' : 'jpeg') + ';base64,' + btoa(text) };
+}
+
 export function readPlayer(base64) {
   const file = open(base64);
   file.skip(8);

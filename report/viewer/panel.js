@@ -26,6 +26,6 @@ export function jointPanel(people, step, chosen, round) {
   const mm = joint.sigma.map((s) => 1000 * s), all = Math.sqrt(mm.reduce((sum, s) => sum + s * s, 0) / 3);
   return parts.concat(terms([
     ['frame', String(people.frames[step])], ['\u03c3', rounded(all, 'mm')], ['\u03c3 along x, y, z', round ? '' : mm.map((s) => rounded(s)).join(', ') + '\u2009mm'],
-    ['cameras', String(joint.views)], ['residual', rounded(joint.residual, 'px')], ['place', position(joint.at)],
+    ['cameras', joint.views > 0 ? String(joint.views) : ''], ['residual', rounded(joint.residual, 'px')], ['place', position(joint.at)],
   ]));
 }

@@ -19,7 +19,7 @@ export class PeopleView {
     this.centre = bounds.centre;
     this.group = new Group();
     this.scale = 1;
-    this.ellipsoids = true;
+    this.ellipsoids = this.joints = true;
     this.radius = this.boneRadius(bounds.radius);
     const dot = new SphereBufferGeometry(1, 8, 6), bone = new CylinderBufferGeometry(1, 1, 1, 6, 1, true), ball = new SphereBufferGeometry(1, 12, 8);
     this.each = people.ids.map(() => {
@@ -70,7 +70,8 @@ export class PeopleView {
       });
       people.bones.forEach(([a, b], i) => parts.bones.setMatrixAt(i, this.bone(places[a], places[b], matrix)));
       for (const mesh of [parts.dots, parts.bones, parts.balls]) mesh.instanceMatrix.needsUpdate = true;
-      parts.balls.visible = this.ellipsoids;
+      parts.dots.visible = parts.bones.visible = this.joints;
+      parts.balls.visible = this.ellipsoids && this.joints;
     });
     this.showChosen(step, chosen);
   }

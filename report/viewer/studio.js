@@ -46,7 +46,7 @@ export class Studio {
     this.view.up.copy(upOf(this.scene));
     this.rig = new Rig(this.scene, this.bounds);
     this.bodies = new PeopleView(this.people, this.bounds);
-    this.body = new BodyView(this.root, this.bounds);
+    this.body = new BodyView(this.root, this.bounds, () => this.showColours());
     const light = new DirectionalLight(0xffffff, 0.6);
     light.position.copy(upOf(this.scene)).add(new Vector3(0.3, 0.2, 0.1));
     this.world.add(this.rig.group, this.bodies.group, this.body.group, light, new AmbientLight(0xffffff, 0.62));
@@ -54,6 +54,7 @@ export class Studio {
     this.turn.enableKeys = false;
     this.turn.enableZoom = false;  // until it is clicked: the wheel scrolls the page
     this.turn.addEventListener('change', () => this.draw());
+    this.turn.addEventListener('start', () => { this.turned = true; });
     this.turn.addEventListener('end', () => this.keepAddress());
   }
 
@@ -76,7 +77,8 @@ export class Studio {
     const speed = element('select', { 'aria-label': 'speed', onchange: () => { this.speed = Number(speed.value); } }, ...[0.1, 0.25, 0.5, 1, 2, 5, 20].map((v) => element('option', v === 1 ? { value: v, selected: '' } : { value: v }, v + '\u00d7')));
     const bar = element('div', { class: 'bar' }, this.play, this.slider, this.told, speed);
     bar.hidden = !moves;
-    this.strip = moves && people.spans.length > 1 ? new Strip(people, (step) => { this.pause(); this.go(step); }) : null;
+    this.measured = people.spans.some((span) => span[2] !== null);
+    this.strip = moves && people.spans.length > 1 && (this.measured || people.spans.some((span) => span[3] > 0)) ? new Strip(people, (step) => { this.pause(); this.go(step); }) : null;
     this.root.replaceChildren(this.stage, bar, this.makeSwitches(), ...(this.strip ? [this.strip.root] : []), element('p', { class: 'muted' }, this.help()));
     this.root.addEventListener('keydown', (event) => this.key(event));
   }
@@ -99,10 +101,22 @@ export class Studio {
     scaleText.textContent = 'true size';
     const parts = [this.chooser, element('button', { type: 'button', onclick: () => { this.home(); this.keepAddress(); } }, 'Whole rig'), this.imagesSwitch, flip('floor', true, (on) => { this.rig.floor.visible = on; })];
     if ((scene.boards || []).length > 0) parts.push(flip('boards', this.rig.boards.visible, (on) => { this.rig.boards.visible = on; }));
-    if (people.frames.length > 0) parts.push(flip('ellipsoids of 2\u03c3', true, (on) => { this.bodies.ellipsoids = on; }), element('label', {}, scale, ' ', scaleText));
-    if (this.body.mesh) parts.push(flip('fitted body', true, (on) => { this.body.mesh.visible = on; }));
+    this.jointsSwitch = flip('joints', true, (on) => { this.bodies.joints = on; });
+    if (people.frames.length > 0) parts.push(this.jointsSwitch);
+    if (this.measured) parts.push(flip('ellipsoids of 2\u03c3', true, (on) => { this.bodies.ellipsoids = on; }), element('label', {}, scale, ' ', scaleText));
+    if (this.body.mesh) parts.push(flip('fitted body', true, (on) => { this.body.shown = on; }));
+    this.coloursSwitch = flip('its colours', true, (on) => { this.body.coloured = on; });
+    this.coloursSwitch.hidden = !this.body.skin;
+    parts.push(this.coloursSwitch);
     if (this.body.points) parts.push(flip('Gaussians', false, (on) => { this.body.points.visible = on; }));
     return element('div', { class: 'bar' }, ...parts);
+  }
+
+  /** The body's colours have come; the joints of the only person would poke out of them. */
+  showColours() {
+    this.coloursSwitch.hidden = false;
+    if (this.people.ids.length === 1 && !this.joint) this.bodies.joints = this.jointsSwitch.firstChild.checked = false;
+    this.update();
   }
 
   help() {
@@ -141,10 +155,13 @@ export class Studio {
     this.renderer.setSize(width, height, false);
     this.view.aspect = width / height;
     this.view.updateProjectionMatrix();
+    if (!this.turned) this.home();
     this.draw();
   }
 
+  /** Until somebody turns the view it holds the whole rig, however large it is. */
   home() {
+    this.turned = false;
     const up = upOf(this.scene), side = new Vector3(up.y, up.z, up.x), across = new Vector3().crossVectors(up, side);
     const direction = side.multiplyScalar(0.75).addScaledVector(across, -0.55).addScaledVector(up, 0.5).normalize();
     const right = new Vector3().crossVectors(up, direction).normalize(), above = new Vector3().crossVectors(direction, right);
@@ -165,6 +182,7 @@ export class Studio {
   }
 
   lookThrough(index) {
+    this.turned = true;
     const camera = this.scene.cameras[index], at = this.rig.at(camera), ahead = new Vector3(...camera.axes.slice(6)), far = Math.max(at.dot(ahead) * -1, this.rig.depth);
     this.look(at.clone().addScaledVector(ahead, -0.02 * this.rig.depth), at.clone().addScaledVector(ahead, far));
     this.view.fov = Math.min(100, 2.2 * Math.atan(camera.half[1]) * 180 / Math.PI);
@@ -256,6 +274,7 @@ export class Studio {
     this.joint = known.person >= 0 && known.joint >= 0 ? known : null;
     if (state.frame !== null && this.people.frames.length > 0) this.step = this.people.stepOf(state.frame);
     const local = (v) => new Vector3(...v.map((x, i) => x - this.bounds.centre[i]));
+    if (state.eye && state.look) this.turned = true;
     if (state.eye && state.look) this.look(local(state.eye), local(state.look));
     this.update();
     this.root.scrollIntoView({ block: 'nearest' });
@@ -305,7 +324,7 @@ export class Studio {
 
   /** Only where they moved: the page is drawn anew below each of them. */
   placeNames() {
-    const width = this.stage.clientWidth, height = this.stage.clientHeight, placed = [width, height, this.camera, ...this.view.matrixWorld.elements, this.view.fov].join();
+    const width = this.stage.clientWidth, height = this.stage.clientHeight, placed = [width, height, this.view.aspect, this.camera, ...this.view.matrixWorld.elements, this.view.fov].join();
     if (placed === this.placed) return;
     this.placed = placed;
     this.scene.cameras.forEach((camera, i) => {

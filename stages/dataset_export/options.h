@@ -23,7 +23,7 @@ template <class Visitor>
 void VisitFields(Visitor&& visit, DatasetExportOptions& o) {
   visit("to", o.to, "format: " + Join(exports::Formats(), ", ", &exports::FormatInfo::name));
   VisitStyled(visit, OptionStyle::kPlace, "out", o.out,
-              "new folder; of csv, npz and gltf also the file alone, where the name ends in .csv, .npz or .glb");
+              "new folder; of csv, npz, gltf and mcap also the file alone, where the name ends in .csv, .npz, .glb or .mcap");
   visit("cameras", o.layout.cameras, "only these, of either name, separated by commas; default: all");
   visit("frames", o.frames,
         "80-99 or 1,4,7-9, or all; default: the first for formats of one time step (colmap, nerfstudio), else all");

@@ -63,6 +63,7 @@ std::vector<std::string> AvatarRun::Names() {
           avatar::kRunConfigFile,
           body::kPersonFileName,
           kBodyMotionFile,
+          kBodyTextureFile,
           avatar::kReferencesFile,
           avatar::kGaussiansFile,
           "gaussians.ply",
@@ -176,6 +177,7 @@ std::vector<CommandResult::Output> AvatarRun::Outputs() const {
   }
   if (fs::exists(Path(avatar::kReferencesFile))) outputs.push_back({Path(avatar::kReferencesFile), "references"});
   if (fs::exists(Path(kBodyMotionFile))) outputs.push_back({Path(kBodyMotionFile), "body-motion"});
+  if (fs::exists(Path(kBodyTextureFile))) outputs.push_back({Path(kBodyTextureFile), "body-texture"});
   outputs.push_back({Path(avatar::kRunConfigFile), "configuration"});
   outputs.push_back({Path("history.csv"), "history"});
   if (fs::exists(Path("textures.png"))) outputs.push_back({Path("textures.png"), "textures"});

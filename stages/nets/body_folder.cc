@@ -26,7 +26,7 @@ BodyFolder::BodyFolder(const std::string& path, bool overwrite) : path_(path) {
 }
 
 std::vector<std::string> BodyFolder::Names() {
-  return {body::kPersonFileName, kGlbFile, kTextureFile, kImageFile, kBodyMotionFile};
+  return {body::kPersonFileName, kGlbFile, kTextureFile, kImageFile, kBodyMotionFile, kBodyTextureFile};
 }
 
 std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& person, double frame_rate_hz) const {
@@ -38,7 +38,9 @@ std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& perso
   body::WriteBodyGlb(path_ + "/" + kGlbFile, person.person.body, atlas, person.person.seen, frame_rate_hz);
   WriteFileAtomic(texture_path, atlas.bytes);
   const std::string motion = BodyMotion(person.person), motion_path = path_ + "/" + kBodyMotionFile;
+  const std::string colours = motion.empty() ? "" : BodyTexture(person), colours_path = path_ + "/" + kBodyTextureFile;
   if (!motion.empty()) WriteFileAtomic(motion_path, motion);
+  if (!colours.empty()) WriteFileAtomic(colours_path, colours);
   if (person.offset_sigma_m.size() > 0) {
     const SurfaceMaps maps = MapSurface(person);
     WriteFileAtomic(image_path, dataset::EncodeImage(maps.image, image_path));
@@ -47,6 +49,7 @@ std::optional<SurfaceLimits> BodyFolder::Write(const body::TexturedPerson& perso
   together.Commit();
   if (!surface) RemoveOurs({image_path});  // of an older body
   if (motion.empty()) RemoveOurs({motion_path});
+  if (colours.empty()) RemoveOurs({colours_path});
   return surface;
 }
 
@@ -57,6 +60,8 @@ CommandResult DescribeBodyFolder(const std::string& path, const std::optional<Su
                     {path + "/" + kTextureFile, "texture"}};
   if (std::filesystem::exists(path + "/" + kBodyMotionFile))
     result.outputs.push_back({path + "/" + kBodyMotionFile, "body-motion"});
+  if (std::filesystem::exists(path + "/" + kBodyTextureFile))
+    result.outputs.push_back({path + "/" + kBodyTextureFile, "body-texture"});
   if (!surface) return result;
   result.outputs.push_back({path + "/" + kImageFile, "surface-maps"});
   result.metrics["surface_maps"] = {{"offset_limit_mm", surface->offset_mm}, {"sigma_limit_mm", surface->sigma_mm}};

@@ -5,9 +5,14 @@
 #include <cstdint>
 #include <vector>
 
+#include "avatar/body/files/atlas.h"
+#include "dataset/footage/image_io.h"
+
 namespace mvstudio::stages {
 namespace {
 
+constexpr int kTextureSidesPx[] = {1024, 768, 512, 256}, kTextureQuality = 85;
+constexpr size_t kMostTextureBytes = size_t{256} << 10;
 constexpr size_t kMostBytes = size_t{4} << 20, kBytesOfHeader = 48, kBytesOfFace = 12, kBytesOfVertex = 14, kBytesOfBone = 20;
 
 template <class T>
@@ -55,6 +60,16 @@ void AddSurface(const body::BodyTemplate& body, const Eigen::Vector3f& low, cons
     AddNumber(static_cast<uint8_t>(std::lround(255 * std::clamp(body.skin_weights.data()[k], 0.f, 1.f))), out);
 }
 
+/// As large as fits.
+std::string SmallJpeg(const Image& atlas) {
+  std::string jpeg;
+  for (const int side_px : kTextureSidesPx) {
+    jpeg = dataset::EncodeImage(dataset::Reduced(atlas, side_px), "texture.jpg", kTextureQuality);
+    if (jpeg.size() <= kMostTextureBytes) break;
+  }
+  return jpeg;
+}
+
 }  // namespace
 
 std::string BodyMotion(const body::PersonBody& person) {
@@ -73,6 +88,21 @@ std::string BodyMotion(const body::PersonBody& person) {
   AddPoses(poses, &out);
   AddSurface(body, low, high, &out);
   return out;
+}
+
+std::string BodyTexture(const body::TexturedPerson& person) {
+  const int chart_px = person.textures[0].width;
+  if (chart_px < 2) return {};
+  const body::AtlasMesh mesh = body::UnwrapOntoAtlas(person.person.body, chart_px);
+  const std::string jpeg = SmallJpeg(body::AtlasImage(person.textures));
+  std::string out = "MVBTEX01";
+  for (const size_t count : {mesh.vertices.size(), static_cast<size_t>(mesh.faces.cols()), jpeg.size()})
+    AddNumber(static_cast<uint32_t>(count), &out);
+  for (const int vertex : mesh.vertices) AddNumber(static_cast<uint32_t>(vertex), &out);
+  for (Eigen::Index k = 0; k < mesh.uv.size(); ++k)
+    AddNumber(static_cast<uint16_t>(std::lround(65535 * std::clamp(mesh.uv.data()[k], 0.f, 1.f))), &out);
+  for (Eigen::Index k = 0; k < mesh.faces.size(); ++k) AddNumber(static_cast<uint32_t>(mesh.faces.data()[k]), &out);
+  return out + jpeg;
 }
 
 }  // namespace mvstudio::stages

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "dataset/views/draw.h"
+#include "stages/view/outline.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -63,35 +64,7 @@ void DrawBody(const SolidsNow& solids, const TileView& to, Image* tile) {
   dataset::DrawMaskOutline(mask, kBodyColour, tile);
 }
 
-/// Twice the area of a, b, p; its sign says on which side of the line p lies.
-double SideOf(const Eigen::Vector2d& a, const Eigen::Vector2d& b, double x, double y) {
-  return (b.x() - a.x()) * (y - a.y()) - (b.y() - a.y()) * (x - a.x());
-}
-
-void FillTriangle(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen::Vector2d& c, Image* mask) {
-  const Eigen::Vector2d low = a.cwiseMin(b).cwiseMin(c), high = a.cwiseMax(b).cwiseMax(c);
-  if (!low.allFinite() || !high.allFinite() || high.x() < 0 || high.y() < 0 || low.x() > mask->width || low.y() > mask->height)
-    return;
-  const int x0 = static_cast<int>(std::ceil(std::max(0.0, low.x()))),
-            x1 = static_cast<int>(std::floor(std::min(mask->width - 1.0, high.x()))),
-            y0 = static_cast<int>(std::ceil(std::max(0.0, low.y()))),
-            y1 = static_cast<int>(std::floor(std::min(mask->height - 1.0, high.y())));
-  for (int y = y0; y <= y1; ++y) {
-    for (int x = x0; x <= x1; ++x) {
-      const double u = SideOf(a, b, x, y), v = SideOf(b, c, x, y), w = SideOf(c, a, x, y);
-      if ((u >= 0 && v >= 0 && w >= 0) || (u <= 0 && v <= 0 && w <= 0)) *mask->Pixel(x, y) = 255;
-    }
-  }
-}
-
 }  // namespace
-
-Image TriangleMask(const Eigen::Matrix2Xd& px, const Eigen::Matrix3Xi& faces, int width, int height) {
-  Image mask(width, height, 1);
-  for (Eigen::Index f = 0; f < faces.cols(); ++f)
-    FillTriangle(px.col(faces(0, f)), px.col(faces(1, f)), px.col(faces(2, f)), &mask);
-  return mask;
-}
 
 void DrawSolids(const SolidsNow& solids, const geometry::RigCamera& camera, const Eigen::Vector2d& scale, Image* tile) {
   const TileView to(camera, scale);

@@ -2,8 +2,8 @@
 
 #include "core/image.h"
 #include "stages/overlay/options.h"
-#include "stages/overlay/solids.h"
 #include "stages/view/scene.h"
+#include "stages/view/solids.h"
 
 namespace mvstudio::stages {
 

@@ -9,11 +9,11 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
-#include "dataset/footage/mask_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/session/session.h"
 #include "stages/overlay/draw_view.h"
 #include "stages/view/frame_store.h"
+#include "stages/view/mask_files.h"
 #include "stages/words.h"
 
 namespace mvstudio::stages {
@@ -45,16 +45,6 @@ double RateOf(const Scene& scene, double asked_hz) {
   return kUsualRateHz;
 }
 
-using FilesByNumber = std::map<int64_t, std::string>;
-
-/// Images of a folder by the number in their names.
-FilesByNumber NumberedFiles(const dataset::FootageFiles& found) {
-  FilesByNumber files;
-  for (size_t i = 0; i < found.images.numbers.size() && i < found.paths.size(); ++i)
-    files.emplace(found.images.numbers[i], found.paths[i]);
-  return files;
-}
-
 /// One camera's images below a folder of renders; none where it has no folder there.
 FilesByNumber RendersOf(const std::string& folder, const std::string& camera) {
   const std::string of_camera = folder + "/" + dataset::Slug(camera);
@@ -62,23 +52,6 @@ FilesByNumber RendersOf(const std::string& folder, const std::string& camera) {
   if (folder.empty() || !fs::is_directory(of_camera, none)) return {};
   return NumberedFiles(dataset::ListFootage(of_camera));
 }
-
-/// One camera's masks by the number in their names, and what their values mean.
-struct MaskFiles {
-  FilesByNumber files;
-  dataset::MaskMeaning meaning;
-
-  explicit MaskFiles(const std::string& folder) {
-    if (folder.empty()) return;
-    const dataset::FootageFiles found = dataset::ListFootage(folder);
-    files = NumberedFiles(found);
-    meaning = dataset::MeaningOfMasks(found.paths);
-  }
-  Image At(int64_t number) const {
-    const auto file = files.find(number);
-    return file == files.end() ? Image() : dataset::ReadMask(file->second, meaning);
-  }
-};
 
 /// Videos in a folder, one of each name, begun with their first image.
 class OverlayVideos {
@@ -110,7 +83,7 @@ class OverlayDrawer {
     if (!options.beside.empty() && !fs::is_directory(options.beside, none))
       throw IoError(options.beside, "is no folder that is there");
     for (const SceneCamera& camera : scene.cameras) {
-      masks_.emplace_back(options.marks.masks ? camera.mask_folder : "");
+      masks_.emplace_back(options.marks.masks ? camera.mask_folder : "", scene.root);
       renders_.push_back(RendersOf(options.beside, camera.name));
     }
     const bool has_render = std::any_of(renders_.begin(), renders_.end(), [](const auto& files) { return !files.empty(); });
@@ -165,7 +138,7 @@ OverlayReport RunOverlay(const OverlayOptions& options, const RunContext& run) {
   if (scene.cameras.empty() || steps.empty())
     throw UsageError(options.scene.path + ": has neither footage nor joints at these time steps; nothing is drawn");
   report.rate_hz = RateOf(scene, options.rate_hz);
-  const OverlaySolids solids = ReadSolids(options, scene, &report.notes);
+  const OverlaySolids solids = ReadSolids(options.scene, {options.marks.boards, options.marks.body}, scene, &report.notes);
   if (!options.beside.empty()) report.notes.inputs.push_back(options.beside);
   AtomicFolder folder(options.out, options.overwrite, report.notes.inputs);
   OverlayVideos videos(folder.work_path(), report.rate_hz);

@@ -12,6 +12,10 @@ CommandResult Describe(const ViewReport& report) {
                     {"num_time_steps", scene.steps.size()},
                     {"has_report", report.has_report},
                     {"num_images_sent", report.num_images}};
+  if (scene.kind == "messages") {
+    result.text = "Shown in Rerun's viewer: " + report.options.scene.path;
+    return result;
+  }
   result.text = "Shown: " + report.options.scene.path + ", " + std::to_string(scene.cameras.size()) + " cameras, " +
                 std::to_string(scene.steps.size()) + " time steps";
   return result;

@@ -1,6 +1,5 @@
 #include "stages/view/frame_store.h"
 
-#include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "stages/view/scene_parts.h"
 
@@ -22,10 +21,7 @@ FrameStore::Opened& FrameStore::Open(const std::string& footage) {
 }
 
 Image FrameStore::ReadVideo(const std::string& footage, int64_t number, Opened* opened) {
-  for (const std::string& path : opened->files.paths) {
-    if (!root_.empty() && !LiesIn(path, root_))
-      throw UsageError(path + ": lies outside of " + root_ + "; give option 'allow-outside' to read it");
-  }
+  for (const std::string& path : opened->files.paths) RequireInside(path, root_);
   if (!opened->source || opened->at >= number) {
     opened->source = dataset::OpenFrames(footage, {false, true, false, true});
     opened->at = -1;
@@ -44,8 +40,7 @@ Image FrameStore::Read(const std::string& footage, int64_t number) {
   if (opened.files.is_video) return ReadVideo(footage, number, &opened);
   const auto file = opened.images.find(number);
   if (file == opened.images.end()) return {};
-  if (!root_.empty() && !LiesIn(file->second, root_))
-    throw UsageError(file->second + ": lies outside of " + root_ + "; give option 'allow-outside' to read it");
+  RequireInside(file->second, root_);
   return dataset::ReadImage(file->second);
 }
 

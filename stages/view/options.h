@@ -27,6 +27,7 @@ struct ViewOptions {
   int port = 0;           ///< 0: any that is free
   bool open = false;      ///< start the machine's browser
   double idle_min = 3;    ///< minutes without any request, after a page was there, that end it; 0: never
+  std::string rerun;      ///< folder of the npm package @rerun-io/web-viewer, for MCAP files; empty: looked for
   double cache_mb = 256;  ///< MB of images that are kept as they were sent
 };
 
@@ -36,6 +37,8 @@ void VisitFields(Visitor&& visit, ViewOptions& o) {
   VisitStyled(visit, OptionStyle::kSwitch, "open", o.open, "open the page in this machine's browser, where it has a display");
   visit("port", o.port, "port on 127.0.0.1; 0: any that is free");
   visit("idle-min", o.idle_min, "minutes after which a page that asks for nothing counts as closed, and this ends; 0: never");
+  visit("rerun", o.rerun,
+        "folder of the npm package @rerun-io/web-viewer, which shows .mcap files; default: node_modules here or above");
   visit("cache-mb", o.cache_mb, "MB of images that are kept in memory");
 }
 

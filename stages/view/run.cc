@@ -1,24 +1,23 @@
 #include "stages/view/run.h"
 
 #include <charconv>
-#include <chrono>
 #include <filesystem>
 #include <limits>
 #include <optional>
 
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "dataset/pose/markers.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/view/frame_store.h"
+#include "stages/view/marks.h"
+#include "stages/view/rerun_site.h"
 #include "stages/view/view_page.h"
 
 namespace mvstudio::stages {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 constexpr int kThumbPx = 160;
-constexpr std::chrono::seconds kAfterBye(5);  // one that is loaded anew says farewell, too; another one asks each two
 
 // The report's own policy stands in its page, with the digests of its scripts.
 constexpr char kReportPolicy[] = "base-uri 'none'; form-action 'none'; frame-ancestors 'self'";
@@ -49,16 +48,15 @@ std::optional<std::pair<int64_t, int64_t>> NumbersOf(const std::string& path, co
 
 class ViewSite {
  public:
-  ViewSite(const ViewOptions& options, ViewReport* report, std::string page)
-      : options_(options),
-        report_(*report),
+  ViewSite(const ViewOptions& options, ViewReport* report, std::string page, OverlaySolids solids)
+      : report_(*report),
         page_(std::move(page)),
-        store_(report->scene.root, static_cast<size_t>(options.cache_mb * 1e6)) {}
+        marks_(report->scene, std::move(solids)),
+        store_(report->scene.root, static_cast<size_t>(options.cache_mb * 1e6)),
+        life_(options.idle_min) {}
 
   PageAnswer operator()(const PageRequest& request) {
-    last_request_ = Clock::now();
-    is_bye_ = request.path == "bye";
-    was_asked_ = true;
+    life_.Ask(request.path);
     if (request.method != "GET") return {405, "text/plain; charset=utf-8", "GET only\n"};
     const std::string& path = request.path;
     const std::string html = "text/html; charset=utf-8";
@@ -67,22 +65,25 @@ class ViewSite {
     if (path == "view.css") return {200, "text/css; charset=utf-8", ViewPageStyle()};
     if (path == "icon.svg") return {200, "image/svg+xml", ViewPageIcon()};
     if (path == "view.js") return {200, "text/javascript; charset=utf-8", ViewPageScript()};
-    if (path == "scene.json") return {200, "application/json", ViewSceneJson(report_.scene, !page_.empty())};
+    if (path == "scene.json") return {200, "application/json", ViewSceneJson(report_.scene, marks_, !page_.empty())};
     if (path == "alive" || path == "bye") return {200, "text/plain; charset=utf-8", ""};
     if (const auto step = NumbersOf(path, "step/", ".json", false); step && IsStep(step->second))
       return {200, "application/json", ViewStepJson(report_.scene, static_cast<int>(step->second))};
+    if (const auto place = NumbersOf(path, "marks/", ".json", true)) return MarksAnswer(*place);
     if (const auto image = NumbersOf(path, "image/", ".jpg", true)) return ImageAnswer(*image, 0);
     if (const auto image = NumbersOf(path, "thumb/", ".jpg", true)) return ImageAnswer(*image, kThumbPx);
     return NotHere();
   }
 
-  bool is_over() const {
-    const auto silent = Clock::now() - last_request_;
-    if (is_bye_) return silent > kAfterBye;
-    return was_asked_ && options_.idle_min > 0 && silent > std::chrono::duration<double, std::ratio<60>>(options_.idle_min);
-  }
+  bool is_over() const { return life_.is_over(); }
 
  private:
+  PageAnswer MarksAnswer(const std::pair<int64_t, int64_t>& camera_and_step) {
+    const auto [camera, step] = camera_and_step;
+    if (static_cast<size_t>(camera) >= report_.scene.cameras.size() || !IsStep(step)) return NotHere();
+    return {200, "application/json", ViewMarksJson(marks_.At(static_cast<size_t>(camera), static_cast<int>(step)))};
+  }
+
   static bool IsStep(int64_t step) { return step <= std::numeric_limits<int>::max(); }
 
   PageAnswer ImageAnswer(const std::pair<int64_t, int64_t>& camera_and_step, int longer_side_px) {
@@ -97,22 +98,26 @@ class ViewSite {
     return {200, "image/jpeg", jpeg};
   }
 
-  const ViewOptions& options_;
   ViewReport& report_;
   std::string page_;
+  MarksReader marks_;
   FrameStore store_;
-  Clock::time_point last_request_ = Clock::now();
-  bool is_bye_ = false, was_asked_ = false;
+  PageLife life_;
 };
 
-/// The report of what is shown; of a calibration of any program that of the rig, from a folder that goes away.
-std::string ReportPageOf(const Scene& scene, const MakeReportPage& make) {
+/// The report of what is shown; of a calibration of any program that of the rig, of points alone that of their motion, from a
+/// folder that goes away.
+std::string ReportPageOf(const Scene& scene, const std::string& path, const MakeReportPage& make) {
   try {
-    if (!scene.report_folder.empty()) return make(scene.report_folder);
-    if (scene.kind != "calibration") return {};
+    if (!scene.report_folder.empty()) return make(scene.report_folder, "");
+    if (scene.kind != "calibration" && scene.kind != "points") return {};
     const ScratchFolder scratch(std::filesystem::temp_directory_path().string());
-    geometry::WriteRig(scene.rig, scratch.path() + "/calibration.json");
-    return make(scratch.path());
+    if (scene.kind == "calibration") {
+      geometry::WriteRig(scene.rig, scratch.path() + "/calibration.json");
+    } else {
+      dataset::WritePose3d(dataset::ReadPoints3d(path), scratch.path());
+    }
+    return make(scratch.path(), scene.title);
   } catch (const IoError&) {  // nothing to report
     return {};
   }
@@ -123,15 +128,24 @@ std::string ReportPageOf(const Scene& scene, const MakeReportPage& make) {
 ViewReport RunView(const ViewOptions& options, const MakeReportPage& report, const ShowPage& show, const RunContext& run) {
   if (!(options.idle_min >= 0)) throw UsageError("option 'idle-min' must not be negative");
   if (!(options.cache_mb >= 0 && options.cache_mb <= 1e6)) throw UsageError("option 'cache-mb' must be in 0..1000000");
+  const auto interrupted = [&] { return run.progress && run.progress->Cancelled(); };
   ViewReport result;
   result.options = options;
+  if (IsMessagesFile(options.scene.path)) {
+    RerunSite site(options, RerunFolder(options.rerun, options.scene.path));
+    result.scene.kind = "messages", result.notes.inputs.push_back(options.scene.path);
+    show([&](const PageRequest& request) { return site(request); }, [&] { return site.is_over() || interrupted(); });
+    return result;
+  }
+  if (!options.rerun.empty()) throw UsageError("option 'rerun': " + options.scene.path + " is no .mcap file");
   result.scene = ReadScene(options.scene, &result.notes);
-  const std::string page = ReportPageOf(result.scene, report);
+  const std::string page = ReportPageOf(result.scene, options.scene.path, report);
   result.has_report = !page.empty();
   if (page.empty() && result.scene.steps.empty() && result.scene.cameras.empty())
-    throw IoError(options.scene.path, "holds neither footage, joints, a calibration nor results: nothing to show");
-  ViewSite site(options, &result, page);
-  const auto interrupted = [&] { return run.progress && run.progress->Cancelled(); };
+    throw IoError(options.scene.path,
+                  "holds neither footage, joints, a calibration nor results: nothing to show; give a session, a run, a "
+                  "dataset, a calibration, points in 3D or videos");
+  ViewSite site(options, &result, page, ReadSolids(options.scene, {}, result.scene, &result.notes));
   show([&](const PageRequest& request) { return site(request); }, [&] { return site.is_over() || interrupted(); });
   return result;
 }

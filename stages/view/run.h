@@ -6,8 +6,8 @@
 
 namespace mvstudio::stages {
 
-/// The report page of a folder with results; empty: it has none. Nothing is written.
-using MakeReportPage = std::function<std::string(const std::string& folder)>;
+/// The report page of a folder with results, under a title (empty: the folder's name); empty: it has none. Nothing is written.
+using MakeReportPage = std::function<std::string(const std::string& folder, const std::string& title)>;
 
 struct ViewReport {
   ViewOptions options;

@@ -6,12 +6,14 @@
 #include <set>
 
 #include "calib/formats/formats.h"
+#include "core/disk/paths.h"
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/statistics.h"
 #include "dataset/footage/frames.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
+#include "dataset/session/session_scan.h"
 #include "stages/input/calib_read.h"
 #include "stages/input/pose_input.h"
 #include "stages/input/session_input.h"
@@ -95,6 +97,7 @@ void ReadSessionScene(const ViewSceneOptions& options, Scene* scene, InputNotes*
     notes->inputs.push_back(scene->cameras.back().footage);
   }
   if (!session.trusted.empty() || session.allow_outside) scene->root.clear();  // checked by ResolveInSession
+  Try("held-out images", notes, [&] { ReadHeldOut(in_session("avatar"), scene); });
   scene->fps_hz = found->take.fps_hz.value_or(session.fps_hz.value_or(0));
   Try("time stamps", notes, [&] { scene->timeline = TimelineOf(session, found->take, options.allow_outside, true, notes); });
   const std::string calib = dataset::CalibrationOf(session, options.allow_outside);
@@ -135,6 +138,37 @@ std::string DatasetIn(const std::string& folder) {
   return found.empty() ? "" : found.front();
 }
 
+/// Footage without anything else: videos, a folder of images for each camera, or the images of one.
+void AddFootage(const std::string& folder, Scene* scene) {
+  std::vector<dataset::SessionCamera> cameras;
+  const dataset::SessionTake take = dataset::ScanFolder(folder, &cameras);
+  const auto is_image = [&](const dataset::SessionFootage& footage) {
+    return !IsFolder(folder + "/" + footage.path) && !dataset::IsVideoFile(footage.path);
+  };
+  if (take.footage.empty()) return;
+  scene->kind = "footage";
+  if (std::all_of(take.footage.begin(), take.footage.end(), is_image)) {
+    scene->cameras.push_back({take.name, -1, folder, ""});
+    return;
+  }
+  for (const dataset::SessionFootage& footage : take.footage) {
+    if (!is_image(footage) && MayRead(*scene, folder + "/" + footage.path))
+      scene->cameras.push_back({footage.camera, -1, folder + "/" + footage.path, ""});
+  }
+}
+
+/// Of takes whose joints state no residual: the median over the cameras' 2D joints, unless that takes long.
+void AddErrorsOfDetections(Scene* scene) {
+  constexpr size_t kMostViews = 20'000;
+  if (!scene->error_px.empty() || scene->detections.empty() || scene->joints.size() * scene->cameras.size() > kMostViews)
+    return;
+  for (const auto& [step, people] : scene->joints) {
+    std::vector<double> errors;
+    for (size_t c = 0; c < scene->cameras.size(); ++c) errors.push_back(MedianResidualPx(ViewAt(*scene, c, step)));
+    if (const double median = LinearQuantile(FiniteValues(errors), 0.5); std::isfinite(median)) scene->error_px[step] = median;
+  }
+}
+
 void ReadFolderScene(const ViewSceneOptions& options, Scene* scene, InputNotes* notes) {
   const std::string& folder = options.path;
   const std::string images = DatasetIn(folder);
@@ -144,8 +178,11 @@ void ReadFolderScene(const ViewSceneOptions& options, Scene* scene, InputNotes* 
   } else if (IsThere(calib::CalibrationIn(folder)) && calib::CalibrationIn(folder) != folder) {
     Try("lenses", notes, [&] { SetRig(ReadCalibrationFiles({folder}, {}).rig, scene); });
   }
+  for (const char* place : {"", "/avatar"}) Try("held-out images", notes, [&] { ReadHeldOut(folder + place, scene); });
   AddJoints(folder + "/pose3d", scene, notes);
   if (scene->joints.empty()) AddJoints(folder, scene, notes);
+  const bool has_results = !FilesNamed(folder, "", ".result.json").empty();
+  if (scene->cameras.empty() && scene->joints.empty() && !has_results) AddFootage(folder, scene);
   notes->inputs.push_back(folder);
 }
 
@@ -160,6 +197,11 @@ void ReadFileScene(const ViewSceneOptions& options, Scene* scene, InputNotes* no
     scene->kind = "points";
     UsePose3d(dataset::ReadPoints3d(options.path), scene);
     if (scene->joints.empty()) throw FormatError(options.path, "", "holds no point");
+    return;
+  }
+  if (dataset::IsVideoFile(options.path)) {
+    scene->kind = "footage";
+    scene->cameras.push_back({fs::path(options.path).stem().string(), -1, options.path, ""});
     return;
   }
   scene->kind = "calibration";
@@ -205,6 +247,7 @@ Scene ReadScene(const ViewSceneOptions& options, InputNotes* notes) {
     ReadFileScene(o, &scene, notes);
   }
   FindSteps(&scene);
+  AddErrorsOfDetections(&scene);
   const bool has_footage =
       std::any_of(scene.cameras.begin(), scene.cameras.end(), [](const SceneCamera& c) { return !c.footage.empty(); });
   if (!has_footage && !scene.joints.empty() && scene.cameras.empty()) AddPlainCameras(&scene);

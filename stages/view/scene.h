@@ -26,7 +26,7 @@ struct SceneCamera {
 };
 
 struct Scene {
-  std::string kind;   ///< "session", "dataset", "run", "calibration", "points"
+  std::string kind;   ///< "session", "dataset", "run", "calibration", "points", "footage", "messages"
   std::string title;  ///< name of what is shown
   std::string root;   ///< the folder that files may lie in; empty: anywhere
   geometry::Rig rig;
@@ -38,6 +38,7 @@ struct Scene {
   geometry::Skeleton detected_skeleton;                      ///< of the 2D joints
   std::map<std::string, dataset::Pose2dTrack> detections;    ///< camera -> 2D joints by frame number
   std::vector<int> steps;                                    ///< ascending
+  std::map<int, std::map<std::string, double>> held_out;     ///< time step -> camera -> SSIM (NaN: none) of an avatar's score
   double fps_hz = 0;                                         ///< 0: not known
   std::string report_folder;                                 ///< with results for a report; empty: none
 };

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <set>
 
+#include "core/error.h"
 #include "core/statistics.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/video_io.h"
@@ -63,6 +64,11 @@ bool LiesIn(const std::string& path, const std::string& folder) {
   if (none) return false;
   const auto [end, unused] = std::mismatch(root.begin(), root.end(), real.begin(), real.end());
   return end == root.end();
+}
+
+void RequireInside(const std::string& path, const std::string& folder) {
+  if (!folder.empty() && !LiesIn(path, folder))
+    throw UsageError(path + ": lies outside of " + folder + "; give option 'allow-outside' to read it");
 }
 
 std::vector<int64_t> FrameNumbersOf(const std::string& footage) {

@@ -13,6 +13,12 @@ namespace mvstudio::stages {
 /// Whether `path`, links followed, lies in `folder`. It need not exist.
 bool LiesIn(const std::string& path, const std::string& folder);
 
+/// Throws UsageError for a path that leads outside of `folder`; an empty folder holds everything.
+void RequireInside(const std::string& path, const std::string& folder);
+
+/// Images that were held out from the training of the avatar in a folder; none where it was not scored.
+void ReadHeldOut(const std::string& folder, Scene* scene);
+
 /// The frames of footage, ascending; a video's are counted without decoding.
 std::vector<int64_t> FrameNumbersOf(const std::string& footage);
 

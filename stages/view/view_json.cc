@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "stages/result.h"
@@ -43,12 +44,33 @@ ordered_json SceneViewJson(const SceneView& view) {
   return json;
 }
 
+ordered_json LinesJson(const std::vector<OutlinePx>& lines) {
+  ordered_json list = ordered_json::array();
+  for (const OutlinePx& line : lines) {
+    ordered_json numbers = ordered_json::array();
+    for (const Eigen::Vector2d& px : line) {
+      for (const double v : {px.x(), px.y()}) numbers.push_back(FiniteOrNull(std::round(v * 10) / 10));
+    }
+    list.push_back(std::move(numbers));
+  }
+  return list;
+}
+
+/// Of the images that were held out at a time step; -1: none was.
+ordered_json LowestSsim(const Scene& scene, int step) {
+  const auto images = scene.held_out.find(step);
+  if (images == scene.held_out.end()) return -1;
+  double lowest = std::numeric_limits<double>::quiet_NaN();
+  for (const auto& [camera, ssim] : images->second) lowest = std::fmin(lowest, ssim);
+  return FiniteOrNull(std::round(lowest * 1e4) / 1e4);
+}
+
 /// Names are arbitrary bytes.
 std::string TextOf(const ordered_json& json) { return json.dump(-1, ' ', false, ordered_json::error_handler_t::replace); }
 
 }  // namespace
 
-std::string ViewSceneJson(const Scene& scene, bool has_report) {
+std::string ViewSceneJson(const Scene& scene, const MarksReader& marks, bool has_report) {
   ordered_json json{{"title", scene.title},
                     {"kind", scene.kind},
                     {"fps_hz", scene.fps_hz},
@@ -58,6 +80,10 @@ std::string ViewSceneJson(const Scene& scene, bool has_report) {
                     {"joints", scene.skeleton.joints},
                     {"detected_bones", scene.detected_skeleton.bones},
                     {"detected_joints", scene.detected_skeleton.joints},
+                    {"has_masks", marks.has_masks()},
+                    {"has_body", marks.has_body()},
+                    {"has_boards", marks.has_boards()},
+                    {"held_out", ordered_json::object()},
                     {"steps", ordered_json::array()}};
   for (const SceneCamera& camera : scene.cameras) {
     const geometry::Camera* lens =
@@ -69,10 +95,22 @@ std::string ViewSceneJson(const Scene& scene, bool has_report) {
   }
   for (const int step : scene.steps) {
     const auto error = scene.error_px.find(step);
-    json["steps"].push_back(
-        {step, error == scene.error_px.end() ? ordered_json() : HundredthsJson(error->second), NumFound(scene, step)});
+    json["steps"].push_back({step, error == scene.error_px.end() ? ordered_json() : HundredthsJson(error->second),
+                             NumFound(scene, step), LowestSsim(scene, step)});
+  }
+  for (const auto& [step, images] : scene.held_out) {
+    ordered_json& of_step = json["held_out"][std::to_string(step)] = ordered_json::object();
+    for (const auto& [camera, ssim] : images) of_step[camera] = FiniteOrNull(std::round(ssim * 1e4) / 1e4);
   }
   return TextOf(json);
+}
+
+std::string ViewMarksJson(const ViewMarks& marks) {
+  return TextOf({{"mask", LinesJson(marks.mask)},
+                 {"body", LinesJson(marks.body)},
+                 {"boards", LinesJson(marks.boards)},
+                 {"x_axes", LinesJson(marks.x_axes)},
+                 {"y_axes", LinesJson(marks.y_axes)}});
 }
 
 std::string ViewStepJson(const Scene& scene, int step) {

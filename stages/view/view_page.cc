@@ -26,11 +26,14 @@ const char* ViewPageHtml() {
 <button id="after" type="button" aria-label="Step on">&#9654;</button>
 <label>Step <input id="step" type="number" inputmode="numeric"></label>
 <label>Show <select id="filter"><option value="all">all in time</option><option value="worst">the worst first</option>
-<option value="missing">the most missing first</option></select></label>
+<option value="missing">the most missing first</option><option value="heldout" hidden>held out, the worst first</option></select></label>
 <label>Camera <select id="camera"><option value="">all side by side</option></select></label>
 <label><input id="show3d" type="checkbox" checked> 3D joints</label>
 <label><input id="show2d" type="checkbox" checked> 2D joints</label>
 <label><input id="arrows" type="checkbox" checked> residuals</label>
+<label hidden><input id="masks" type="checkbox" checked> masks</label>
+<label hidden><input id="body" type="checkbox" checked> fitted body</label>
+<label hidden><input id="boards" type="checkbox" checked> boards</label>
 </form>
 <canvas id="time" height="44" tabindex="0" aria-label="Error over time; click to go there"></canvas>
 <p id="scale" hidden></p>
@@ -84,6 +87,10 @@ figcaption { font-size: 0.85rem; overflow-wrap: anywhere; padding: 0.15rem 0; }
 .found { fill: none; stroke: #6dff8a; vector-effect: non-scaling-stroke; stroke-width: 1.4; }
 .ring { stroke: #6dff8a; vector-effect: non-scaling-stroke; stroke-width: 6; stroke-linecap: round; fill: none; }
 .arrow { fill: none; stroke: #ff4d3a; vector-effect: non-scaling-stroke; stroke-width: 2; }
+.mask { fill: none; stroke: #fff; vector-effect: non-scaling-stroke; stroke-width: 1.6; }
+.body { fill: #c480ff; fill-opacity: 0.22; fill-rule: evenodd; stroke: #c480ff; vector-effect: non-scaling-stroke; stroke-width: 1.6; }
+.board { fill: none; stroke: #ffd23f; vector-effect: non-scaling-stroke; stroke-width: 2; }
+.x-axis { stroke: #ff4d3a; } .y-axis { stroke: #6dff8a; }
 summary { cursor: pointer; margin-top: 0.8rem; }
 )css";
 }

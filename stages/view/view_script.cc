@@ -31,8 +31,14 @@ constexpr char kViewScript[] = R"js('use strict';
     if (how === 'missing') {
       return all.filter(function (i) { return key(i)[2] < scene.most; }).sort(function (a, b) { return key(a)[2] - key(b)[2] || a - b; });
     }
+    if (how === 'heldout') {  // [3]: lowest SSIM, null: not known, -1: not held out
+      const rank = function (i) { return key(i)[3] === null ? 2 : key(i)[3]; };
+      return all.filter(function (i) { return key(i)[3] !== -1; }).sort(function (a, b) { return rank(a) - rank(b) || a - b; });
+    }
     return all;
   }
+  const FILTERS = ['worst', 'missing', 'heldout'];
+  const MARKS = ['masks', 'body', 'boards'];
 
   function path(points, bones) {
     let d = '';
@@ -56,10 +62,33 @@ constexpr char kViewScript[] = R"js('use strict';
     p.setAttribute('d', d);
     svg.appendChild(p);
   }
+  // Lines of [x, y, x, y, …]; a corner that is not there parts them.
+  function outline(lines, closed) {
+    let d = '';
+    lines.forEach(function (p) {
+      let apart = true;
+      for (let k = 0; k + 1 < p.length; k += 2) {
+        if (p[k] === null) { apart = true; continue; }
+        d += (apart ? 'M' : 'L') + (p[k] + 0.5) + ' ' + (p[k + 1] + 0.5);
+        apart = false;
+      }
+      if (closed && p.length) d += 'Z';
+    });
+    return d;
+  }
+  function drawMarks(svg, marks) {
+    if (el('body').checked) line(svg, 'body', outline(marks.body, true));
+    if (el('masks').checked) line(svg, 'mask', outline(marks.mask, true));
+    if (!el('boards').checked) return;
+    line(svg, 'board', outline(marks.boards, false));
+    line(svg, 'board x-axis', outline(marks.x_axes, false));
+    line(svg, 'board y-axis', outline(marks.y_axes, false));
+  }
   function drawing(view, info) {
     const svg = document.createElementNS(svgns, 'svg');
     svg.setAttribute('viewBox', '0 0 ' + info.width + ' ' + info.height);
     svg.setAttribute('aria-hidden', 'true');
+    if (view.marks) drawMarks(svg, view.marks);
     if (el('show3d').checked) view.projected.forEach(function (p, i) {
       const d = path(p, scene.bones);
       line(svg, 'under', d);
@@ -109,8 +138,19 @@ constexpr char kViewScript[] = R"js('use strict';
     if (view.frame !== null && info.has_footage) words.push('frame ' + view.frame);
     if (view.median_px !== null) words.push('median residual ' + view.median_px.toFixed(1) + ' px');
     if (scene.joints.length && info.has_footage && view.projected.length === 0) words.push('nobody in 3D');
+    const held = scene.held_out[step];
+    if (held && held[info.name] !== undefined) words.push('held out' + (held[info.name] === null ? '' : ', SSIM ' + held[info.name].toFixed(3)));
     fig.append(box, make('figcaption', words.join(', ')));
+    fig.waits = [];
+    if (info.has_footage && view.frame !== null) fig.waits.push(img.decode().catch(function () {}));
+    if (wantsMarks()) fig.waits.push(fetch('marks/' + c + '/' + step + '.json').then(function (r) {
+      if (!r.ok) return r.text().then(function (words) { fig.lastChild.textContent += ': ' + words; });
+      return r.json().then(function (marks) { view.marks = marks; if (info.width) draw(); });
+    }).catch(function () {}));
     return fig;
+  }
+  function wantsMarks() {
+    return MARKS.some(function (id) { return !el(id).parentElement.hidden && el(id).checked; });
   }
 
   function drawTime() {
@@ -149,7 +189,9 @@ constexpr char kViewScript[] = R"js('use strict';
         b.appendChild(img);
       }
       bar.style.background = colour(step);
-      b.append(bar, make('span', step[0] + (step[1] === null ? '' : ': ' + step[1].toFixed(1) + ' px')));
+      const scored = el('filter').value === 'heldout' && step[3] !== null;
+      const words = scored ? ': SSIM ' + step[3].toFixed(2) : step[1] === null ? '' : ': ' + step[1].toFixed(1) + ' px';
+      b.append(bar, make('span', step[0] + words));
       b.type = 'button';
       if (i === at) b.setAttribute('aria-current', 'true');
       b.onclick = function () { go(i); };
@@ -161,6 +203,7 @@ constexpr char kViewScript[] = R"js('use strict';
     if (scene.fps_hz > 0) words.push((step[0] / scene.fps_hz).toFixed(2) + ' s');
     if (step[1] !== null) words.push('median error ' + step[1].toFixed(1) + ' px');
     if (scene.most) words.push(step[2] + ' of at most ' + scene.most + ' joints');
+    if (step[3] !== -1) words.push(step[3] === null ? 'held out' : 'held out, SSIM from ' + step[3].toFixed(3));
     el('where').textContent = words.join(', ');
   }
 
@@ -184,10 +227,10 @@ constexpr char kViewScript[] = R"js('use strict';
       data.cameras.forEach(function (view, c) {
         if (!camera || scene.cameras[c].name === camera) shown.push(figure(view, c, step[0]));
       });
-      const waits = shown.map(function (f) { return f.querySelector('img'); }).filter(Boolean);
+      const waits = [].concat.apply([], shown.map(function (f) { return f.waits; }));
       const swap = function () { if (ticket === asked) views.replaceChildren.apply(views, shown); };
       if (anew || !views.children.length) swap();  // else the images before stay until these are there
-      else return Promise.all(waits.map(function (img) { return img.decode().catch(function () {}); })).then(swap);
+      else return Promise.all(waits).then(swap);
     });
   }
 
@@ -206,7 +249,7 @@ constexpr char kViewScript[] = R"js('use strict';
     tab(wants && scene.has_report ? 'report' : 'frames');
     if (wants && scene.has_report || !scene.steps.length) return;
     const words = new URLSearchParams(location.hash.slice(1)), step = Number(words.get('frame')), named = words.get('camera') || '';
-    el('filter').value = ['worst', 'missing'].indexOf(words.get('show')) < 0 ? 'all' : words.get('show');
+    el('filter').value = FILTERS.indexOf(words.get('show')) < 0 ? 'all' : words.get('show');
     camera = scene.cameras.some(function (c) { return c.name === named; }) ? named : '';
     order = sorted(el('filter').value);
     if (!order.length) { el('filter').value = 'all'; order = sorted('all'); }
@@ -264,7 +307,7 @@ constexpr char kViewScript[] = R"js('use strict';
     if (!order.length) { el('filter').value = 'all'; order = sorted('all'); }
     go(0, true);
   };
-  ['show3d', 'show2d', 'arrows'].forEach(function (id) { el(id).onchange = function () { go(at, true); }; });
+  ['show3d', 'show2d', 'arrows'].concat(MARKS).forEach(function (id) { el(id).onchange = function () { go(at, true); }; });
   window.addEventListener('hashchange', read);
   window.addEventListener('resize', function () { if (order.length) { drawTime(); drawStrip(); } });
   window.setInterval(function () { fetch('alive').catch(function () { el('where').textContent = 'mvstudio view has ended'; }); }, 2000);
@@ -284,6 +327,12 @@ constexpr char kViewScript[] = R"js('use strict';
     el('tab-frames').disabled = !scene.steps.length;
     scene.cameras.forEach(function (info) { const o = make('option', info.name); o.value = info.name; el('camera').appendChild(o); });
     if (!scene.detected_joints.length) { ['show2d', 'arrows'].forEach(function (id) { el(id).parentElement.hidden = true; }); }
+    MARKS.forEach(function (id) { el(id).parentElement.hidden = !scene['has_' + id]; });
+    el('show3d').parentElement.hidden = !scene.joints.length;
+    el('filter').querySelector('[value=worst]').hidden = !errors.length;
+    el('filter').querySelector('[value=missing]').hidden = scene.steps.every(function (s) { return s[2] >= scene.most; });
+    el('filter').querySelector('[value=heldout]').hidden = !Object.keys(scene.held_out).length;
+    el('filter').parentElement.hidden = !el('filter').querySelector('option:not([value=all]):not([hidden])');
     if (!scene.steps.length) { el('where').textContent = 'No footage and no joints: nothing over time.'; el('controls').hidden = time.hidden = strip.hidden = true; }
     read();
   });

@@ -67,11 +67,11 @@ class Studio:
         if done.returncode != 0:
             sys.exit(f"mvstudio {' '.join(map(str, arguments))}: exit code {done.returncode}: {done.stderr[-800:]}")
 
-    def view(self, path):
+    def view(self, path, *more):
         """The process and the address of `mvstudio view`."""
         log = self.folder / f"view{len(self.views)}.txt"
         with log.open("w") as out:
-            view = subprocess.Popen([self.program, "view", str(path), "--json"], stdout=subprocess.DEVNULL, stderr=out)
+            view = subprocess.Popen([self.program, "view", str(path), *map(str, more), "--json"], stdout=subprocess.DEVNULL, stderr=out)
         self.views.append(view)
         end = time.monotonic() + 30
         while time.monotonic() < end and view.poll() is None:

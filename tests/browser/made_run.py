@@ -8,6 +8,8 @@ JOINTS = ("Head", "Neck", "MidHip", "LHand", "RHand", "LFoot", "RFoot")
 BONES = [["Head", "Neck"], ["Neck", "MidHip"], ["Neck", "LHand"], ["Neck", "RHand"], ["MidHip", "LFoot"], ["MidHip", "RFoot"]]
 CAMERAS, FRAMES, WORST_FRAME, MISSING_FRAME = 4, 48, 30, 21
 SIZE = (640, 480)
+DATASET_COLOURS = ((60, 100, 200), (120, 200, 60), (200, 60, 120))  # of the images of each camera
+MASK_BOX = (200, 100, 440, 400)  # left, top, right, bottom of the masks
 
 
 def png(width, height, colour_at):
@@ -134,22 +136,23 @@ def save_masks(run, names):
         outputs=[(f"{i}.png", "overlay") for i in range(len(names))]))
 
 
-def save_avatar(run, names, ssim=0.9):
+def save_avatar(run, names, ssim=0.9, place="avatar"):
     pictures = []
     for k in range(3):
         strip = png(4 * 48 + 6, 48, lambda x, y: (0, 0, 0) if x % 50 >= 48 else (50 * (x // 50) + 40, 2 * y + 20 * k, (x * y) % 80))
-        save(run / f"avatar/eval/view_{k:08d}.png", strip)
+        save(run / f"{place}/eval/view_{k:08d}.png", strip)
         pictures.append({"path": f"eval/view_{k:08d}.png", "camera": names[1], "frame": 40 + k, "ssim": ssim - 0.01 * k, "psnr_db": 27.0,
                          "panels": ["truth", "render", "error", "nearest_pose"]})
-    save(run / "avatar/avatar_eval.result.json", result("avatar eval", {
+    save(run / f"{place}/avatar_eval.result.json", result("avatar eval", {
         "holdout": {"n": 3, "ssim": ssim, "psnr_db": 27.0, "mask_iou": 0.95, "ssim_ci95": [ssim - 0.005, ssim + 0.005], "fd": None},
         "per_camera": [{"name": names[1], "ssim": ssim, "psnr_db": 27.0, "mask_iou": 0.95}], "pictures": pictures, "protocol_sha256": "ab" * 32},
         outputs=[(p["path"], "heldout-picture") for p in pictures]))
-    save(run / "avatar/body_motion.bin", triangle_body())
-    save(run / "avatar/player.bin", triangle_player())
-    save(run / "avatar/avatar_train.result.json", result("avatar train", {"method": "gaussians", "steps": 60}, outputs=[
-        ("body_motion.bin", "body-motion"), ("player.bin", "gaussians-player"), ("history.csv", "history")]))
-    save(run / "avatar/history.csv", "step,phase,total,ssim,wall_s\n" + "".join(f"{s},train,{1 / s},{1 - 1 / s},{s}\n" for s in range(1, 40)))
+    save(run / f"{place}/body_motion.bin", triangle_body())
+    save(run / f"{place}/body_texture.bin", triangle_texture())
+    save(run / f"{place}/player.bin", triangle_player())
+    save(run / f"{place}/avatar_train.result.json", result("avatar train", {"method": "gaussians", "steps": 60}, outputs=[
+        ("body_motion.bin", "body-motion"), ("body_texture.bin", "body-texture"), ("player.bin", "gaussians-player"), ("history.csv", "history")]))
+    save(run / f"{place}/history.csv", "step,phase,total,ssim,wall_s\n" + "".join(f"{s},train,{1 / s},{1 - 1 / s},{s}\n" for s in range(1, 40)))
 
 
 def triangle_body():
@@ -159,6 +162,12 @@ def triangle_body():
                                       0, 0, 0, 0, 65535, 0, 65535, 65535, 65535, *[0] * 12) + bytes((255, 0, 0, 0) * 3))
 
 
+def triangle_texture():
+    """Its colours (report/page/body_file.h): an image that is magenta all over."""
+    image = png(8, 8, lambda x, y: (255, 0, 255))
+    return b"MVBTEX01" + struct.pack("<3I3I6H3I", 3, 1, len(image), 0, 1, 2, 0, 0, 65535, 0, 0, 65535, 0, 1, 2) + image
+
+
 def triangle_player():
     """One Gaussian on it at two time steps (report/page/player.h)."""
     mesh = (0, 0, 0, 0, 65535, 0, 65535, 65535, 65535)
@@ -166,13 +175,13 @@ def triangle_player():
                                      16384, 16384, 32768, 230, 230, 230, 128, 128, 128, 255, 255, 230, 120, 40)
 
 
-def make_run(folder, names=("front", "left", "back", "right"), ssim=0.9):
-    """Results of every stage in `folder`; `names`: of the cameras."""
+def make_run(folder, names=("front", "left", "back", "right"), ssim=0.9, avatar="avatar"):
+    """Results of every stage in `folder`; `names`: of the cameras; `avatar`: the folder of the avatar."""
     save_calibration(folder, names)
     save_take(folder)
     save_joints(folder, names)
     save_masks(folder, names)
-    save_avatar(folder, names, ssim)
+    save_avatar(folder, names, ssim, avatar)
     save(folder / "provenance.jsonl", json.dumps({"time": "2026-01-02T03:04:05Z", "command": "calibrate", "version": "0.2.0",
                                                    "argv": ["mvstudio", "calibrate", "--camera", "a=b c"], "exit": 0, "wall_s": 2}) + "\n")
     return folder
@@ -186,9 +195,43 @@ def make_study(folder):
     return ("--study", f"one={folder}/one", f"two={folder}/two", "--truth", folder / "truth", "--out", folder / "study.html")
 
 
+def make_dataset(folder, frames=4):
+    """A dataset in the layout of CMU Panoptic: centimetres, y down; joints of nineteen, images that tell the camera by their colour."""
+    cameras = []
+    for i, camera in enumerate(rig(("00_00", "00_01", "00_02"))):
+        lens = camera["intrinsics"]
+        rows, t = matrix(camera["cam_from_world"]["rotation_xyzw"]), camera["cam_from_world"]["translation"]
+        cameras.append({"name": camera["name"], "type": "hd", "resolution": list(SIZE), "panel": 0, "node": i,
+                        "K": [[lens["fx"], 0, lens["cx"]], [0, lens["fy"], lens["cy"]], [0, 0, 1]], "distCoef": [0] * 5,
+                        "R": [[row[0], -row[2], row[1]] for row in rows], "t": [[100 * v] for v in t]})
+        for frame in range(frames):
+            image = png_of_rows(*SIZE, (b"\0" + bytes(DATASET_COLOURS[i]) * SIZE[0]) * SIZE[1])
+            save(folder / f"hdImgs/{camera['name']}/{camera['name']}_{frame:08d}.png", image)
+    save(folder / "calibration_made.json", {"calibDataSource": "made", "cameras": cameras})
+    for frame in range(frames):
+        joints = []
+        for k in range(19):
+            x, y, z = joint_at(JOINTS[k % len(JOINTS)], frame)
+            joints += [100 * x, -100 * z, 100 * y, 0.9]
+        save(folder / f"hdPose3d_stage1_coco19/body3DScene_{frame:08d}.json", {"version": 0.7, "univTime": frame, "bodies": [{"id": 0, "joints19": joints}]})
+    return folder
+
+
+def matrix(q):
+    """Rows of the rotation of a quaternion x, y, z, w."""
+    x, y, z, w = q
+    return ((1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)), (2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+            (2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)))
+
+
 def make_session(folder, names):
-    """A session with these results: footage of one take, an image a time step."""
-    make_run(folder, names)
+    """A session with these results: footage of one take, an image a time step; masks of the first camera."""
+    make_run(folder, names, avatar="avatar/take1")
+    left, top, right, bottom = MASK_BOX
+    row = lambda inside: b"\0" + b"".join(bytes(3 * (255 * (inside and left <= x < right),)) for x in range(SIZE[0]))
+    mask = png_of_rows(*SIZE, b"".join(row(top <= y < bottom) for y in range(SIZE[1])))
+    for frame in range(FRAMES):
+        save(folder / f"masks/take1/{names[0]}/{frame:08d}.png", mask)
     for i, name in enumerate(names):
         image = png_of_rows(*SIZE, (b"\0" + bytes((90 + 20 * i, 100, 110)) * SIZE[0]) * SIZE[1])
         for frame in range(FRAMES):

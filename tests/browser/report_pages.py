@@ -17,6 +17,13 @@ PICTURE = """(() => { document.querySelector('.studio').dispatchEvent(new Event(
   let sum = 0; for (let i = 0; i < b.length; ++i) sum = (31 * sum + b[i]) | 0;
   return [new Set(new Uint32Array(b.buffer)).size, sum]; })()"""
 
+MAGENTA = """(() => { document.querySelector('.studio').dispatchEvent(new Event('paint'));
+  const c = document.querySelector('.stage canvas'), gl = c.getContext('webgl2') || c.getContext('webgl'), b = new Uint8Array(4 * c.width * c.height);
+  gl.readPixels(0, 0, c.width, c.height, gl.RGBA, gl.UNSIGNED_BYTE, b);
+  let n = 0; for (let i = 0; i < b.length; i += 4) n += b[i] > 200 && b[i + 1] < 60 && b[i + 2] > 200;
+  return n; })()"""
+SWITCH = "Array.from(document.querySelectorAll('.studio label')).find((l) => l.textContent.trim() === '%s')"
+
 
 def state(page):
     """The view's state in the address."""
@@ -53,6 +60,21 @@ def check_view(page, claims):
     box = page.run("(() => { const e = document.querySelector('.timeline'); e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); return [b.left, b.width, b.top + b.height / 2]; })()")
     page.click(box[0] + (WORST_FRAME + 0.5) / 48 * box[1], box[2])
     claims.equal(page.run(FRAME), f"frame {WORST_FRAME}", "a click into the strip goes to the worst time step there")
+
+
+def check_body(page, claims):
+    """The fitted body in its colours, without them, behind its Gaussians, and not at all."""
+    click = lambda name: page.run(f"({SWITCH % name}).querySelector('input').click()")
+    claims.say(page.wait(f"!({SWITCH % 'its colours'}).hidden", 5), "the body's colours are there")
+    page.run("document.querySelector('.stage canvas').focus()")
+    page.key("Home")
+    drawn = page.run(MAGENTA)
+    claims.say(drawn > 300, "the body is drawn in its colours", drawn)
+    for name in ("its colours", "fitted body", "Gaussians"):
+        click(name)
+        claims.equal(page.run(MAGENTA), 0, f"no colours after a click on '{name}'")
+        click(name)
+        claims.equal(page.run(MAGENTA), drawn, f"the colours are back after another on '{name}'")
 
 
 def check_picks(page, claims):
@@ -184,7 +206,7 @@ def main():
         with Browser() as browser:
             page = browser.page()
             if open_studio(page, report, claims):
-                for check in (check_slider, check_view, check_picks, check_keys):
+                for check in (check_slider, check_body, check_view, check_picks, check_keys):
                     check(page, claims)
                     claims.quiet(page, check.__name__)
             asked = page.run("performance.getEntriesByType('resource').map((e) => e.name).filter((n) => !/^(data|blob):/.test(n))")

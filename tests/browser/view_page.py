@@ -9,7 +9,7 @@ import urllib.parse
 sys.dont_write_bytecode = True
 from checks import Claims, Studio, program_or_skip  # noqa: E402
 from devtools import Browser  # noqa: E402
-from made_run import FRAMES, MISSING_FRAME, WORST_FRAME, make_session  # noqa: E402
+from made_run import FRAMES, MASK_BOX, MISSING_FRAME, WORST_FRAME, make_session  # noqa: E402
 
 HOSTILE_NAME = "<u>left & 'old'"  # sessions refuse names with = or /
 NAMES = ("front", HOSTILE_NAME, "back", "right")
@@ -53,6 +53,26 @@ def check_cameras_and_filters(page, claims):
         claims.say(page.wait(is_at(step)) and page.run(f"location.hash.includes('show={how}')"), f"{how} first: time step {step}", page.run(WHERE))
     claims.equal(page.run("document.querySelectorAll('u').length"), 0, "a hostile name makes no element")
     claims.say(any(text.startswith(HOSTILE_NAME) for text in page.run(SHOWN)), "a hostile name is text", page.run(SHOWN))
+
+
+def check_marks(page, claims):
+    """Outlines of masks and of the fitted body over the images, and images that were held out."""
+    page.run("location.hash = '#frame=5'")
+    count = lambda mark: f"document.querySelectorAll('#views svg .{mark}').length"
+    claims.say(page.wait(f"{count('mask')} === 1 && {count('body')} === 4"), "a mask of the first camera, the body in all",
+               [page.run(count(mark)) for mark in ("mask", "body")])
+    box = page.run("(() => { const b = document.querySelector('#views svg .mask').getBBox(); return [b.x, b.y, b.x + b.width, b.y + b.height]; })()")
+    claims.equal(box, list(MASK_BOX), "the outline goes around the mask's pixels")
+    for box_id, mark in (("masks", "mask"), ("body", "body")):
+        page.click_on(f"#{box_id}")
+        claims.say(page.wait(f"{count(mark)} === 0"), f"a click hides the {mark}", page.run(count(mark)))
+        page.click_on(f"#{box_id}")
+        claims.say(page.wait(f"{count(mark)} > 0"), f"another shows the {mark}", page.run(count(mark)))
+    page.run("(() => { const s = document.querySelector('#filter'); s.value = 'heldout'; s.dispatchEvent(new Event('change')); })()")
+    claims.say(page.wait(is_at(42)) and page.run("location.hash.includes('show=heldout')"), "held out, the worst first", page.run(WHERE))
+    claims.say(page.run(f"{SHOWN}.filter((text) => text.includes('held out, SSIM 0.880')).length") == 1, "its camera says so", page.run(SHOWN))
+    page.key("End")
+    claims.say(page.wait(is_at(40)), "the best last", page.run(WHERE))
 
 
 def check_report(page, claims):
@@ -138,6 +158,7 @@ def main():
             page = browser.page()
             check_frames(page, url, claims)
             check_cameras_and_filters(page, claims)
+            check_marks(page, claims)
             check_report(page, claims)
             claims.quiet(page, "view")
             phone = browser.page(390, 844, phone=True).open(f"{url}#frame=5")

@@ -67,6 +67,8 @@ TEST_F(View, ATakeIsShownUntilItsPageCloses) {
   EXPECT_THAT(scene, HasSubstr("application/json")) << "a hostile marker's name is data";
   EXPECT_THAT(scene, HasSubstr("X-Content-Type-Options: nosniff"));
   EXPECT_THAT(Get(base_ + "step/1.json"), HasSubstr("\"projected\":[["));
+  EXPECT_THAT(scene, HasSubstr("\"has_report\":true"));
+  EXPECT_THAT(Get(base_ + "report"), HasSubstr("data-chunk=")) << "the points in 3D over time";
   EXPECT_THAT(Get(base_ + "bye"), HasSubstr("200 OK"));
   ASSERT_TRUE(run_->Await(kBound));
   EXPECT_EQ(run_->Result().exit, 0) << run_->Result().err;
@@ -117,6 +119,32 @@ TEST_F(View, FramesOfADatasetAndNoLinkOutOfIt) {
   fs::remove(folder_ / "stderr");
   Start(data.path());
   EXPECT_THAT(Get(base_ + "image/0/" + number + ".jpg"), HasSubstr("lies outside")) << end;
+}
+
+TEST_F(View, AFileOfMessagesInRerunsViewer) {
+  TempDir data;
+  Put(data / "t.mcap", "\x89MCAP0\r\nrest");
+  Put(data / "secret.txt", "secret");
+  const CliRun none = RunCli({"view", data / "t.mcap"});
+  EXPECT_EQ(none.exit, 8);
+  EXPECT_THAT(none.err, HasSubstr("npm install @rerun-io/web-viewer"));
+  EXPECT_EQ(RunCli({"view", data / "t.mcap", "--rerun", data.path()}).exit, 2);
+  const std::string package = "node_modules/@rerun-io/web-viewer/";
+  for (const char* name : {"index.js", "re_viewer.js", "re_viewer_bg.wasm"})
+    Put(data / package + name, std::string("of ") + name);
+  Put(data / package + "package.json", "{}");
+  Put(data / "text.mcap", "no MCAP");
+  EXPECT_EQ(RunCli({"view", data / "text.mcap"}).exit, 3);
+  Start(data / "t.mcap");
+  EXPECT_THAT(Get(base_), HasSubstr("'wasm-unsafe-eval'"));
+  EXPECT_THAT(Get(base_ + "re_viewer"), HasSubstr("of re_viewer.js"));
+  EXPECT_THAT(Get(base_ + "re_viewer_bg.wasm"), HasSubstr("application/wasm"));
+  EXPECT_THAT(Get(base_ + "recording.mcap"), HasSubstr("MCAP0\r\nrest"));
+  for (const char* path : {"package.json", "secret.txt", "../secret.txt", "t.mcap", "scene.json"})
+    EXPECT_THAT(Get(base_ + path), HasSubstr("404 Not Found")) << path;
+  EXPECT_THAT(Get(base_ + "bye"), HasSubstr("200 OK"));
+  ASSERT_TRUE(run_->Await(kBound));
+  EXPECT_EQ(run_->Result().exit, 0) << run_->Result().err;
 }
 
 TEST_F(View, WithNothingToShow) {

@@ -27,12 +27,13 @@ from exports.gltf import read_gltf
 from exports.ply import read_ply_export
 from exports.blender import read_blender
 from exports.ros import read_ros
+from exports.mcap import read_mcap
 from exports.common import FAULTS, Comparison, Dataset, check, rig_manifest
 
 READERS = {"colmap": read_colmap, "nerfstudio": read_nerfstudio, "zju": read_zju, "easymocap": read_easymocap,
            "actorshq": read_actorshq, "dynamic3dgs": read_dynamic3dgs, "dna": read_dna, "humman": read_humman, "trc": read_trc,
            "c3d": read_c3d, "bvh": read_bvh, "csv": read_csv, "npz": read_npz, "gltf": read_gltf, "ply": read_ply_export,
-           "blender": read_blender, "ros": read_ros}
+           "blender": read_blender, "ros": read_ros, "mcap": read_mcap}
 
 
 def main():

@@ -68,6 +68,8 @@ TEST_F(ReportTest, AJointThatIsAlwaysThereHasNoGaps) {
   for (const int frames : {100, 193, 240, 700}) {
     std::string csv = "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m\n";
     for (int f = 0; f < frames; ++f) csv += std::to_string(f) + ",0,Nose,Ok,1,2,3,2,1,0.001\n";
+    for (int f = 0; f < frames; ++f)
+      csv += std::to_string(f) + (f == 0 ? ",0,Neck,Outlier,,,,2,," : ",0,Neck,Ok,1,2,3,2,1,0.001") + "\n";
     SaveText("points.csv", csv);
     const Report report = Build();
     const size_t begin = report.html.find("Joints over time"), end = report.html.find("</svg>", begin);
@@ -75,7 +77,7 @@ TEST_F(ReportTest, AJointThatIsAlwaysThereHasNoGaps) {
     const std::string figure = report.html.substr(begin, end - begin);
     size_t runs = 0;
     for (size_t at = figure.find("class=\"h4\""); at != std::string::npos; at = figure.find("class=\"h4\"", at + 1)) ++runs;
-    EXPECT_EQ(runs, 1u) << frames << " frames";
+    EXPECT_EQ(runs, 2u) << frames << " frames: of one that is always there, and of one that is not at first";
   }
 }
 
@@ -102,6 +104,19 @@ TEST_F(ReportTest, ValuesOfTheWrongKindDoNotMatter) {
   const Report report = Build();
   EXPECT_EQ(report.num_stages, 7);
   for (const std::string& figure : SvgFigures(report.html)) EXPECT_EQ(CheckMarkup(figure), "");
+}
+
+TEST_F(ReportTest, FilesWithoutResultsAreShownAlone) {
+  SaveText("points.csv",
+           "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m\n0,0,Nose,Ok,1,2,3,0,0,0\n1,0,Nose,Ok,1,2,3,0,0,0\n"
+           "1,0,Neck,Ok,1,2,2,0,0,0\n");
+  const Report points = Build();
+  EXPECT_THAT(points.html, AllOf(HasSubstr("2 joints over 2 time steps."), HasSubstr("id=\"studio\"")));
+  EXPECT_THAT(points.html,
+              AllOf(Not(HasSubstr("not run")), Not(HasSubstr("id=\"verdict\"")), Not(HasSubstr("id=\"triangulation\"")),
+                    Not(HasSubstr("0 px")), Not(HasSubstr("id=\"provenance\""))));
+  SaveText("points.csv", "frame,person,joint,status,x_m,y_m,z_m,num_views,rms_px,sigma_m\n0,0,Nose,Ok,1,2,3,2,1,0.01\n");
+  EXPECT_THAT(Build().html, AllOf(HasSubstr("1 joint over 1 time step."), HasSubstr("id=\"triangulation\"")));
 }
 
 TEST_F(ReportTest, ASingleResultSaysWhatWasNotRun) {

@@ -79,6 +79,23 @@ void ExpectMotion(const std::string& bytes, body::PersonBody person) {
   }
 }
 
+/// Its colours: the same triangles, each corner in the chart of its part, and a small image.
+void ExpectTexture(const std::string& bytes, const body::BodyTemplate& body) {
+  ASSERT_TRUE(report::IsBodyTexture(bytes));
+  EXPECT_FALSE(report::IsBodyTexture(bytes.substr(0, bytes.size() - 1))) << "one that was cut";
+  uint32_t counts[3];
+  std::memcpy(counts, bytes.data() + 8, sizeof counts);
+  ASSERT_EQ(counts[1], static_cast<uint32_t>(body.faces.cols()));
+  EXPECT_LT(counts[2], 256U << 10);
+  std::vector<uint32_t> vertices(counts[0]), corners(3 * size_t{counts[1]});
+  std::memcpy(vertices.data(), bytes.data() + 20, 4 * vertices.size());
+  std::memcpy(corners.data(), bytes.data() + 20 + 8 * vertices.size(), 4 * corners.size());
+  for (size_t k = 0; k < corners.size(); ++k) {
+    ASSERT_LT(corners[k], counts[0]);
+    ASSERT_EQ(vertices[corners[k]], static_cast<uint32_t>(body.faces.data()[k])) << "corner " << k;
+  }
+}
+
 TEST(AvatarFitStage, TheMannequinLiesOnItsOwnSilhouettes) {
   const TempDir folder;
   avatar::WriteMannequinDataset(folder / "data", 4, 4, 96);
@@ -97,7 +114,8 @@ TEST(AvatarFitStage, TheMannequinLiesOnItsOwnSilhouettes) {
   EXPECT_TRUE(std::filesystem::exists(folder / "body/body.glb"));
   EXPECT_EQ(std::filesystem::exists(folder / "body/surface.png"), report.surface.has_value());
   ExpectMotion(ReadFile(folder / "body/body_motion.bin"), kept.person);
-  EXPECT_EQ(RolesOf(Describe(report))[3], "body-motion");
+  ExpectTexture(ReadFile(folder / "body/body_texture.bin"), kept.person.body);
+  EXPECT_THAT(RolesOf(Describe(report)), ::testing::IsSupersetOf({"body-motion", "body-texture"}));
   EXPECT_THAT(MessageOf<UsageError>([&] { RunAvatarFit(options); }), HasSubstr("option 'overwrite'"));
 }
 

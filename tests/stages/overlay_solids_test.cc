@@ -10,6 +10,7 @@
 #include "stages/overlay/draw_solids.h"
 #include "stages/overlay/draw_view.h"
 #include "stages/overlay/run.h"
+#include "stages/view/outline.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 

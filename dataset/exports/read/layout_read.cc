@@ -50,6 +50,9 @@ std::optional<Layout> DetectExport(const std::string& folder) {
     throw FormatError(folder, "",
                       "ROS's camera_info files hold lenses and no poses: they are no rig; name one of the .yaml files");
   }
+  if (name == "mcap")
+    throw FormatError(folder, "",
+                      "MCAP files hold cameras as messages, which are not read: name the dataset that was exported");
   if (name == "colmap") return Layout{CalibrationFormat::kColmap, FirstModel(folder) + "/sparse/0"};
   if (name == "nerfstudio") return Layout{CalibrationFormat::kNerfstudio, FirstModel(folder) + "/transforms.json"};
   if (name == "blender") return Layout{CalibrationFormat::kMvstudio, folder + "/calibration.json"};

@@ -68,7 +68,9 @@ void BeginRun(const RunConfig& config, const avatar::References* references, con
   if (config.pack.fitted) {
     WritePerson(*config.pack.fitted, files.Path(body::kPersonFileName));
     const std::string motion = BodyMotion(config.pack.fitted->person);
+    const std::string colours = motion.empty() ? "" : BodyTexture(*config.pack.fitted);
     if (!motion.empty()) WriteFileAtomic(files.Path(kBodyMotionFile), motion);
+    if (!colours.empty()) WriteFileAtomic(files.Path(kBodyTextureFile), colours);
   }
   WriteRunConfig(options.relative_paths ? WithRelativePaths(config, options.out) : config, files.Path(avatar::kRunConfigFile));
 }

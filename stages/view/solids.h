@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "stages/overlay/moving_body.h"
-#include "stages/overlay/options.h"
+#include "stages/view/moving_body.h"
 #include "stages/view/scene.h"
 
 /// What stands in the studio beside joints: boards and the fitted body.
@@ -33,9 +32,14 @@ struct SolidsNow {
 };
 SolidsNow SolidsAt(const OverlaySolids& solids, int step);
 
+/// Which of them are read.
+struct SolidsWanted {
+  bool boards = true, body = true;
+};
+
 /// Boards of a take that films them, by board_poses.csv beside the session's calibration; the body of body_motion.bin in the
 /// take's avatar, or in a run. What is there and cannot be read is a warning.
-OverlaySolids ReadSolids(const OverlayOptions& options, const Scene& scene, InputNotes* notes);
+OverlaySolids ReadSolids(const ViewSceneOptions& options, const SolidsWanted& wanted, const Scene& scene, InputNotes* notes);
 
 /// The rows of a board_poses.csv by time step. `boards`: as the session states them. Throws IoError, FormatError, UsageError.
 std::map<int, std::vector<PlacedBoard>> ReadPlacedBoards(const std::string& path, const std::string& boards);

@@ -1,4 +1,4 @@
-#include "stages/overlay/moving_body.h"
+#include "stages/view/moving_body.h"
 
 #include <algorithm>
 #include <cmath>

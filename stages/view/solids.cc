@@ -1,4 +1,4 @@
-#include "stages/overlay/solids.h"
+#include "stages/view/solids.h"
 
 #include <algorithm>
 #include <cmath>
@@ -123,22 +123,21 @@ SolidsNow SolidsAt(const OverlaySolids& solids, int step) {
   return now;
 }
 
-OverlaySolids ReadSolids(const OverlayOptions& options, const Scene& scene, InputNotes* notes) {
+OverlaySolids ReadSolids(const ViewSceneOptions& options, const SolidsWanted& wanted, const Scene& scene, InputNotes* notes) {
   OverlaySolids solids;
   if (scene.kind != "session") {
-    const std::string& folder = options.scene.path;
-    if (options.marks.body) UseBody({folder + "/" + kBodyMotionFile, folder + "/avatar/" + kBodyMotionFile}, &solids, notes);
+    const std::string& folder = options.path;
+    if (wanted.body) UseBody({folder + "/" + kBodyMotionFile, folder + "/avatar/" + kBodyMotionFile}, &solids, notes);
     return solids;
   }
   InputNotes said;  // by ReadScene already
-  const auto found = FindTake({options.scene.path, options.scene.take, options.scene.allow_outside}, &said);
+  const auto found = FindTake({options.path, options.take, options.allow_outside}, &said);
   const dataset::Session& session = found->session;
-  if (options.marks.body)
-    UseBody({dataset::TakeFolder(session, "avatar", found->take.name) + "/" + kBodyMotionFile}, &solids, notes);
-  const std::string calib = dataset::CalibrationOf(session, options.scene.allow_outside);
+  if (wanted.body) UseBody({dataset::TakeFolder(session, "avatar", found->take.name) + "/" + kBodyMotionFile}, &solids, notes);
+  const std::string calib = dataset::CalibrationOf(session, options.allow_outside);
   const std::string poses = (fs::path(calib).parent_path() / kBoardPosesFile).string();
   const bool films_boards = found->take.kind == dataset::TakeKind::kBoard;
-  if (!options.marks.boards || !films_boards || calib.empty() || session.board.empty() || !IsRegular(poses)) return solids;
+  if (!wanted.boards || !films_boards || calib.empty() || session.board.empty() || !IsRegular(poses)) return solids;
   Attempt("boards are", notes, [&] { solids.boards = ReadPlacedBoards(poses, session.board); });
   notes->inputs.push_back(poses);
   return solids;
