@@ -4,7 +4,8 @@ set(MVSTUDIO_DOC ${CMAKE_BINARY_DIR}/package)
 # mvstudio_package_texts(PACKAGE COMPONENT): the copyright and changelog that Debian wants of every package.
 function(mvstudio_package_texts package component)
   install(FILES ${MVSTUDIO_DOC}/copyright ${MVSTUDIO_DOC}/changelog.gz DESTINATION share/doc/${package} COMPONENT ${component})
-  file(WRITE ${MVSTUDIO_DOC}/overrides/${package} "# whoever publishes the packages gives an address: cmake -DMVSTUDIO_CONTACT=…\nbogus-mail-host\n")
+  file(WRITE ${MVSTUDIO_DOC}/overrides/${package}
+    "# Whoever publishes the packages gives an address: cmake -DMVSTUDIO_CONTACT=…\nbogus-mail-host\nbogus-mail-host-in-debian-changelog\n")
   install(FILES ${MVSTUDIO_DOC}/overrides/${package} DESTINATION share/lintian/overrides COMPONENT ${component})
 endfunction()
 

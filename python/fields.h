@@ -73,6 +73,9 @@ void SetValue(const py::handle& given, const std::string& name, Value* value) {
   }
 }
 
+/// Every stage has this argument beside its options (MayReplace); an option of that name is none.
+inline constexpr char kOverwrite[] = "overwrite";
+
 /// Lists the fields: dicts of name, flag, default, type, help and subject.
 class FieldLister {
  public:
@@ -80,6 +83,7 @@ class FieldLister {
 
   template <class Value>
   void operator()(const std::string& name, Value& value, const std::string& help) {
+    if (name == kOverwrite) return;
     py::dict field;
     field["name"] = ArgumentName(name), field["flag"] = name, field["default"] = ValueOf(value);
     field["help"] = help, field["subject"] = subject_;
@@ -94,6 +98,7 @@ class FieldLister {
   template <class Value>
   void Styled(OptionStyle style, const std::string& name, Value& value, const std::string& help) {
     (*this)(name, value, help);
+    if (name == kOverwrite) return;
     if (style == OptionStyle::kFolder || style == OptionStyle::kFile || style == OptionStyle::kPlace)
       (*fields_)[fields_->size() - 1]["type"] = "path";
   }

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <string>
 #include <type_traits>
 
@@ -29,9 +30,24 @@ Planes PlanesOf(const Doubles& image, double range, const std::string& argument)
   return planes;
 }
 
+const char* WhyNot(metrics::Status status) {
+  switch (status) {
+    case metrics::Status::kSizesDiffer:
+      return "their shapes differ";
+    case metrics::Status::kTooSmall:
+      return "they are smaller than the window, 11 x 11 px, or 7 x 7 of uniform7";
+    case metrics::Status::kNotFinite:
+      return "they hold NaN or infinity";
+    case metrics::Status::kOutsideRange:
+      return "they hold numbers outside 0 to the range; option 'data-range' states it, e.g. 255";
+    default:
+      return "they hold no pixel";
+  }
+}
+
 double ValueOr(const Score& score) {
   if (score.status == metrics::Status::kOk) return score.value;
-  throw UsageError(std::string("the images cannot be compared: ") + metrics::ToString(score.status));
+  throw UsageError(std::string("the images cannot be compared: ") + WhyNot(score.status));
 }
 
 double Ssim(const Doubles& a, const Doubles& b, double range, const std::string& window, int threads) {
@@ -43,10 +59,29 @@ double Ssim(const Doubles& a, const Doubles& b, double range, const std::string&
   return ValueOr(metrics::Ssim(first, second, kind, threads));
 }
 
-double Psnr(const Doubles& a, const Doubles& b, double range) {
+double PsnrOfNumbers(const Doubles& a, const Doubles& b, double range) {
   const Planes first = PlanesOf(a, range, "a"), second = PlanesOf(b, range, "b");
   const py::gil_scoped_release others_run;
   return ValueOr(metrics::PsnrDb(first, second));
+}
+
+/// An 8-bit image as the program has it, whose squares are summed exactly; empty where `image` is none.
+Image PixelsOf(const py::object& image) {
+  using Bytes = py::array_t<uint8_t, py::array::c_style>;
+  if (!py::isinstance<py::array_t<uint8_t>>(image)) return {};
+  const auto array = py::reinterpret_borrow<py::array>(image);
+  if (array.ndim() != 2 && array.ndim() != 3) return {};
+  const Bytes rows = Bytes::ensure(array);
+  const int channels = rows.ndim() == 3 ? static_cast<int>(rows.shape(2)) : 1;
+  Image bytes(static_cast<int>(rows.shape(1)), static_cast<int>(rows.shape(0)), channels);
+  std::copy(rows.data(), rows.data() + rows.size(), bytes.pixels.begin());
+  return bytes;
+}
+
+double Psnr(const py::object& a, const py::object& b, double range) {
+  const Image bytes_a = PixelsOf(a), bytes_b = PixelsOf(b);
+  if (!bytes_a.empty() && !bytes_b.empty() && range == 255) return ValueOr(metrics::PsnrDb(bytes_a, bytes_b));
+  return PsnrOfNumbers(py::cast<Doubles>(a), py::cast<Doubles>(b), range);
 }
 
 }  // namespace

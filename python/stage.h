@@ -54,5 +54,6 @@ Stage MakeStage(const StageNames& names, Visit visit, Run run) {
 void AddCalibrationStages(std::vector<Stage>* stages);
 void AddPeopleStages(std::vector<Stage>* stages);
 void AddDatasetStages(std::vector<Stage>* stages);
+void AddPageStages(std::vector<Stage>* stages);
 
 }  // namespace mvstudio::python

@@ -1,9 +1,14 @@
 #include <algorithm>
+#include <chrono>
 #include <mutex>
+#include <regex>
+#include <set>
 
+#include "core/disk/files.h"
 #include "core/disk/lock.h"
 #include "core/disk/manifest.h"
 #include "core/disk/replace.h"
+#include "core/error.h"
 #include "core/join.h"
 #include "core/text/short_numbers.h"
 #include "python/bindings.h"
@@ -16,7 +21,7 @@ namespace {
 const std::vector<Stage>& AllStages() {
   static const std::vector<Stage> kStages = [] {
     std::vector<Stage> stages;
-    AddCalibrationStages(&stages), AddPeopleStages(&stages), AddDatasetStages(&stages);
+    AddCalibrationStages(&stages), AddPeopleStages(&stages), AddDatasetStages(&stages), AddPageStages(&stages);
     return stages;
   }();
   return kStages;
@@ -29,17 +34,78 @@ const Stage& StageNamed(const std::string& name) {
   throw UsageError("there is no stage '" + name + "'");
 }
 
+const char* StatusOf(const stages::CommandResult& result, int exit) {
+  if (exit == stages::kExitOk) return result.warnings.empty() ? "ok" : "warn";
+  return exit == stages::kExitQualityGate ? "fail" : exit == stages::kExitPartial ? "partial" : "error";
+}
+
+/// As the program leaves notices in its results: the hint where there is one, a level where the notice fails.
+nlohmann::ordered_json KeptNotices(const std::vector<Notice>& notices) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const Notice& n : notices) {
+    nlohmann::ordered_json item = {{"code", n.code}, {"text", n.text}};
+    if (!n.hint.empty()) item["hint"] = n.hint;
+    if (n.fails) item["level"] = "fail";
+    list.push_back(item);
+  }
+  return list;
+}
+
 nlohmann::ordered_json NoticesJson(const std::vector<Notice>& notices) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const Notice& n : notices) list.push_back({{"code", n.code}, {"text", n.text}, {"hint", n.hint}, {"fails", n.fails}});
   return list;
 }
 
+/// Options are flags in what the program keeps: `option 'min-views'` is `--min-views`.
+void NameFlags(nlohmann::ordered_json* value) {
+  static const std::regex kOption("\\boption '([a-z0-9][a-z0-9-]*)'");
+  if (value->is_string()) *value = ShortNumbers(std::regex_replace(value->get<std::string>(), kOption, "--$1"));
+  if (!value->is_structured()) return;
+  for (nlohmann::ordered_json& item : *value) NameFlags(&item);
+}
+
+int ExitOf(const stages::CommandResult& result) {
+  return result.partial && result.exit == stages::kExitOk ? stages::kExitPartial : result.exit;
+}
+
+/// Leaves COMMAND.result.json (mvstudio.result/1) in the result's folder, as the program does, so that `mvstudio report` shows
+/// it. `call`: how Python called the stage. A result that cannot be kept is a warning.
+void KeepResult(const Stage& stage, const std::vector<std::string>& argv, double wall_s, stages::CommandResult* result) {
+  if (result->folder.empty()) return;
+  nlohmann::ordered_json outputs = nlohmann::ordered_json::array();
+  for (const auto& output : result->outputs) {
+    nlohmann::ordered_json item = {{"path", output.path}};
+    if (!output.role.empty()) item["role"] = output.role;
+    outputs.push_back(item);
+  }
+  const int exit = ExitOf(*result);
+  nlohmann::ordered_json json = {{"schema", "mvstudio.result/1"},
+                                 {"command", stage.command},
+                                 {"version", MVSTUDIO_VERSION},
+                                 {"status", StatusOf(*result, exit)},
+                                 {"exit", exit},
+                                 {"metrics", result->metrics},
+                                 {"outputs", outputs},
+                                 {"warnings", KeptNotices(result->warnings)},
+                                 {"errors", KeptNotices(result->errors)},
+                                 {"timing", {{"wall_s", wall_s}}},
+                                 {"argv", argv}};
+  for (const char* key : {"metrics", "warnings", "errors"}) NameFlags(&json[key]);
+  std::string name = stage.command;
+  std::replace(name.begin(), name.end(), ' ', '_');
+  try {
+    WriteFileAtomic(result->folder + "/" + name + ".result.json",
+                    json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+  } catch (const Error& why) {
+    result->warnings.push_back({"CLI-PROVENANCE", std::string("the result is not recorded in its folder: ") + why.what(), ""});
+  }
+}
+
 std::string JsonOf(const stages::CommandResult& result) {
   nlohmann::ordered_json outputs = nlohmann::ordered_json::array();
   for (const auto& output : result.outputs) outputs.push_back({{"path", output.path}, {"role", output.role}});
-  const bool partial = result.partial && result.exit == stages::kExitOk;
-  return nlohmann::ordered_json{{"exit", partial ? stages::kExitPartial : result.exit},
+  return nlohmann::ordered_json{{"exit", ExitOf(result)},
                                 {"metrics", result.metrics},
                                 {"outputs", outputs},
                                 {"inputs", result.inputs},
@@ -53,7 +119,7 @@ std::string JsonOf(const stages::CommandResult& result) {
 std::mutex one_stage;
 
 std::string RunStage(const std::string& name, const py::dict& arguments, bool overwrite, const py::object& progress,
-                     int threads, uint64_t seed) {
+                     int threads, uint64_t seed, const std::vector<std::string>& argv) {
   const Stage& stage = StageNamed(name);
   const auto work = stage.prepare(arguments);
   std::string json;
@@ -63,8 +129,11 @@ std::string RunStage(const std::string& name, const py::dict& arguments, bool ov
     SetWriterName(stage.command, MVSTUDIO_VERSION);
     const OutputLockScope until_done;
     const ReplaceScope replacing(overwrite);
+    const auto begin = std::chrono::steady_clock::now();
     try {
-      json = JsonOf(work(run));
+      stages::CommandResult result = work(run);
+      KeepResult(stage, argv, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), &result);
+      json = JsonOf(result);
     } catch (...) {
       SetWriterName(before.first, before.second);
       throw;
@@ -90,7 +159,8 @@ py::list ListStages() {
 std::string ArgumentName(const std::string& field) {
   std::string name = field.substr(0, field.find(','));
   std::replace(name.begin(), name.end(), '-', '_');
-  return name == "from" || name == "in" ? name + "_" : name;
+  static const std::set<std::string> kKeywords = {"for", "from", "in", "with"};
+  return kKeywords.count(name) ? name + "_" : name;
 }
 
 std::string TextOf(const py::handle& value) {

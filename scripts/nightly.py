@@ -65,7 +65,11 @@ def packages(figures):
     figures["bytes"] = {path.name: path.stat().st_size for path in sorted((RELEASE / "packages").glob("*.deb"))}
 
 
-STEPS = {step.__name__: step for step in (tests, faults, fuzz, asan, tsan, packages)}
+def clone(_figures):
+    yield [ROOT / "scripts/try-clone"]
+
+
+STEPS = {step.__name__: step for step in (tests, faults, fuzz, asan, tsan, packages, clone)}
 
 
 def run(name):

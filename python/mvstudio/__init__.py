@@ -44,11 +44,28 @@ _HOLDS = {
 _PLACES = {name: module for module, names in _HOLDS.items() for name in names}
 
 
+def _imported(module: str) -> Any:
+    """The module; an ImportError says what to install."""
+    try:
+        return importlib.import_module(f"mvstudio.{module}")
+    except ImportError as error:
+        reason = str(error)
+        if "shared object" in reason:
+            hint = "install the libraries of Debian 12 that mvstudio was built with: apt install ./python3-mvstudio_*.deb"
+        elif error.name == "numpy":
+            hint = "apt install python3-numpy, and make a virtual environment with python3 -m venv --system-site-packages"
+        elif "'_core'" in reason:
+            hint = "it is built for Debian's Python: /usr/bin/python3"
+        else:
+            raise
+        raise ImportError(f"mvstudio: {reason} ({hint})", name=error.name, path=error.path) from None
+
+
 def __getattr__(name: str) -> Any:
     if name in _PLACES:
-        value = getattr(importlib.import_module(f"mvstudio.{_PLACES[name]}"), name)
+        value = getattr(_imported(_PLACES[name]), name)
     elif name in ("metrics", "plot", "stages"):
-        value = importlib.import_module(f"mvstudio.{name}")
+        value = _imported(name)
     else:
         raise AttributeError(f"module 'mvstudio' has no attribute {name!r}")
     globals()[name] = value

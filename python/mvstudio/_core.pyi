@@ -1,5 +1,5 @@
 # The module in C++. Its functions take their arguments by position, in this order.
-from typing import Any, Optional, Union
+from typing import Any, Optional, Sequence, Union
 
 import numpy as np
 
@@ -74,4 +74,5 @@ def triangulate(rig: Rig, px: np.ndarray, sigmas_px: np.ndarray, seen: np.ndarra
                 calibration_covariance: bool, progress: Any, threads: int, seed: int,
                 /) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]: ...
 def stages() -> list[dict[str, Any]]: ...
-def run_stage(name: str, arguments: dict[str, Any], overwrite: bool, progress: Any, threads: int, seed: int, /) -> str: ...
+def run_stage(name: str, arguments: dict[str, Any], overwrite: bool, progress: Any, threads: int, seed: int,
+              argv: Sequence[str], /) -> str: ...

@@ -31,6 +31,8 @@ class Error(ValueError, RuntimeError):
         What the stage found before it gave up.
     """
 
+    __module__ = "mvstudio"  # where users find it, and what tracebacks say
+
     def __init__(self, code: str, text: str, hint: str = "", report: object = None) -> None:
         super().__init__(text + (f" ({hint})" if hint else ""))
         self.code = code

@@ -84,7 +84,7 @@ class Report:
         return f"<{self.stage}: exit {self.exit}, {len(self.warnings)} warnings, metrics {', '.join(self.metrics)}>"
 
     def __str__(self) -> str:
-        return self.text
+        return self.text.rstrip("\n") or repr(self)
 
     def _repr_html_(self) -> str:
         escaped = self.text.replace("&", "&amp;").replace("<", "&lt;")

@@ -1,12 +1,15 @@
 """Cameras with their lenses, poses and uncertainty."""
 from __future__ import annotations
 
+import json
 import os
-from typing import Any, Iterable, Union
+from typing import Any, Iterable, Mapping, Union
 
 import numpy as np
 
 from mvstudio import _core
+from mvstudio._cameras import camera_entry
+from mvstudio._error import Error
 
 Camera = Union[str, int]
 
@@ -63,6 +66,27 @@ class Rig:
         rig = cls.__new__(cls)
         rig._held = held
         return rig
+
+    @classmethod
+    def from_cameras(cls, cameras: Mapping[str, Mapping[str, Any]]) -> Rig:
+        """A rig of cameras that are at hand as arrays, as OpenCV has them.
+
+        Parameters
+        ----------
+        cameras : mapping of str to mapping
+            By name: ``size_px`` (width, height), ``K`` (3, 3), ``distortion`` (d,) in OpenCV's order, or none, and
+            ``cam_from_world`` (4, 4), metres, or none: the world is this camera's frame. ``model`` names the lens where the number
+            of distortion terms does not: 0 is a pinhole, 4, 5, 8 and 12 are OpenCV's standard lens. ``"kannala4"`` is its fisheye.
+
+        Examples
+        --------
+        >>> K = [[900, 0, 640], [0, 900, 360], [0, 0, 1]]
+        >>> rig = mvstudio.Rig.from_cameras({"left": {"size_px": (1280, 720), "K": K, "distortion": [-0.1, 0.02, 0, 0]}})
+        >>> rig.model("left"), rig.project([[0.0, 0.0, 2.0]], "left").tolist()
+        ('brown4', [[640.0, 360.0]])
+        """
+        entries = [camera_entry(name, dict(given)) for name, given in cameras.items()]
+        return cls.from_json(json.dumps({"schema": "mvstudio.calibration/1", "unit": "m", "cameras": entries}))
 
     @classmethod
     def from_json(cls, text: str) -> Rig:
@@ -257,6 +281,5 @@ class Rig:
 
 def _in_cam(frame: str) -> bool:
     if frame not in ("world", "cam"):
-        from mvstudio._error import Error
         raise Error("CLI-USAGE", f"`frame` {frame!r}: expected 'world' or 'cam'")
     return frame == "cam"

@@ -2,6 +2,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import os
 from typing import TYPE_CHECKING, Any, Callable, Iterable, Iterator, NamedTuple, Optional, Sequence, TypeVar, Union
 
@@ -143,8 +144,9 @@ class Samples:
 
     @property
     def about(self) -> dict[str, Any]:
-        """What the reader knows of the whole."""
-        return dict(self._source.reader().about())
+        """What the reader knows of the whole; of a pack, ``plan``: how it was made (docs/packs.md)."""
+        about = dict(self._source.reader().about())
+        return {**about, "plan": json.loads(about["plan"])} if isinstance(about.get("plan"), str) else about
 
     def _row(self, index: Any) -> int:
         number = range(len(self))[index]  # IndexError beyond the end, which ends a loop over the samples

@@ -9,6 +9,7 @@ import numpy as np
 
 from mvstudio import _core
 from mvstudio._error import Error
+from mvstudio._progress import Shown
 from mvstudio._rig import Rig
 
 Status = enum.IntEnum("Status", {word: i for i, word in enumerate(_core.STATUS_WORDS)}, module=__name__)  # type: ignore[misc]
@@ -71,8 +72,8 @@ def triangulate(points2d: Any, rig: Rig, *, scores: Any = None, min_score: float
         Whether the covariance holds the calibration's own uncertainty, where the rig states one.
     single_precision : bool
         Solve in float where the accuracy check allows it.
-    progress : callable or None
-        ``progress(stage, done, total, note)``.
+    progress : callable, bool or None
+        ``progress(stage, done, total, note)``; True: shown on stderr.
     threads : int
         0: as many as the machine has; the result does not depend on it.
     seed : int
@@ -101,9 +102,10 @@ def triangulate(points2d: Any, rig: Rig, *, scores: Any = None, min_score: float
         raise Error("CLI-USAGE", f"`sigma_px`: expected a number or shape {px.shape[:2]}, got {np.shape(sigma_px)}") from None
     if not np.all(sigmas > 0):
         raise Error("CLI-USAGE", "`sigma_px`: expected numbers above 0")
-    x, covariance, status, used, rms_px = _core.triangulate(
-        rig._held, px, sigmas, seen, method, min_views, max_residual_sigmas, min_parallax_sigmas, max_distance_m,
-        single_precision, calibration_covariance, progress, threads, seed)
+    with Shown(progress) as callback:
+        x, covariance, status, used, rms_px = _core.triangulate(
+            rig._held, px, sigmas, seen, method, min_views, max_residual_sigmas, min_parallax_sigmas, max_distance_m,
+            single_precision, calibration_covariance, callback, threads, seed)
     points = Points(x, covariance, status)
     points.used, points.rms_px = used, rms_px
     return points

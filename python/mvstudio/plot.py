@@ -68,7 +68,7 @@ def _metrics_of(result: Any) -> Any:
         return json.loads(path.read_text(encoding="utf-8"))["metrics"]
     except OSError as error:
         raise Error("INPUT-IO", f"{path}: {error.strerror}",
-                    "the program's `calibrate` leaves it; from Python give what calibrate() returned") from None
+                    "`calibrate` leaves it in its folder; or give what calibrate() returned") from None
     except (ValueError, KeyError, TypeError):
         raise Error("INPUT-FORMAT", f"{path}: is no result of `mvstudio calibrate`") from None
 
@@ -95,10 +95,12 @@ def _equal_scales(ax: Any, points: np.ndarray) -> None:
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, max(0.05, 0.5 * float((high - low).max()))
     ax.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half),
-           zlim=(middle[2] - half, middle[2] + half), xlabel="x, m", ylabel="y, m", zlabel="z, m")
+           zlim=(middle[2] - half, middle[2] + half))
     ax.set_box_aspect((1, 1, 1), zoom=0.85)  # room for the label of z
-    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+    for letter, axis in zip("xyz", (ax.xaxis, ax.yaxis, ax.zaxis)):
         axis.get_major_locator().set_params(nbins=5)
+        axis.set_tick_params(labelsize=8, pad=0)
+        axis.set_label_text(f"{letter}, m")
 
 
 def uncertainty(calibration: Any, camera: Camera, *, range_m: float, levels: Any = 6, ax: Any = None) -> Any:
@@ -242,7 +244,7 @@ def rig(calibration: Any, *, size_m: float = 0.0, ax: Any = None) -> Any:
         ends = centers[i] + size_m * cameras.unproject(corners, i, frame="world")
         path = [point for k in range(4) for point in (centers[i], ends[k], ends[(k + 1) % 4])]  # NaN where the lens has no ray
         ax.plot(*np.array(path).T, color=f"C{i % 10}", linewidth=1)
-        ax.text(*centers[i], name, fontsize=8)
+        ax.text(*centers[i], "  " + name, fontsize=8, verticalalignment="top")
         drawn.append(ends)
     _equal_scales(ax, np.concatenate(drawn))
     ax.set_title(f"{len(cameras)} cameras")
@@ -361,7 +363,7 @@ def training(run: Any, columns: Sequence[str] = ("total",), *, ax: Any = None) -
                         marker="." if len(points) < 20 else "")
     values = [value for line in ax.lines for value in line.get_ydata()]
     wide = bool(values) and min(values) > 0 and max(values) > 10 * min(values)
-    ax.set(xlabel="step", yscale="log" if wide else "linear", title="training")
+    ax.set(xlabel="step", ylabel="loss", yscale="log" if wide else "linear", title="training")
     ax.legend()
     return ax
 

@@ -36,13 +36,25 @@ def test_psnr_is_its_definition(pair):
     a, b = pair
     assert metrics.psnr(a, b) == pytest.approx(10 * np.log10(255**2 / np.mean((a.astype(float) - b) ** 2)), abs=1e-10)
     assert metrics.psnr(a, a) == np.inf
+    squares = int(((a.astype(int) - b.astype(int)) ** 2).sum())
+    assert metrics.psnr(a, b) == -10 * np.log10(squares / (255 * 255) / a.size), "8 bits: exact sums, as the program's"
+    assert metrics.psnr(a[::2, ::3], b[::2, ::3]) == metrics.psnr(a[::2, ::3].copy(), b[::2, ::3].copy())
 
 
 def test_mistakes(pair):
     a, b = pair
-    with pytest.raises(mvstudio.Error, match="cannot be compared"):
+    with pytest.raises(mvstudio.Error, match="cannot be compared: their shapes differ"):
         metrics.ssim(a, b[:-1])
+    with pytest.raises(mvstudio.Error, match="outside 0 to the range; `data_range` states it"):
+        metrics.ssim(a.astype(float), b.astype(float))
+    assert metrics.ssim(a.astype(float), b.astype(float), data_range=255) == metrics.ssim(a, b)
+    with pytest.raises(mvstudio.Error, match="smaller than the window"):
+        metrics.ssim(a[:9], b[:9])
+    with pytest.raises(mvstudio.Error, match="hold NaN or infinity"):
+        metrics.ssim(np.where(a > 9, a / 255, np.nan), b / 255)
     with pytest.raises(mvstudio.Error, match=r"`a`: expected shape \(h, w\)"):
         metrics.psnr(a.ravel(), b)
+    with pytest.raises(mvstudio.Error, match="cannot be compared"):
+        metrics.psnr(a, b[:-1])
     with pytest.raises(mvstudio.Error, match="expected gaussian11 or uniform7"):
         metrics.ssim(a, b, window="box")

@@ -102,7 +102,7 @@ def test_coverage_is_a_histogram(tmp_path):
 
 def test_rig_in_space(rig, tmp_path):
     ax = drawn(plot.rig(rig, size_m=0.5), tmp_path)
-    assert len(ax.lines) == len(rig) and [text.get_text() for text in ax.texts] == rig.names
+    assert len(ax.lines) == len(rig) and [text.get_text().strip() for text in ax.texts] == rig.names
     for i, line in enumerate(ax.lines):
         path = np.array(line.get_data_3d()).T
         np.testing.assert_allclose(path[::3], np.repeat(rig.centers[i][None], 4, axis=0))
@@ -160,7 +160,7 @@ def test_mistakes(rig, take_folder, tmp_path):
                            (lambda: plot.joint(take_folder, "nose"), "no joint 'nose'; it has neck, elbow"),
                            (lambda: plot.joint(take_folder, "neck", axes="xw"), "some of 'xyz'"),
                            (lambda: plot.training(tmp_path), "expected a run of"),
-                           (lambda: plot.residuals(tmp_path, "left"), "the program's `calibrate` leaves it"),
+                           (lambda: plot.residuals(tmp_path, "left"), "`calibrate` leaves it in its folder"),
                            (lambda: plot.coverage(mvstudio.Corners("chessboard:8x5:40mm", {"a": (9, 9)}), "b"), "corners of a")]:
         with pytest.raises(mvstudio.Error, match=words):
             mistake()

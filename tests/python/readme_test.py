@@ -12,6 +12,7 @@ import conftest
 import matplotlib
 import mvstudio
 import mvstudio._calibrate
+import mvstudio._rig
 import pytest
 
 matplotlib.use("Agg")
@@ -37,7 +38,8 @@ def test_readme(rig, tmp_path, monkeypatch):
 
 
 def test_help():
-    assert doctest.testmod(mvstudio._calibrate, extraglobs={"mvstudio": mvstudio}).failed == 0
+    for module in (mvstudio._calibrate, mvstudio._rig):
+        assert doctest.testmod(module, extraglobs={"mvstudio": mvstudio}).failed == 0
 
 
 def in_a_fresh_process(script):

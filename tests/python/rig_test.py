@@ -127,3 +127,37 @@ def test_mistakes_are_one_error(rig, points, tmp_path):
 def test_results_outlive_the_rig(points):
     px = mvstudio.Rig.from_json(conftest.rig_text()).project(points, 0)
     assert px.flags.owndata and np.isfinite(px).all()
+
+
+@pytest.mark.parametrize("name", ["cam_01", "cam_02", "cam_03"])
+def test_cameras_as_arrays_are_the_rig(rig, points, name):
+    """Of OpenCV's standard lens, its fisheye and a pinhole."""
+    given = {n: {"size_px": rig.size_px(n), "K": rig.K(n), "distortion": rig.params(n)[4:], "cam_from_world": rig.cam_from_world(n)}
+             for n in rig.names}
+    given["cam_02"]["model"] = "kannala4"
+    made = mvstudio.Rig.from_cameras(given)
+    assert made.names == rig.names and made.model(name) == rig.model(name)
+    np.testing.assert_allclose(made.cam_from_world(name), rig.cam_from_world(name), atol=1e-14)
+    np.testing.assert_allclose(made.project(points, name), rig.project(points, name), atol=1e-9)
+
+
+def test_any_rotation_is_kept():
+    draw = np.random.default_rng(3)
+    turns = [np.linalg.qr(draw.normal(size=(3, 3)))[0] for _ in range(40)]
+    turns = [turn * np.sign(np.linalg.det(turn)) for turn in turns] + [np.diag(d) for d in ([1, -1, -1], [-1, 1, -1], [-1, -1, 1])]
+    for turn in turns:
+        pose = np.eye(4)
+        pose[:3, :3] = turn
+        rig = mvstudio.Rig.from_cameras({"a": {"size_px": (640, 480), "K": np.diag([500, 500, 1]), "cam_from_world": pose}})
+        np.testing.assert_allclose(rig.cam_from_world("a"), pose, atol=1e-14)
+
+
+@pytest.mark.parametrize("wrong, said", [
+    ({"K": np.eye(4)}, r"`K` has shape \(4, 4\), expected \(3, 3\)"), ({"K": [[900, 2, 0], [0, 900, 0], [0, 0, 1]]}, "without skew"),
+    ({"distortion": [0.1, 0.2, 0.3]}, "3 terms of `distortion` are no lens of OpenCV"),
+    ({"distortion": [0.1], "model": "kannala4"}, "1 terms of `distortion` are no lens kannala4"),
+    ({"cam_from_world": np.diag([1, 1, -1, 1])}, "does not begin with a rotation"), ({"dist": 3}, "there is no 'dist'"),
+    ({"size_px": (0, 480)}, "size 0 px is out of range")])
+def test_cameras_that_are_none(wrong, said):
+    with pytest.raises(mvstudio.Error, match=said):
+        mvstudio.Rig.from_cameras({"a": {"size_px": (640, 480), "K": np.diag([500, 500, 1]), **wrong}})

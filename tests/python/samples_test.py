@@ -90,6 +90,10 @@ def test_whole_images_are_the_datasets_files(made):
         np.testing.assert_allclose(whole.rig.project(sample.joints_in_world[seen], sample.camera), sample.joints_px[seen])
 
 
+def test_a_pack_knows_how_it_was_made(pack):
+    assert pack.about["codec"] == "png" and pack.about["plan"]["crop_px"] == CROP and pack.about["plan"]["split"] is None
+
+
 def test_verify_counts_the_same(made, pack):
     metrics = mvstudio.command("dataset verify", made / "pack").metrics
     assert metrics["images"] == metrics["masks"] == len(pack)

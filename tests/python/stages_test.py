@@ -6,6 +6,7 @@ import os
 import pathlib
 import re
 import subprocess
+import sys
 
 import conftest
 import mvstudio
@@ -52,8 +53,12 @@ def test_signatures_and_help():
 
 
 def test_mistakes(tmp_path):
-    with pytest.raises(TypeError, match="unexpected keyword"):
+    with pytest.raises(TypeError, match=r"triangulate\(\) got an unexpected keyword argument 'min_view'; did you mean `min_views`"):
         stages.triangulate(min_view=3)
+    with pytest.raises(TypeError, match="'zzz'; help"):
+        stages.triangulate(zzz=3)
+    with pytest.raises(TypeError, match=r"calib_show\(\): missing a required argument: 'inputs'; without a name it takes inputs"):
+        stages.calib_show()
     with pytest.raises(mvstudio.Error, match="`min_views`: 'three' is no such value"):
         stages.triangulate(min_views="three")
     with pytest.raises(mvstudio.Error, match="expected poses, timestamps") as caught:
@@ -62,6 +67,41 @@ def test_mistakes(tmp_path):
     with pytest.raises(mvstudio.Error) as caught:
         stages.calib_show(tmp_path / "nothing.toml")
     assert caught.value.code == "INPUT-IO"
+
+
+@pytest.mark.parametrize("name", sorted(stages.commands()))
+def test_places_of_the_command_need_no_name(name):
+    text = (ROOT / "docs/cli.md").read_text(encoding="utf-8")
+    section = text.split(f"\n### mvstudio {stages.commands()[name]}\n")
+    if len(section) == 1:
+        assert name == "markers"
+        return
+    positionals = re.search(r"^    Positionals:\n((?:      .*\n)+)", section[1].split("\n### ")[0], re.M)
+    places = len(re.findall(r"^      \w", positionals.group(1), re.M)) if positionals else 0
+    parameters = list(inspect.signature(getattr(stages, name)).parameters.values())[:places]
+    assert all(parameter.kind is parameter.POSITIONAL_OR_KEYWORD for parameter in parameters)
+    assert stages._places(name, inspect.signature(getattr(stages, name)).parameters) == [parameter.name for parameter in parameters]
+
+
+def test_what_adds_to_what_is_there_needs_no_overwrite(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    program = pathlib.Path(ROOT / "cli/program/run_line.cc").read_text(encoding="utf-8")
+    go_on = set(re.findall(r'"([a-z -]+)"', re.search(r"kReplacing\[\] = {(.*?)};", program, re.S).group(1)))
+    assert {name for name, command in stages.commands().items() if command in go_on} == set(stages._GO_ON)
+    trusting = "import sys; sys.path.insert(0, sys.argv[1]); from mvstudio import stages\n" \
+               "stages.session_init(sys.argv[2], 'mm', cameras='2'); stages.session_trust(sys.argv[2])"
+    for day in ("day1", "day2"):  # in processes of their own: what a process wrote it may write again
+        done = subprocess.run([sys.executable, "-c", trusting, os.path.dirname(os.path.dirname(mvstudio.__file__)), str(tmp_path / day)],
+                              capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "state/mvstudio/trusted").exists()
+
+
+def test_a_text_may_be_a_list(tmp_path):
+    """A list, a range or an array for what the program takes with commas."""
+    find = stages._value  # as every stage does with its arguments
+    assert find("text", ["trc", "c3d"]) == "trc,c3d" and find("text", range(3)) == "0,1,2" and find("text", np.arange(2)) == "0,1"
+    assert find("text", "a,b") == "a,b" and find("list", ["a"]) == ["a"] and find("text", tmp_path) == tmp_path and find("text", None) is None
 
 
 def corners(rig):
@@ -114,6 +154,12 @@ def test_calibration_is_the_programs_to_the_bit(calibrated):
     said = run("calibrate", "--corners", folder / "corners.csv", "--out", folder / "program", "--json")
     assert filecmp.cmp(folder / "python/calibration.json", folder / "program/calibration.json", shallow=False)
     assert differences(found.report.metrics, said["metrics"]) == []
+    kept, theirs = (json.loads((folder / name / "calibrate.result.json").read_text(encoding="utf-8")) for name in ("python", "program"))
+    assert kept.keys() == theirs.keys() and kept["timing"]["wall_s"] > 0
+    same = {key: value for key, value in kept.items() if key not in ("timing", "argv", "outputs")}
+    assert differences(same, {key: theirs[key] for key in same}) == []
+    assert [o["role"] for o in kept["outputs"]] == [o["role"] for o in theirs["outputs"]]
+    assert kept["argv"] == ["mvstudio", "calibrate", "--corners", str(folder / "corners.csv"), "--out", str(folder / "python")]
     assert found.rig.params(0)[0] == pytest.approx(truth.params(0)[0], rel=0.01)
 
 
@@ -145,6 +191,17 @@ def test_joints_are_the_programs_to_the_bit(calibrated):
         take.joint("nose")
 
 
+def test_the_programs_report_shows_what_python_did(calibrated):
+    _, folder, found = calibrated
+    mvstudio.command("report", folder / "python")
+    page = json.loads((folder / "python/report.json").read_text(encoding="utf-8"))
+    assert "calibrate" in json.dumps(page) and f"{found.report.metrics.rms_px:.3f}"[:5] in (folder / "python/report.html").read_text(encoding="utf-8")
+    argv = stages._argv(next(s for s in stages._LIST if s["name"] == "calib_convert"), {"inputs": ["a.yml", "b.yml"], "to": "ros", "out": folder,
+                        "invert": True}, ["inputs"], {"overwrite": True, "threads": 2, "seed": 1})
+    assert argv[:5] == ["mvstudio", "calib", "convert", "a.yml", "b.yml"] and argv[-3:] == ["--overwrite", "--threads", "2"]
+    assert {"--to", "ros", "--invert"} <= set(argv)
+
+
 def test_results_are_kept_unless_asked(calibrated):
     _, folder, found = calibrated
     rig = mvstudio.Rig(folder / "python/calibration.json")
@@ -155,14 +212,14 @@ def test_results_are_kept_unless_asked(calibrated):
              "stages.calib_convert(*sys.argv[2:4], to='toml', overwrite=sys.argv[4] == '1')",
              os.path.dirname(os.path.dirname(mvstudio.__file__)), str(folder / "python/calibration.json"), str(folder / "rig.toml")]
     refused = subprocess.run([*fresh, "0"], capture_output=True, text=True, check=False)
-    assert refused.returncode == 1 and "mvstudio._error.Error" in refused.stderr and "`overwrite`" in refused.stderr
+    assert refused.returncode == 1 and "\nmvstudio.Error: " in refused.stderr and "`overwrite`" in refused.stderr
     assert subprocess.run([*fresh, "1"], check=False).returncode == 0
 
 
 def test_report(calibrated):
     report = calibrated[2].report
     assert report.metrics.rms_px == report.metrics["rms_px"] and report.path("calibration").endswith("calibration.json")
-    assert str(report) == report.text and "calibrate" in repr(report) and "<pre>" in report._repr_html_()
+    assert str(report) == report.text.rstrip("\n") and "calibrate" in repr(report) and "<pre>" in report._repr_html_()
     with pytest.raises(AttributeError, match="there is no 'rms_mm'"):
         report.metrics.rms_mm
     with pytest.raises(KeyError):

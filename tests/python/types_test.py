@@ -41,6 +41,14 @@ def shares(pack: mvstudio.Pack) -> dict[str, float]:
 def one_part(data: mvstudio.Dataset) -> mvstudio.Dataset:
     return data.subset(part="train")
 
+def of_opencv(K: list[list[float]], terms: list[float]) -> mvstudio.Rig:
+    return mvstudio.Rig.from_cameras({"left": {"size_px": (640, 480), "K": K, "distortion": terms}})
+
+def heel_strikes(take: mvstudio.Take) -> int:
+    return int((take.filtered(filter="butterworth:6Hz").events()["event"] == "heel_strike").sum())
+
+written = mvstudio.stages.markers("pose3d", to=["trc", "c3d"], frames=range(10, 90), out="markers", progress=True).outputs
+trained = mvstudio.command("avatar train", "dataset", out="avatar", holdout_cameras=["cam_05"], progress=print).metrics.steps
 x, covariance, status = mvstudio.triangulate(np.zeros((2, 5, 2)), mvstudio.Rig("calibration.json"))
 ax = mvstudio.plot.uncertainty(mvstudio.Rig("calibration.json"), "cam_01", range_m=2.5)
 '''
