@@ -109,6 +109,7 @@ void RefuseFile(const std::string& text) {
 }
 
 std::string BoardTextOfTarget(const std::string& path) {
+  if (const std::string text = ReadFile(path); IsMulticalBoards(text)) return BoardTextOfMultical(path, text);
   KalibrTarget target(path);
   const std::string type = PlainWord(target.Word("target_type"));
   std::string text;

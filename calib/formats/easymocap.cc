@@ -8,6 +8,7 @@
 #include "calib/formats/writers.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/some_of.h"
 #include "core/units.h"
 #include "geometry/rigid/rigid3.h"
 
@@ -29,6 +30,14 @@ std::vector<std::string> ReadNames(const Entry& entry) {
   }
   if (names.empty()) fail("there is no camera in this list");
   return names;
+}
+
+/// Whether the file's `names` hold the camera; a file without them may hold any.
+bool Lists(const Entries& entries, const std::string& name) {
+  const auto names = entries.find("names");
+  if (names == entries.end()) return true;
+  const std::vector<std::string> all = ReadNames(names->second);
+  return std::find(all.begin(), all.end(), name) != all.end();
 }
 
 const Entry& Require(const Entries& entries, const std::string& key, const std::string& path) {
@@ -83,7 +92,14 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
   if (swapped) std::swap(intrinsics, extrinsics), std::swap(files[0], files[1]);
   ImportedRig imported;
   imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
+  std::vector<std::string> nowhere;
   for (const std::string& name : ReadNames(Require(intrinsics, "names", files[0]))) {
+    const bool stands = extrinsics.count("T_" + name) || extrinsics.count("R_" + name) || extrinsics.count("Rot_" + name);
+    if (placed && !stands && !Lists(extrinsics, name)) {
+      nowhere.push_back(name);
+      FindEntry(intrinsics, "K_" + name), FindEntry(intrinsics, "dist_" + name), FindEntry(intrinsics, "D_" + name);
+      continue;
+    }
     const Entry& matrix = Require(intrinsics, "K_" + name, files[0]);
     const Entry* distortion = FindEntry(intrinsics, "dist_" + name);
     if (!distortion) distortion = FindEntry(intrinsics, "D_" + name);
@@ -97,6 +113,10 @@ ImportedRig ReadEasyMocap(const std::vector<std::string>& paths, const ReadOptio
     internal::AddCamera(std::move(camera), matrix.place, &imported.rig);
   }
   FindEntry(extrinsics, "names");
+  if (imported.rig.cameras.empty()) throw FormatError(files[1], "names", "has none of the cameras of " + files[0]);
+  if (!nowhere.empty())
+    imported.notes.push_back({"CAL-IGNORED", "left out, because " + files[1] + " does not place them: " + SomeOf(nowhere),
+                              "give their R_ and T_ to use them"});
   geometry::UnusedKeys unused(files[0], options.metres_per_unit);
   for (const Entries* entries : {&intrinsics, &extrinsics}) internal::AddUnusedEntries(*entries, {}, &unused);
   internal::AddUnusedNote(unused, &imported);

@@ -67,6 +67,23 @@ std::optional<Nearest> NearestCarried(CalibrationFormat format, const geometry::
   return nearest;
 }
 
+/// The same lens without terms at its end that are zero, where the format has that one.
+std::optional<geometry::Camera> WithoutZeroTerms(CalibrationFormat format, const geometry::Camera& camera) {
+  constexpr LensModel kLongestFirst[] = {LensModel::kThinPrism12, LensModel::kRational8, LensModel::kBrown5, LensModel::kBrown4,
+                                         LensModel::kBrown2,      LensModel::kBrown1,    LensModel::kPinhole};
+  const auto own = std::find(std::begin(kLongestFirst), std::end(kLongestFirst), camera.model);
+  if (own == std::end(kLongestFirst)) return std::nullopt;
+  geometry::Camera shorter = camera;
+  for (auto model = own + 1; model != std::end(kLongestFirst); ++model) {
+    shorter.model = *model;
+    const Eigen::Index count = geometry::NumParams(shorter);
+    if (!camera.params.tail(camera.params.size() - count).isZero(0)) break;
+    shorter.params = camera.params.head(count);
+    if (CanCarry(format, shorter)) return shorter;
+  }
+  return std::nullopt;
+}
+
 std::string PxText(double px) { return Format("%.3g", px); }
 
 }  // namespace
@@ -109,6 +126,11 @@ geometry::Rig RigForFormat(const geometry::Rig& rig, CalibrationFormat format, c
   geometry::Rig fitting = rig;
   for (geometry::RigCamera& camera : fitting.cameras) {
     if (CanCarry(format, camera.camera)) continue;
+    if (const auto shorter = WithoutZeroTerms(format, camera.camera)) {
+      camera.camera = *shorter;
+      camera.params_covariance.reset();
+      continue;
+    }
     const auto nearest = NearestCarried(format, camera.camera);
     const std::string lens = std::string(ToString(camera.camera.model));
     const std::string what = "its lens " + lens + " cannot be written as " + std::string(ToString(format));

@@ -30,7 +30,10 @@ constexpr std::string_view kNames[] = {
   const std::string layout = geometry::ForeignLayout(text);
   throw FormatError(path, "",
                     "not a calibration that is known here" + (layout.empty() ? "" : "; it looks like " + layout) +
-                        "; known are " + Join(kNames, ", ") + ", to be named with option 'from'");
+                        "; known are " + Join(kNames, ", ") +
+                        ", to be named with option 'from'; cameras of any other program can be given as JSON, by name: "
+                        "{\"cam1\": {\"K\": 3x3, \"dist\": [k1, k2, p1, p2, k3], \"R\": 3x3, \"T\": [x, y, z], \"image_size\": "
+                        "[width, height]}}, x_camera = R x_world + T");
 }
 
 /// The format of a folder that holds the files themselves.
@@ -170,9 +173,11 @@ CalibrationFormat DetectFormat(const std::string& path) {
     if (has("\"value0\"") && has("\"T_imu_cam\"")) return CalibrationFormat::kKalibr;
     if (has("mvstudio.calibration")) return CalibrationFormat::kMvstudio;
     if (internal::IsMatlab(text) || internal::IsMultical(text)) return CalibrationFormat::kOpenCvYaml;
+    if (internal::IsHuman36m(text) || internal::IsInterHand(text)) return CalibrationFormat::kOpenCvYaml;
     if (internal::HoldsCamerasByName(text)) return CalibrationFormat::kOpenCvYaml;
     if (has("\"camera_matrix") || has("\"cameraMatrix") || has("\"mtx")) return CalibrationFormat::kOpenCvYaml;
-    if (geometry::LooksLikePanoptic(text)) return CalibrationFormat::kPanoptic;
+    const bool other_cameras = internal::IsJsonOfMatrices(text) && !has("\"resolution\"") && !has("\"panel\"");
+    if (geometry::LooksLikePanoptic(text) && !other_cameras) return CalibrationFormat::kPanoptic;
     if (internal::IsJsonOfMatrices(text)) return CalibrationFormat::kOpenCvYaml;
     Unknown(path, text);
   }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <optional>
 
 #include "calib/board/pixel_origin.h"
 #include "calib/formats/document.h"
@@ -40,15 +41,45 @@ class FrameKeys {
 
 Eigen::Vector2d ReadSize(const FrameKeys& keys, const ReadOptions& options, const ValueView& frame) {
   if (keys.Has("w") && keys.Has("h")) return {keys["w"].Number(), keys["h"].Number()};
+  if (keys.Has("width") && keys.Has("height")) return {keys["width"].Number(), keys["height"].Number()};
   if (options.width_px <= 0 || options.height_px <= 0) {
     throw UsageError(frame.place().path + ": the file does not give the image size; pass option 'size' WIDTHxHEIGHT");
   }
   return {options.width_px, options.height_px};
 }
 
+/// A frame's own camera matrix, in rows or nine numbers row by row; null: it has none, or focal lengths of its own.
+std::optional<Eigen::Matrix3d> OwnMatrix(const ValueView& frame) {
+  if (frame.Has("fl_x") || frame.Has("camera_angle_x")) return std::nullopt;
+  for (const char* key : {"K", "intrinsics", "intrinsic_matrix", "camera_matrix", "intrinsic"}) {
+    if (!frame.Has(key) || frame[key].value().kind != internal::Value::Kind::kList) continue;
+    const ValueView view = frame[key];
+    const size_t rows = view.ListSize();
+    if (rows != 9 && rows != 3) view.Fail("a 3x3 camera matrix was expected");
+    Eigen::Matrix3d matrix;
+    if (rows == 3) {
+      matrix = view.Matrix(3, 3);
+    } else {
+      matrix = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(view.Vector(9).eval().data());
+    }
+    const bool upright = matrix(2, 0) == 0 && matrix(2, 1) == 0 && matrix(1, 0) == 0 && matrix(2, 2) == 1;
+    if (!upright)
+      view.Fail("is no camera matrix [fx 0 cx; 0 fy cy; 0 0 1]: if it stands transposed, write its rows as columns");
+    if (matrix(0, 1) != 0) view.Fail("is a camera matrix with skew, which nerfstudio's lenses have not");
+    return matrix;
+  }
+  return std::nullopt;
+}
+
 /// fl_x, fl_y, cx, cy with our pixel origin.
-Eigen::Vector4d ReadFocalAndCentre(const FrameKeys& keys, const Eigen::Vector2d& size) {
+Eigen::Vector4d ReadFocalAndCentre(const FrameKeys& keys, const Eigen::Vector2d& size, const ValueView& frame) {
   Eigen::Vector4d k;
+  const auto matrix = OwnMatrix(frame);
+  for (const char* other : {"fl_x", "fl_y", "cx", "cy"}) {
+    if (matrix) static_cast<void>(keys.Has(other));  // the file's are those of other frames
+  }
+  if (matrix)
+    return {(*matrix)(0, 0), (*matrix)(1, 1), (*matrix)(0, 2) - kCornerOriginShiftPx, (*matrix)(1, 2) - kCornerOriginShiftPx};
   const bool by_angle = !keys.Has("fl_x") && keys.Has("camera_angle_x");
   k[0] = by_angle ? size[0] / 2 / std::tan(keys["camera_angle_x"].Number() / 2) : keys["fl_x"].Number();
   const bool by_height = !keys.Has("fl_y") && !keys.Has("fl_x") && keys.Has("camera_angle_y");
@@ -60,7 +91,7 @@ Eigen::Vector4d ReadFocalAndCentre(const FrameKeys& keys, const Eigen::Vector2d&
 
 geometry::Camera ReadLens(const FrameKeys& keys, const ReadOptions& options, const ValueView& frame, const std::string& name) {
   const Eigen::Vector2d size = ReadSize(keys, options, frame);
-  const Eigen::Vector4d k = ReadFocalAndCentre(keys, size);
+  const Eigen::Vector4d k = ReadFocalAndCentre(keys, size, frame);
   const bool fisheye = keys.LensKindOf(options) == geometry::LensKind::kFisheye;
   const double k1 = keys.Number("k1", 0), k2 = keys.Number("k2", 0), k3 = keys.Number("k3", 0), k4 = keys.Number("k4", 0);
   const double p1 = keys.Number("p1", 0), p2 = keys.Number("p2", 0);

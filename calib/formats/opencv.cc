@@ -21,20 +21,28 @@ using internal::Entries;
 using internal::Entry;
 using internal::FindEntry;
 using internal::FindFirst;
+using internal::FindPose;
+using internal::IsJarvis;
+using internal::IsOpenPose;
 using internal::kDistortionKeys;
 using internal::kRotationKeys;
 using internal::kTranslationKeys;
+using internal::ReadPose;
+using internal::RefuseOtherPoses;
 using internal::StereoKeys;
 using internal::StereoKeysOf;
 
-constexpr std::initializer_list<const char*> kMatrixKeys = {"cameramatrix", "k", "mtx"};
+constexpr std::initializer_list<const char*> kMatrixKeys = {"cameramatrix", "k", "mtx", "intrinsicmatrix", "matrix"};
+/// The same in a camera's own table, where `intrinsics` may be the matrix itself.
+constexpr std::initializer_list<const char*> kOwnMatrixKeys = {"cameramatrix",    "k",      "mtx",
+                                                               "intrinsicmatrix", "matrix", "intrinsics"};
 Eigen::Vector2d ReadSize(const Entries& entries, const std::string& path, const ReadOptions& options) {
   const Entry* width = FindFirst(entries, {"imagewidth", "width"});
   const Entry* height = FindFirst(entries, {"imageheight", "height"});
   if (width && height) {
     return {internal::ReadNumber(*width), internal::ReadNumber(*height)};
   }
-  const Entry* both = FindFirst(entries, {"resolution", "imagesize", "imgsize", "dim"});
+  const Entry* both = FindFirst(entries, {"resolution", "imagesize", "imgsize", "dim", "size", "imagedimension"});
   if (both && both->value.kind == internal::Value::Kind::kList && both->value.items.size() == 2)
     return {both->value.items[0].number, both->value.items[1].number};
   if (both && both->value.kind == internal::Value::Kind::kTable) {
@@ -59,22 +67,35 @@ void CheckKindIsSaid(const Entry& distortion, const Eigen::VectorXd& terms) {
       "pass option 'lens' fisheye or perspective");
 }
 
+/// Coefficients under names of their own, k1, k2, p1, …, of entries without a list of them; empty: there are none.
+Eigen::VectorXd SingleTerms(const Entries& entries, bool is_fisheye) {
+  const std::initializer_list<const char*> kPerspective = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
+  const std::initializer_list<const char*> kFisheye = {"k1", "k2", "k3", "k4"};
+  const auto& names = is_fisheye ? kFisheye : kPerspective;
+  Eigen::VectorXd terms = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(names.size()));
+  Eigen::Index i = 0;
+  bool any = false;
+  for (const char* name : names) {
+    const auto entry = entries.find(name);
+    const bool number = entry != entries.end() && entry->second.value.kind == internal::Value::Kind::kNumber;
+    if (number) terms[i] = internal::ReadNumber(*FindEntry(entries, name)), any = true;
+    ++i;
+  }
+  if (!any) return {};
+  if (!is_fisheye && terms.tail(3).isZero(0)) terms.conservativeResize(5);
+  return terms;
+}
+
 geometry::RigCamera ReadCamera(const Entries& entries, const std::string& name, const Entry& matrix, const Entry* distortion,
                                const Eigen::Vector2d& size, const ReadOptions& options, std::vector<Notice>* notes) {
   const geometry::LensKind kind = internal::LensKindOf(internal::LensWordsOf(entries), options, matrix.place);
   const bool is_fisheye = kind == geometry::LensKind::kFisheye;
-  const Eigen::VectorXd terms = internal::ReadDistortion(distortion);
+  Eigen::VectorXd terms = internal::ReadDistortion(distortion);
+  if (terms.size() == 0) terms = SingleTerms(entries, is_fisheye);
   if (distortion && terms.size() == 4 && kind == geometry::LensKind::kUnsaid) CheckKindIsSaid(*distortion, terms);
-  return internal::MakeRigCamera(name, size, ReadMatrix3(matrix), terms, is_fisheye, options, matrix.place, notes);
-}
-
-geometry::Rigid3 ReadPose(const Entry& rotation, const Entry& translation, double metres_per_unit) {
-  geometry::Rigid3 pose;
-  pose.rotation = internal::ReadRotation(rotation);
-  const Eigen::VectorXd t = ReadVector(translation);
-  if (t.size() != 3) throw FormatError(translation.place.path, translation.place.where, "3 numbers were expected");
-  pose.translation = t * metres_per_unit;
-  return pose;
+  Eigen::Matrix3d k = ReadMatrix3(matrix);
+  if (IsJarvis(entries)) k.transposeInPlace();
+  return internal::MakeRigCamera(name, size, k, terms, is_fisheye, options, matrix.place, notes);
 }
 
 void AddStereo(const Entries& entries, const StereoKeys& keys, const Eigen::Vector2d& size, const ReadOptions& options,
@@ -97,31 +118,16 @@ void AddStereo(const Entries& entries, const StereoKeys& keys, const Eigen::Vect
   }
 }
 
-/// OpenPose's `CameraMatrix` is [R t], and its `Intrinsics` the matrix of the lens.
-bool IsOpenPose(const Entries& entries) {
-  const auto matrix = entries.find("cameramatrix");
-  return entries.count("intrinsics") && matrix != entries.end() && internal::ReadMatrix(matrix->second).cols() == 4;
-}
-
-/// The camera's pose, camera from world, if the entries have one: R and T, rvec and tvec, or OpenPose's 3x4 `CameraMatrix`.
-std::optional<geometry::Rigid3> FindPose(const Entries& entries, double metres_per_unit) {
-  for (const auto& [turn, shift] : {std::pair("r", "t"), std::pair("rvec", "tvec"), std::pair("r", "tvec")}) {
-    const Entry *rotation = FindEntry(entries, turn), *translation = FindEntry(entries, shift);
-    if (rotation && translation) return ReadPose(*rotation, *translation, metres_per_unit);
-  }
-  if (!IsOpenPose(entries)) return std::nullopt;
-  const Entry& both = *FindEntry(entries, "cameramatrix");
-  const Eigen::MatrixXd matrix = internal::ReadMatrix(both);
-  if (matrix.rows() != 3) throw FormatError(both.place.path, both.place.where, "a 3x4 matrix [R t] was expected");
-  return geometry::Rigid3{internal::MakeRotation(matrix.leftCols<3>(), both.place), matrix.col(3) * metres_per_unit};
-}
-
 /// A camera from entries with one camera matrix; true when its place is in them.
 bool AddSingle(const Entries& entries, const std::string& name, const std::string& path, const ReadOptions& options,
                ImportedRig* imported) {
-  const Entry& matrix = IsOpenPose(entries) ? *FindEntry(entries, "intrinsics") : *FindFirst(entries, kMatrixKeys);
+  const Entry& matrix = IsOpenPose(entries) ? *FindEntry(entries, "intrinsics") : *FindFirst(entries, kOwnMatrixKeys);
   geometry::RigCamera camera = ReadCamera(entries, name, matrix, FindFirst(entries, kDistortionKeys),
                                           ReadSize(entries, path, options), options, &imported->notes);
+  if (IsJarvis(entries) && imported->rig.cameras.empty())
+    imported->notes.push_back(
+        {"CAL-TRANSPOSED", "camera matrices and rotations stand transposed, as JARVIS writes them; they are transposed back",
+         ""});
   const std::optional<geometry::Rigid3> pose = FindPose(entries, options.metres_per_unit);
   if (pose) camera.cam_from_world = camera.cam_from_world * *pose;
   internal::AddCamera(std::move(camera), matrix.place, &imported->rig);
@@ -206,7 +212,7 @@ ImportedRig ReadMany(const std::vector<std::string>& paths, const std::vector<En
   if (!unplaced.empty() && unplaced.size() < paths.size())
     throw FormatError(unplaced.front(), "R, T", "missing, and other files of these cameras have them: give all or none");
   if (unplaced.empty()) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
-  if (!unplaced.empty()) internal::StateLensesOnly(&imported);
+  if (!unplaced.empty()) RefuseOtherPoses(files), internal::StateLensesOnly(&imported);
   AddUnusedNote(paths, files, options, &imported);
   return imported;
 }
@@ -233,7 +239,7 @@ ImportedRig ReadNested(const std::string& path, const Entries& root, std::vector
   imported.rig.gauge.kind = geometry::RigGauge::Kind::kImported;
   if (stereo) imported.rig.gauge = geometry::RigGauge::OfCamera(read[0].camera.name);
   if (stereo || placed > 0) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
-  if (!stereo && placed == 0) internal::StateLensesOnly(&imported);
+  if (!stereo && placed == 0) RefuseOtherPoses(files), internal::StateLensesOnly(&imported);
   files[0] = root;  // with what was used
   AddUnusedNote({path}, files, options, &imported);
   return imported;
@@ -299,6 +305,8 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOpti
     if (internal::HoldsCamerasByName(text)) return ReadByName(paths[0], internal::ParseLiteral(paths[0], text), options);
     if (internal::IsMatlab(text)) return internal::ReadMatlab(paths[0], options);
     if (internal::IsMultical(text)) return internal::ReadMultical(paths[0], options);
+    if (internal::IsHuman36m(text)) return internal::ReadHuman36m(paths[0], options);
+    if (internal::IsInterHand(text)) return internal::ReadInterHand(paths[0], options);
   }
   std::vector<Entries> files(paths.size());
   for (size_t i = 0; i < paths.size(); ++i) internal::ReadEntries(paths[i], true, &files[i]);
@@ -310,6 +318,8 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOpti
   if (paths.size() == 1 && internal::IsMcCalib(files[0])) return internal::ReadMcCalib(paths[0], files[0], options);
   ImportedRig imported;
   const Entries entries = Together(files);
+  if (auto numbered = internal::NumberedCameras(entries, kMatrixKeys); !numbered.empty())
+    return ReadNested(paths.front(), entries, std::move(numbered), options);
   if (const auto stereo = StereoKeysOf(entries)) {
     AddStereo(entries, *stereo, ReadSize(entries, paths.front(), options), options, &imported);
   } else if (FindFirst(entries, kMatrixKeys)) {
@@ -317,7 +327,7 @@ ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOpti
     imported.rig.gauge =
         placed ? geometry::RigGauge{geometry::RigGauge::Kind::kImported} : geometry::RigGauge::OfCamera("camera");
     if (placed) imported.notes.push_back(internal::UnitNote(options.metres_per_unit));
-  } else if (std::vector<internal::NestedCamera> cameras = internal::FindNestedCameras(entries, kMatrixKeys);
+  } else if (std::vector<internal::NestedCamera> cameras = internal::FindNestedCameras(entries, kOwnMatrixKeys);
              !cameras.empty()) {
     return ReadNested(paths.front(), entries, std::move(cameras), options);
   } else {

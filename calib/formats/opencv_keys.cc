@@ -29,7 +29,7 @@ bool IsMatrix(const Entries& entries, const std::string& key) {
 
 std::optional<StereoKeys> StereoKeysOf(const Entries& entries) {
   std::optional<StereoKeys> found;
-  for (const char* word : {"m", "k", "cameramatrix", "intrinsicmatrix", "mtx"}) {
+  for (const char* word : {"m", "k", "cameramatrix", "intrinsicmatrix", "mtx", "cm", "cammatrix"}) {
     for (const Sides& sides : kSides) {
       StereoKeys keys{sides.Name(word, sides.first), "", sides.Name(word, sides.second), ""};
       if (!IsMatrix(entries, keys.matrix1) || !IsMatrix(entries, keys.matrix2)) continue;

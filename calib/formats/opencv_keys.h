@@ -4,6 +4,7 @@
 #include <initializer_list>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "calib/formats/opencv_yaml.h"
 
@@ -44,5 +45,21 @@ struct StereoKeys {
 /// Those that the entries have: both matrices, which a number of that name (a lens's k1) is not. Names with coefficients come
 /// before names without.
 std::optional<StereoKeys> StereoKeysOf(const Entries& entries);
+
+/// JARVIS multiplies rows from the right: its `intrinsicMatrix` and R stand transposed.
+bool IsJarvis(const Entries& entries);
+
+/// OpenPose's `CameraMatrix` is [R t], and its `Intrinsics` the matrix of the lens.
+bool IsOpenPose(const Entries& entries);
+
+geometry::Rigid3 ReadPose(const Entry& rotation, const Entry& translation, double metres_per_unit);
+
+/// The camera's pose, camera from world, metres, if the entries have one: R and T, rvec and tvec, one matrix of both in either
+/// direction, or OpenPose's 3x4 `CameraMatrix`.
+std::optional<geometry::Rigid3> FindPose(const Entries& entries, double metres_per_unit);
+
+/// Of several cameras without a pose that is known here: throws FormatError for one that has it by another name, which would
+/// be dropped.
+void RefuseOtherPoses(const std::vector<Entries>& cameras);
 
 }  // namespace mvstudio::calib::internal

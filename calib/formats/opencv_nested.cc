@@ -55,6 +55,36 @@ Value Flattened(const Value& table) {
   return flat;
 }
 
+/// OKVIS states `focal_length` and `principal_point`, two numbers each: they become a camera matrix.
+Value WithMatrix(const Value& table) {
+  const auto pair = [&](const char* key) -> const Value* {
+    for (const auto& [name, value] : table.entries) {
+      const bool two = value.kind == Value::Kind::kList && value.items.size() == 2;
+      if (two && NormalisedKey(name) == key && value.items[0].kind == Value::Kind::kNumber &&
+          value.items[1].kind == Value::Kind::kNumber)
+        return &value;
+    }
+    return nullptr;
+  };
+  const Value *focal = pair("focallength"), *centre = pair("principalpoint");
+  if (!focal || !centre) return table;
+  Value matrix;
+  matrix.kind = Value::Kind::kList, matrix.line = focal->line;
+  for (const double number : {focal->items[0].number, 0.0, centre->items[0].number, 0.0, focal->items[1].number,
+                              centre->items[1].number, 0.0, 0.0, 1.0}) {
+    Value& item = matrix.items.emplace_back();
+    item.kind = Value::Kind::kNumber, item.number = number;
+  }
+  Value whole = table;
+  whole.entries.clear();
+  for (const auto& [name, value] : table.entries) {
+    const std::string plain = NormalisedKey(name);
+    if (plain != "focallength" && plain != "principalpoint") whole.entries.emplace_back(name, value);
+  }
+  whole.entries.emplace_back("camera_matrix", std::move(matrix));
+  return whole;
+}
+
 /// What the table calls itself, else `unless`.
 std::string NameOf(const Entries& entries, const std::string& unless) {
   const Entry* const name = FindFirst(entries, {"name", "cameraname", "camera", "id", "cameraid", "serial", "serialnumber"});
@@ -75,7 +105,7 @@ void ForEachIn(const Value& value, const Place& place, const std::string& name, 
 
 bool CollectCameras(const Value& value, const Place& place, const std::string& name,
                     std::initializer_list<const char*> matrix_keys, int depth, std::vector<NestedCamera>* cameras) {
-  if (const Value flat = Flattened(value); IsCameraTable(flat, matrix_keys)) {
+  if (const Value flat = WithMatrix(Flattened(value)); IsCameraTable(flat, matrix_keys)) {
     Entries entries = EntriesIn(flat, place);
     const std::string own = NameOf(entries, name);
     cameras->push_back({own, place.where, std::move(entries)});
@@ -108,6 +138,29 @@ void RefuseEqualNames(const std::string& path, const std::vector<NestedCamera>& 
   }
 }
 
+/// A key of a numbered camera: `camera_matrix_0`, `K_cam0` and `cam0_K` are stem and number; no number: none.
+struct NumberedKey {
+  std::string stem, number;
+};
+
+NumberedKey SplitNumber(const std::string& key) {
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  for (const std::string word : {"camera", "cam"}) {  // before the stem: cam0k
+    if (key.rfind(word, 0) != 0) continue;
+    const auto begin = key.begin() + static_cast<std::ptrdiff_t>(word.size());
+    const auto end = std::find_if_not(begin, key.end(), is_digit);
+    if (end != begin && end != key.end()) return {std::string(end, key.end()), std::string(begin, end)};
+  }
+  const auto digits = std::find_if_not(key.rbegin(), key.rend(), is_digit).base();
+  std::string stem(key.begin(), digits);
+  for (const std::string word : {"camera", "cam"}) {  // behind it: kcam0
+    if (stem.size() <= word.size() || stem.compare(stem.size() - word.size(), word.size(), word) != 0) continue;
+    stem.resize(stem.size() - word.size());
+    break;
+  }
+  return {stem, std::string(digits, key.end())};
+}
+
 void CollectMatrices(const Value& value, const Place& place, int depth, std::vector<std::string>* paths) {
   if (IsStoredMatrix(value)) return paths->push_back(place.where);
   if (depth > kMaxTables) return;
@@ -125,6 +178,38 @@ std::vector<NestedCamera> FindNestedCameras(const Entries& root, std::initialize
   }
   if (!cameras.empty()) RefuseEqualNames(root.begin()->second.place.path, cameras);
   return cameras;
+}
+
+std::vector<NestedCamera> NumberedCameras(const Entries& root, std::initializer_list<const char*> matrix_keys) {
+  const std::initializer_list<const char*> kPoses = {"r", "t", "rvec", "tvec", "rotation", "translation"};
+  const auto one_of = [](const std::string& word, std::initializer_list<const char*> words) {
+    return std::find(words.begin(), words.end(), word) != words.end();
+  };
+  std::map<int, NestedCamera> cameras;
+  for (const auto& [key, entry] : root) {
+    const NumberedKey split = SplitNumber(key);
+    const bool matrix = entry.value.kind == Value::Kind::kList || IsStoredMatrix(entry.value);
+    if (matrix && !split.number.empty() && split.number.size() < 5 && one_of(split.stem, matrix_keys))
+      cameras[std::stoi(split.number)].name = "cam" + split.number;
+  }
+  size_t poses = 0;
+  for (const auto& [key, entry] : root) {
+    const NumberedKey split = SplitNumber(key);
+    const bool number = entry.value.kind == Value::Kind::kNumber && split.stem.size() == 1;  // k1 of a lens, not K of camera 1
+    if (split.number.empty() || split.number.size() > 4 || number) continue;
+    const auto camera = cameras.find(std::stoi(split.number));
+    if (camera == cameras.end()) continue;
+    camera->second.where = camera->second.name;
+    camera->second.entries.insert({split.stem, entry});
+    poses += one_of(split.stem, kPoses);
+  }
+  if (cameras.size() < 2 || (cameras.size() == 2 && poses < 4)) return {};
+  std::vector<NestedCamera> found;
+  for (auto& [number, camera] : cameras) found.push_back(std::move(camera));
+  for (const NestedCamera& camera : found) {
+    for (const auto& [stem, entry] : camera.entries) root.at(NormalisedKey(entry.place.where)).value.used = true;
+  }
+  return found;
 }
 
 std::vector<std::string> MatrixPaths(const Entries& root) {

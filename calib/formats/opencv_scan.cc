@@ -145,11 +145,27 @@ bool IsCameraInfo(std::string_view text) {
   return has("distortion_model:") && (has("\nk:") || has("\nK:")) && (has("\nd:") || has("\nD:"));
 }
 
+namespace {
+
+/// Whether a list stands under a key of JSON, somewhere.
+bool HoldsList(std::string_view text, std::string_view key) {
+  for (size_t at = text.find(key); at != std::string_view::npos; at = text.find(key, at + 1)) {
+    const size_t value = text.find_first_not_of(" \t\r\n:", at + key.size());
+    if (value != std::string_view::npos && text[value] == '[') return true;
+  }
+  return false;
+}
+
+}  // namespace
+
 bool IsJsonOfMatrices(std::string_view text) {
   const auto has = [&](const char* key) { return text.find(key) != std::string_view::npos; };
   const size_t start = text.find_first_not_of(" \t\r\n\xef\xbb\xbf");
   if (start == std::string_view::npos || (text[start] != '{' && text[start] != '[')) return false;
-  return has("\"camera_matrix") || has("\"cameraMatrix") || has("\"mtx") || (has("\"K\"") && (has("\"dist") || has("\"D\"")));
+  return has("\"camera_matrix") || has("\"cameraMatrix") || has("\"mtx") || (has("\"K\"") && (has("\"dist") || has("\"D\""))) ||
+         (has("\"matrix\"") && has("\"distortions\"")) ||
+         (HoldsList(text, "\"intrinsics\"") &&
+          (HoldsList(text, "\"extrinsics\"") || HoldsList(text, "\"extrinsic\"") || has("\"R\"")));
 }
 
 const Entry* FindEntry(const Entries& entries, const std::string& key) {
@@ -172,7 +188,7 @@ geometry::LensWords LensWordsOf(const Entries& entries) {
 void AddUnusedEntries(const Entries& entries, std::initializer_list<const char*> harmless, geometry::UnusedKeys* unused) {
   for (const auto& [key, entry] : entries) {
     if (entry.value.used || std::find(harmless.begin(), harmless.end(), geometry::PlainKey(key)) != harmless.end()) continue;
-    unused->Add(entry.place.where, entry.place.where, TextOf(entry.value));
+    unused->Add(entry.place.where, key, TextOf(entry.value));
   }
 }
 

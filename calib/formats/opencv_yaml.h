@@ -42,6 +42,9 @@ struct NestedCamera {
 /// in a list; matrix and pose may stand in tables `intrinsics` and `extrinsics` of it. What holds them counts as used. Throws
 /// FormatError for another table or list beside them, where they are not at the root.
 std::vector<NestedCamera> FindNestedCameras(const Entries& root, std::initializer_list<const char*> matrix_keys);
+/// Cameras whose keys bear their numbers, `camera_matrix_0`, `R_0`, … or `cam0_K`: three or more, or two with a pose each (two
+/// without are a stereo pair); empty: none. What holds them counts as used.
+std::vector<NestedCamera> NumberedCameras(const Entries& root, std::initializer_list<const char*> matrix_keys);
 /// The paths of all matrices with rows, cols and data.
 std::vector<std::string> MatrixPaths(const Entries& root);
 

@@ -5,6 +5,7 @@
 #include "calib/formats/format_text.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/some_of.h"
 #include "geometry/rig/file_keys.h"
 
 namespace mvstudio::calib::internal {
@@ -108,6 +109,36 @@ geometry::Rigid3 MatlabPose(const ValueView& root, const ReadOptions& options) {
 
 bool HasText(std::string_view text, const char* piece) { return text.find(piece) != std::string_view::npos; }
 
+constexpr double kMetresPerMm = 1e-3;
+
+Notice MillimetresNote(const char* dataset) {
+  return {"CAL-UNIT", std::string("translations are taken as millimetres, as ") + dataset + " has them", ""};
+}
+
+/// The only table of several that are rigs of their own: subjects, captures.
+ValueView OnlyRig(const ValueView& rigs, const char* what) {
+  const auto& entries = rigs.value().entries;
+  if (entries.empty()) rigs.Fail(std::string("holds no ") + what);
+  std::vector<std::string> names;
+  for (const auto& [name, value] : entries) names.push_back(Printable(name));
+  if (names.size() > 1)
+    rigs.Fail("holds " + std::to_string(names.size()) + " " + what + "s (" + SomeOf(names) +
+              "), each with a rig of its own: keep the one of your footage in the file");
+  return rigs[entries[0].first];
+}
+
+Eigen::Vector2d SizeGiven(const std::string& path, const ReadOptions& options) {
+  if (options.width_px <= 0 || options.height_px <= 0)
+    throw UsageError(path + ": the file does not give the image size; pass option 'size' WIDTHxHEIGHT");
+  return {options.width_px, options.height_px};
+}
+
+/// Three numbers, in a list or a column.
+Eigen::Vector3d Column3(const ValueView& view) {
+  const bool rows = view.ListSize() == 3 && view[0].value().kind == Value::Kind::kList;
+  return rows ? Eigen::Vector3d(view.Matrix(3, 1)) : Eigen::Vector3d(view.Vector(3));
+}
+
 }  // namespace
 
 bool IsMcCalib(const Entries& entries) {
@@ -186,6 +217,50 @@ ImportedRig ReadMatlab(const std::string& path, const ReadOptions& options) {
   AddCamera(std::move(first), root.place(), &imported.rig);
   AddCamera(std::move(second), root.place(), &imported.rig);
   imported.notes.push_back(UnitNote(options.metres_per_unit));
+  return imported;
+}
+
+bool IsHuman36m(std::string_view json) { return HasText(json, "\"calibration_matrix\"") && HasText(json, "\"extrinsics\""); }
+
+ImportedRig ReadHuman36m(const std::string& path, const ReadOptions& options) {
+  const Value document = ParseLiteral(path, ReadFile(path));
+  const ValueView root(path, document), lenses = root["intrinsics"], poses = OnlyRig(root["extrinsics"], "subject");
+  const Eigen::Vector2d size = SizeGiven(path, options);
+  ImportedRig imported;
+  imported.rig.gauge = geometry::RigGauge::Other("Human3.6M's world");
+  for (const auto& [name, value] : poses.value().entries) {
+    const ValueView pose = poses[name], lens = lenses[name];
+    geometry::RigCamera camera = MakeRigCamera(name, size, lens["calibration_matrix"].Matrix(3, 3),
+                                               lens["distortion"].Vector(5), false, options, lens.place(), &imported.notes);
+    camera.cam_from_world = camera.cam_from_world * geometry::Rigid3{MakeRotation(pose["R"].Matrix(3, 3), pose.place()),
+                                                                     Column3(pose["t"]) * kMetresPerMm};
+    AddCamera(std::move(camera), pose.place(), &imported.rig);
+  }
+  imported.notes.push_back(MillimetresNote("Human3.6M"));
+  return imported;
+}
+
+bool IsInterHand(std::string_view json) {
+  return HasText(json, "\"campos\"") && HasText(json, "\"camrot\"") && HasText(json, "\"princpt\"");
+}
+
+ImportedRig ReadInterHand(const std::string& path, const ReadOptions& options) {
+  const Value document = ParseLiteral(path, ReadFile(path));
+  const ValueView root(path, document), capture = root.Has("campos") ? root : OnlyRig(root, "capture");
+  const Eigen::Vector2d size = SizeGiven(path, options);
+  ImportedRig imported;
+  imported.rig.gauge = geometry::RigGauge::Other("InterHand2.6M's world");
+  for (const auto& [name, value] : capture["campos"].value().entries) {
+    const ValueView turn = capture["camrot"][name];
+    const Eigen::VectorXd focal = capture["focal"][name].Vector(2), centre = capture["princpt"][name].Vector(2);
+    geometry::RigCamera camera = MakeRigCamera("cam" + name, size, CameraMatrix(focal[0], focal[1], centre[0], centre[1]),
+                                               Eigen::VectorXd(), false, options, turn.place(), &imported.notes);
+    const Eigen::Quaterniond rotation = MakeRotation(turn.Matrix(3, 3), turn.place());
+    camera.cam_from_world = geometry::Rigid3{rotation, -(rotation * Column3(capture["campos"][name])) * kMetresPerMm};
+    AddCamera(std::move(camera), turn.place(), &imported.rig);
+  }
+  if (imported.rig.cameras.empty()) capture.Fail("there is no camera in it");
+  imported.notes.push_back(MillimetresNote("InterHand2.6M"));
   return imported;
 }
 

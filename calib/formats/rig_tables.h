@@ -25,4 +25,14 @@ ImportedRig ReadMultical(const std::string& path, const ReadOptions& options);
 bool IsMatlab(std::string_view json);
 ImportedRig ReadMatlab(const std::string& path, const ReadOptions& options);
 
+/// Whether JSON is Human3.6M's `camera-parameters.json`: `intrinsics` by camera, `extrinsics` by subject and camera.
+bool IsHuman36m(std::string_view json);
+/// Its cameras; R and t are camera from world, lengths are millimetres. Throws FormatError for several subjects: each is a rig.
+ImportedRig ReadHuman36m(const std::string& path, const ReadOptions& options);
+
+/// Whether JSON is InterHand2.6M's camera file: `campos`, `camrot`, `focal`, `princpt` by capture and camera.
+bool IsInterHand(std::string_view json);
+/// Its cameras: x_in_cam = camrot (x_in_world - campos), millimetres. Throws FormatError for several captures.
+ImportedRig ReadInterHand(const std::string& path, const ReadOptions& options);
+
 }  // namespace mvstudio::calib::internal

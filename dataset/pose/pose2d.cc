@@ -200,7 +200,7 @@ bool HasAnyList(const json& entry) {
   });
 }
 
-std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
+std::vector<Person2d> ParsePeopleAsListed(const json& root, const PoseFile& file) {
   const json* const list = root.is_array()                                      ? &root
                            : root.is_object() && root.contains("instance_info") ? &root["instance_info"]
                            : root.is_object() && root.contains("annots")        ? &root["annots"]
@@ -225,6 +225,15 @@ std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
     if (!pose && !entry.empty() && !HasAnyList(entry)) file.Fail(where, "has no list pose_keypoints_2d");
     if (pose) people.push_back(ParsePerson(entry, *pose, where + ".", file));
   }
+  return people;
+}
+
+/// In the order of the file's skeleton, whatever order the file names.
+std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
+  const std::optional<geometry::Skeleton> stated = internal::StatedSkeleton(root);
+  if (!stated) return ParsePeopleAsListed(root, file);
+  std::vector<Person2d> people = ParsePeopleAsListed(root, {file.path, file.place, *stated});
+  internal::ToAskedJoints(*stated, file, &people);
   return people;
 }
 

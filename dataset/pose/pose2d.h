@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -68,12 +69,18 @@ std::vector<int> OpenPoseFrames(const std::string& folder, const std::string& ca
 
 /// Reads one JSON file of a whole video: a list of detections with `image_id` and `keypoints` (COCO results, AlphaPose),
 /// or MMPose's `instance_info` (`frame_id`, `instances` with `keypoints` and `keypoint_scores`). The frame number is the
-/// number itself or the last run of digits in its text. Unreadable entries are treated like the files above. Frames
+/// number itself or the last run of digits in its text. Where the file names its joints, they are found by their names, in
+/// whatever order it has them. Unreadable entries are treated like the files above. Frames
 /// without any detection are not in a COCO list.
 Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton);
 
 /// ReadOpenPoseFolder for a folder, ReadPoseResults for a file.
 Pose2dTrack ReadPose2d(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton);
+
+/// The joints that a JSON file names itself, in its order: those of COCO's `categories`, of MMPose's `meta_info`, or of
+/// keypoints that bear a `name` or `part`. A known skeleton that has the same joints, in whatever order; else these points,
+/// with the bones of COCO's categories. Nothing: the file names none, or cannot be read.
+std::optional<geometry::Skeleton> SkeletonStatedIn(const std::string& path);
 
 /// Writes one file per frame, `%012d_keypoints.json`, OpenPose 1.3 layout; split into the parts of `skeleton` when it is
 /// given.
@@ -96,7 +103,9 @@ struct Pose2dSet {
 /// Rows that cannot be read or are not finite, and both of two rows for one point, are left out and listed. If they are
 /// more than half, the first one's error is thrown. Throws IoError, FormatError (path, line); always for a missing column
 /// and for a joint that is not in the given skeleton.
-Pose2dSet ReadPose2dCsv(const std::string& path, const geometry::Skeleton* skeleton = nullptr);
+/// With `only_camera` the file is that camera's, and needs no column of cameras.
+Pose2dSet ReadPose2dCsv(const std::string& path, const geometry::Skeleton* skeleton = nullptr,
+                        const std::string& only_camera = "");
 
 /// Writes the same columns; keypoints with score 0 are left out. Reading the file with the same skeleton gives the same
 /// numbers if every person has a joint with a score.

@@ -30,6 +30,15 @@ constexpr const char* kNames[kNumColumns] = {"camera", "frame", "person", "joint
 constexpr std::pair<std::string_view, Column> kOtherNames[] = {{"cam", kCamera},
                                                                {"view", kCamera},
                                                                {"camera_name", kCamera},
+                                                               {"frame_id", kFrame},
+                                                               {"frame_index", kFrame},
+                                                               {"joint_name", kJoint},
+                                                               {"keypoint_name", kJoint},
+                                                               {"landmark_name", kJoint},
+                                                               {"landmark", kJoint},
+                                                               {"joint_id", kJoint},
+                                                               {"keypoint_id", kJoint},
+                                                               {"landmark_id", kJoint},
                                                                {"frame_idx", kFrame},
                                                                {"frame_number", kFrame},
                                                                {"person_id", kPerson},
@@ -73,7 +82,8 @@ struct Numbering {
 
 class Reader {
  public:
-  Reader(const std::string& path, const geometry::Skeleton* skeleton) : path_(path), skeleton_(skeleton) {}
+  Reader(const std::string& path, const geometry::Skeleton* skeleton, const std::string& only_camera)
+      : path_(path), skeleton_(skeleton), only_camera_(only_camera) {}
 
   CameraRows Read(std::vector<std::string>* skipped) {
     FilePieces pieces(path_);
@@ -127,6 +137,7 @@ class Reader {
     if (columns_[kFrame] < 0 && time != fields.end()) time_column_ = time - fields.begin();
     for (int c = 0; c < kNumColumns; ++c) {
       if (columns_[c] >= 0 || IsOptional(c) || (c == kFrame && time_column_ >= 0)) continue;
+      if (c == kCamera && !only_camera_.empty()) continue;
       Fail(std::string("there is no column `") + kNames[c] +
            "`; the first line must name camera,frame,person,joint,x_px,y_px,score");
     }
@@ -182,11 +193,12 @@ class Reader {
     Keypoint2d key{Number(fields, kX), Number(fields, kY)};
     key.score = columns_[kScore] < 0 ? ScoreOfUnscored(key.x_px, key.y_px) : Number(fields, kScore);
     if (std::isfinite(key.x_px + key.y_px + key.score)) row.key = key;
+    const std::string_view of_camera = columns_[kCamera] < 0 ? std::string_view(only_camera_) : Field(fields, kCamera);
     for (const int c : {kCamera, kJoint}) {
-      if (!IsName(Field(fields, c)))
+      if (!IsName(c == kCamera ? of_camera : Field(fields, c)))
         Fail(std::string("`") + kNames[c] + "` is empty, not UTF-8, or has control characters in it");
     }
-    const auto camera = static_cast<size_t>(cameras_.Of(Field(fields, kCamera)));
+    const auto camera = static_cast<size_t>(cameras_.Of(of_camera));
     rows_.resize(cameras_.names.size());
     row.joint = JointIndex(Field(fields, kJoint));
     rows_[camera].push_back(row);
@@ -194,6 +206,7 @@ class Reader {
 
   const std::string path_;
   const geometry::Skeleton* skeleton_;
+  const std::string only_camera_;
   std::array<int, kNumColumns> columns_{};
   std::ptrdiff_t time_column_ = -1;  ///< where no column gives frames
   size_t num_fields_ = 0;
@@ -287,9 +300,9 @@ Pose2dTrack TrackOf(const std::string& camera, const std::vector<Row>& rows, siz
 
 }  // namespace
 
-Pose2dSet ReadPose2dCsv(const std::string& path, const geometry::Skeleton* skeleton) {
+Pose2dSet ReadPose2dCsv(const std::string& path, const geometry::Skeleton* skeleton, const std::string& only_camera) {
   Pose2dSet set;
-  Reader reader(path, skeleton);
+  Reader reader(path, skeleton, only_camera);
   CameraRows cameras = reader.Read(&set.skipped);
   if (CountRows(cameras) == 0) throw FormatError(path, "", "the table holds no point");
   if (reader.is_timed()) set.time_step = NumberByTimes(path, reader.cameras(), &cameras);

@@ -44,6 +44,16 @@ void AppendKeypoints(const nlohmann::json& numbers, size_t num_joints, const std
 /// Appends a person of MMPose (`keypoints` [[x, y], …] and `keypoint_scores`) or of COCO's kind (one flat `keypoints`).
 void AppendPerson(const nlohmann::json& entry, const std::string& where, const PoseFile& file, std::vector<Person2d>* people);
 
+/// The name that a keypoint bears itself, {"name": "nose", "x": …}; empty: none.
+std::string NameOfPoint(const nlohmann::json& point);
+
+/// The joints that a file names itself (SkeletonStatedIn), in its order and by its names.
+std::optional<geometry::Skeleton> StatedSkeleton(const nlohmann::json& root);
+
+/// People in the order of `stated` become people in that of the file's skeleton, found by name. Throws FormatError for a joint
+/// that the file does not name.
+void ToAskedJoints(const geometry::Skeleton& stated, const PoseFile& file, std::vector<Person2d>* people);
+
 /// The skeletons with as many joints, as advice.
 std::string FittingSkeletons(size_t num_joints);
 

@@ -16,7 +16,10 @@ using nlohmann::json;
 using Frames = std::map<std::string, std::optional<int>>;
 
 int ReadFrame(const json& entry, const char* key, const PoseFile& file, const Frames& frames) {
-  const auto value = entry.find(key);
+  auto value = entry.find(key);
+  for (const char* other : {"frame", "frame_id", "frame_idx", "frame_index", "frame_number"}) {
+    if (value == entry.end()) value = entry.find(other);
+  }
   if (value == entry.end()) file.Fail(key, "is not there");
   const auto known = frames.find(value->is_string() ? value->get<std::string>() : value->dump());
   const auto number = known == frames.end() ? std::nullopt : known->second;
@@ -80,6 +83,29 @@ json UnscoredJson(const json& x, const json& y) {
   return x.is_number() && y.is_number() ? ScoreOfUnscored(x.get<double>(), y.get<double>()) : 1;
 }
 
+/// Keypoints that bear names, {"name": "nose", "x": …, "y": …, "score": …} or TensorFlow's {"part", "position": {"x", "y"}}, as
+/// one flat list in the skeleton's order; those that are not there are not detected.
+json FlattenNamed(const json& keypoints, const std::string& list, const PoseFile& file) {
+  json flat = json::array();
+  for (size_t j = 0; j < file.skeleton.joints.size(); ++j) flat.insert(flat.end(), {0, 0, 0});
+  for (size_t k = 0; k < keypoints.size(); ++k) {
+    const json& point = keypoints[k];
+    const std::string where = list + "[" + std::to_string(k) + "]", name = internal::NameOfPoint(point);
+    if (name.empty()) file.Fail(where, "has no name, as other keypoints have");
+    const int joint = geometry::FindJoint(file.skeleton, name);
+    if (joint < 0) file.Fail(where, geometry::UnknownJoint(file.skeleton, name));
+    const json& place = point.contains("position") && point["position"].is_object() ? point["position"] : point;
+    if (!place.contains("x") || !place.contains("y")) file.Fail(where, "has no x and y");
+    const size_t at = 3 * static_cast<size_t>(joint);
+    flat[at] = place["x"], flat[at + 1] = place["y"];
+    flat[at + 2] = UnscoredJson(place["x"], place["y"]);
+    for (const char* score : {"score", "confidence", "visibility", "likelihood"}) {
+      if (point.contains(score)) flat[at + 2] = point[score];
+    }
+  }
+  return flat;
+}
+
 /// Keypoints of three numbers each as one flat list: [[x, y, s], …] of EasyMocap and older MMPose, and of Ultralytics
 /// {"x": […], "y": […], "visible": […]}.
 json FlattenTriples(const json& keypoints, const std::string& list, const PoseFile& file) {
@@ -124,7 +150,8 @@ json Flatten(const json& instance, const std::string& where, const PoseFile& fil
 
 void ReadMmposeEntry(const json& entry, const PoseFile& file, Pose2dTrack* track) {
   if (!entry.is_object()) file.Fail("", "is not an object");
-  const auto instances = entry.find("instances");
+  auto instances = entry.find("instances");
+  if (instances == entry.end()) instances = entry.find("predictions");
   if (instances == entry.end() || !instances->is_array()) file.Fail("instances", "is not there or not an array");
   std::vector<Person2d> people;
   for (size_t i = 0; i < instances->size(); ++i) {
@@ -237,10 +264,47 @@ Results FindResults(const json& root, const PoseFile& whole) {
                "(COCO); give a folder of OpenPose files, one a frame, or one such file");
   }
   const json& list = *results.list;
-  results.mmpose = results.place == "instance_info" || (!list.empty() && list[0].is_object() && list[0].contains("instances"));
+  const auto first_has = [&](const char* key) { return !list.empty() && list[0].is_object() && list[0].contains(key); };
+  results.mmpose = results.place == "instance_info" || first_has("instances") || first_has("predictions");
   const bool named = results.place == "annotations" && root.contains("images") && root["images"].is_array();
   if (!results.mmpose) results.frames = named ? FramesOfAnnotated(root["images"], whole) : FramesOfImages(list, whole);
   return results;
+}
+
+/// OpenPifPaf's results of a video, an object in each line, as one list; other texts as they are.
+std::string ListOfLines(std::string text) {
+  const size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
+  const size_t end = first == std::string::npos ? first : text.find('\n', first);
+  const size_t second = end == std::string::npos ? end : text.find_first_not_of(" \t\r\n", end);
+  const size_t last = end == std::string::npos ? end : text.find_last_not_of(" \t\r", end - 1);
+  if (second == std::string::npos || text[first] != '{' || text[second] != '{' || text[last] != '}') return text;
+  std::string list = "[";
+  for (size_t at = first; at < text.size();) {
+    const size_t stop = std::min(text.find('\n', at), text.size());
+    const bool blank = text.find_first_not_of(" \t\r", at) >= stop;
+    if (!blank) list += (list.size() > 1 ? "," : "") + text.substr(at, stop - at);
+    at = stop + 1;
+  }
+  return list + "]";
+}
+
+/// All entries of a file, in the order of `whole.skeleton`.
+Pose2dTrack ReadAllEntries(const json& read, const PoseFile& whole, const std::string& camera) {
+  Pose2dTrack track{camera, {}};
+  json as_coco = CocoOfViTPose(read, whole);
+  if (as_coco.is_null()) as_coco = CocoOfImages(read, whole);
+  const json& root = as_coco.is_null() ? read : as_coco;
+  const Results results = FindResults(root, whole);
+  track.every_frame = results.mmpose;
+  internal::Tolerant tolerant(&track.skipped);
+  for (size_t i = 0; i < results.list->size(); ++i) {
+    const PoseFile file{whole.path, whole.place + ", " + results.place + "[" + std::to_string(i) + "]", whole.skeleton};
+    const json& entry = (*results.list)[i];
+    tolerant.Try(
+        [&] { results.mmpose ? ReadMmposeEntry(entry, file, &track) : ReadCocoEntry(entry, file, results.frames, &track); });
+  }
+  tolerant.Finish();
+  return track;
 }
 
 }  // namespace
@@ -253,8 +317,10 @@ void internal::AppendPerson(const json& entry, const std::string& where, const P
   const bool listed = keypoints != entry.end() && (keypoints->is_array() || (keypoints->is_object() && !scored));
   if (!listed) file.Fail(list, "is not there or not an array");
   const bool triples = !scored && (keypoints->is_object() || (!keypoints->empty() && (*keypoints)[0].is_array()));
+  const bool named = !scored && keypoints->is_array() && !keypoints->empty() && (*keypoints)[0].is_object();
   Person2d person;
   internal::AppendKeypoints(scored    ? Flatten(entry, where, file)
+                            : named   ? FlattenNamed(*keypoints, list, file)
                             : triples ? FlattenTriples(*keypoints, list, file)
                                       : *keypoints,
                             file.skeleton.joints.size(), scored ? where : list, file, &person);
@@ -262,22 +328,12 @@ void internal::AppendPerson(const json& entry, const std::string& where, const P
 }
 
 Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, const geometry::Skeleton& skeleton) {
-  Pose2dTrack track{camera, {}};
   const PoseFile whole{path, "camera " + camera, skeleton};
-  const json read = internal::ParsePoseJson(ReadFile(path), whole);
-  json as_coco = CocoOfViTPose(read, whole);
-  if (as_coco.is_null()) as_coco = CocoOfImages(read, whole);
-  const json& root = as_coco.is_null() ? read : as_coco;
-  const Results results = FindResults(root, whole);
-  track.every_frame = results.mmpose;
-  internal::Tolerant tolerant(&track.skipped);
-  for (size_t i = 0; i < results.list->size(); ++i) {
-    const PoseFile file{path, whole.place + ", " + results.place + "[" + std::to_string(i) + "]", skeleton};
-    const json& entry = (*results.list)[i];
-    tolerant.Try(
-        [&] { results.mmpose ? ReadMmposeEntry(entry, file, &track) : ReadCocoEntry(entry, file, results.frames, &track); });
-  }
-  tolerant.Finish();
+  const json read = internal::ParsePoseJson(ListOfLines(ReadFile(path)), whole);
+  const std::optional<geometry::Skeleton> stated = internal::StatedSkeleton(read);
+  if (!stated) return ReadAllEntries(read, whole, camera);
+  Pose2dTrack track = ReadAllEntries(read, {path, whole.place, *stated}, camera);
+  for (auto& [frame, people] : track.frames) internal::ToAskedJoints(*stated, whole, &people);
   return track;
 }
 

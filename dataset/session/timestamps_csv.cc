@@ -1,12 +1,14 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <optional>
 #include <string_view>
 
 #include "core/csv.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/json/json_file.h"
 #include "dataset/session/timeline_source.h"
 
@@ -30,6 +32,7 @@ double SecondsOf(const std::string& name) {
 struct Columns {
   size_t camera = SIZE_MAX, frame = SIZE_MAX, time = SIZE_MAX;
   double seconds = 1;
+  std::string time_name;
 
   explicit Columns(CsvReader* csv) {
     const std::vector<std::string_view>& header = csv->Cells();
@@ -38,13 +41,15 @@ struct Columns {
       std::transform(name.begin(), name.end(), name.begin(), [](unsigned char c) { return std::tolower(c); });
       if (name == "camera" || name == "cam" || name == "cam_id" || name == "camera_id" || name == "port") camera = i;
       if (name == "frame" || name == "frame_index" || name == "frame_idx") frame = i;
-      if (SecondsOf(name) > 0 && time == SIZE_MAX) time = i, seconds = SecondsOf(name);
+      if (SecondsOf(name) > 0 && time == SIZE_MAX) time = i, seconds = SecondsOf(name), time_name = name;
     }
     if (camera == SIZE_MAX) csv->Fail("no column of cameras: camera, cam, cam_id, camera_id or port");
     if (time == SIZE_MAX) {
       csv->Fail("no column of times: time, timestamp or frame_time, with _ms, _us or _ns if not seconds");
     }
   }
+
+  bool states_unit() const { return time_name.find_last_of('_') != std::string::npos && time_name != "frame_time"; }
 
   /// Cells that a row must have.
   size_t needed() const { return 1 + std::max(time, frame == SIZE_MAX ? camera : std::max(camera, frame)); }
@@ -55,6 +60,24 @@ std::optional<long double> Number(const std::string& text) {
   const long double value = std::strtold(text.c_str(), &end);
   if (text.empty() || *end != '\0' || !std::isfinite(value)) return std::nullopt;
   return value;
+}
+
+/// Seconds since 1970 of `2024-05-01T12:00:04.999946`, with a blank for the T, and perhaps `Z` or `+02:00` behind it.
+std::optional<long double> IsoTime(const std::string& text) {
+  int year = 0, month = 0, day = 0, hour = 0, minute = 0, used = 0;
+  const bool dated = std::sscanf(text.c_str(), "%4d-%2d-%2d%*1[T ]%2d:%2d:%n", &year, &month, &day, &hour, &minute, &used) == 5;
+  if (!dated || used == 0 || month < 1 || month > 12 || day < 1 || day > 31 || hour > 23 || minute > 59) return std::nullopt;
+  const size_t end = std::min(text.find_first_not_of("0123456789.", static_cast<size_t>(used)), text.size());
+  const auto seconds = Number(text.substr(static_cast<size_t>(used), end - static_cast<size_t>(used)));
+  if (!seconds || *seconds >= 61) return std::nullopt;
+  const std::string zone = text.substr(end);
+  int east_hour = 0, east_minute = 0;
+  if (!zone.empty() && zone != "Z" && std::sscanf(zone.c_str(), "%3d:%2d", &east_hour, &east_minute) != 2) return std::nullopt;
+  const int east = 60 * east_hour + (zone[0] == '-' ? -east_minute : east_minute);
+  // Days by the count of years that begin in March.
+  const int y = year - (month <= 2), m = (month + 9) % 12;
+  const long long days = 365LL * y + y / 4 - y / 100 + y / 400 + (153 * m + 2) / 5 + day - 719469;
+  return 60.0L * (1440.0L * days + 60 * hour + minute - east) + *seconds;
 }
 
 std::optional<int64_t> NumberIn(const std::string& name) {
@@ -88,13 +111,54 @@ std::optional<int64_t> ReadFrame(const CsvReader& csv, const std::string& cell) 
   return static_cast<int64_t>(*value);
 }
 
+using RowsByCamera = std::map<std::string, Rows>;
+
+/// The median of the positive steps of all cameras' times; 0: there are none.
+double MedianStep(const RowsByCamera& cameras) {
+  std::vector<double> steps;
+  for (const auto& [name, rows] : cameras) {
+    std::vector<double> times;
+    for (const auto& [frame, time] : rows) times.push_back(time);
+    std::sort(times.begin(), times.end());
+    for (size_t i = 1; i < times.size(); ++i) {
+      if (times[i] > times[i - 1]) steps.push_back(times[i] - times[i - 1]);
+    }
+  }
+  if (steps.empty()) return 0;
+  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
+  return steps[steps.size() / 2];
+}
+
+/// Times whose column names no unit are seconds, unless their steps would be slower than any camera's: then they are of the
+/// unit that makes 1 to 1000 frames a second. Returns what is to be said about it.
+std::string FindUnit(const std::string& column, RowsByCamera* cameras) {
+  constexpr double kSlowest = 1.5;  // seconds a frame
+  struct Unit {
+    const char* name;
+    double seconds;
+  };
+  constexpr Unit kUnits[] = {{"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
+  const double step = MedianStep(*cameras);
+  if (step < kSlowest) return "";
+  for (const Unit& unit : kUnits) {
+    if (step * unit.seconds > 1) continue;
+    for (auto& [name, rows] : *cameras) {
+      for (auto& [frame, time] : rows) time *= unit.seconds;
+    }
+    return "the column `" + column + "` of times names no unit: taken as " + unit.name + ", which makes " +
+           Format("%.4g", 1 / (step * unit.seconds)) + " frames a second; call it time_s if it holds seconds";
+  }
+  return "";
+}
+
 /// Camera -> its rows.
-std::map<std::string, Rows> ReadRows(const std::string& path, const std::vector<SessionCamera>& cameras) {
+RowsByCamera ReadRows(const std::string& path, const std::vector<SessionCamera>& cameras, std::vector<std::string>* notes) {
   const std::string text = internal::ReadTextFile(path, kMaxBytes);
   CsvReader csv(path, text);
   if (!csv.NextLine()) throw FormatError(path, "", "the file is empty");
   const Columns columns(&csv);
-  std::map<std::string, Rows> rows;
+  RowsByCamera rows;
+  bool dated = false;
   std::map<std::string, int> known;
   while (csv.NextLine()) {
     const std::vector<std::string_view>& cells = csv.Cells();
@@ -103,13 +167,19 @@ std::map<std::string, Rows> ReadRows(const std::string& path, const std::vector<
     if (is_new.second) is_new.first->second = Match(is_new.first->first, cameras);
     if (is_new.first->second < 0) continue;
     const std::string cell(cells[columns.time]);
-    const auto time = Number(cell);
+    auto time = Number(cell);
+    if (!time && columns.seconds == 1) {
+      time = IsoTime(cell);
+      dated |= time.has_value();
+    }
     if (!time) csv.Fail("the time is not a number: " + internal::Quoted(cell) + DecimalCommaHint(cell));
     std::optional<int64_t> frame;
     if (columns.frame != SIZE_MAX) frame = ReadFrame(csv, std::string(cells[columns.frame]));
     rows[cameras[static_cast<size_t>(is_new.first->second)].name].emplace_back(frame,
                                                                                static_cast<double>(*time * columns.seconds));
   }
+  const std::string found = columns.states_unit() || dated ? "" : FindUnit(columns.time_name, &rows);
+  if (!found.empty()) notes->push_back(found);
   return rows;
 }
 
@@ -157,7 +227,7 @@ std::string Give(const std::string& path, Rows rows, CameraTimes* times) {
 std::vector<std::string> ReadTimestamps(const std::string& path, const std::vector<SessionCamera>& cameras,
                                         std::vector<CameraTimes>* times) {
   std::vector<std::string> notes;
-  const std::map<std::string, Rows> rows = ReadRows(path, cameras);
+  const RowsByCamera rows = ReadRows(path, cameras, &notes);
   for (CameraTimes& camera : *times) {
     const auto found = rows.find(camera.camera);
     if (found == rows.end()) {

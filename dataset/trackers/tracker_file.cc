@@ -46,11 +46,12 @@ TrackedPoints ReadHdf5Safely(const std::string& path, const std::string& camera)
 
 /// The first that fits is taken.
 constexpr TrackerFormat kFormats[] = {
-    {"HDF5 file", IsHdf5, ReadHdf5Safely},                                    // DeepLabCut's .h5 or SLEAP's analysis .h5
-    {"DeepLabCut table", IsDeepLabCut, internal::ReadDeepLabCutCsv},          // first line `scorer,…`
-    {"SLEAP table", IsSleap, internal::ReadSleapCsv},                         // columns track, frame_idx
-    {"caliscope table", IsCaliscope, nullptr},                                // columns sync_index, img_loc_x
-    {"table of 2D joints", internal::IsWideCsvHeader, internal::ReadWideCsv}  // columns NAME_x, NAME_y, a row a frame
+    {"HDF5 file", IsHdf5, ReadHdf5Safely},                                     // DeepLabCut's .h5 or SLEAP's analysis .h5
+    {"DeepLabCut table", IsDeepLabCut, internal::ReadDeepLabCutCsv},           // first line `scorer,…`
+    {"SLEAP table", IsSleap, internal::ReadSleapCsv},                          // columns track, frame_idx
+    {"caliscope table", IsCaliscope, nullptr},                                 // columns sync_index, img_loc_x
+    {"table of 2D points", internal::IsLongCsvHeader, internal::ReadLongCsv},  // columns frame, joint, x, y, a row a point
+    {"table of 2D joints", internal::IsWideCsvHeader, internal::ReadWideCsv}   // columns NAME_x, NAME_y, a row a frame
 };
 
 }  // namespace

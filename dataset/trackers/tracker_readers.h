@@ -28,6 +28,12 @@ TrackedPoints ReadSleapHdf5(const ForeignHdf5& file, const std::string& camera);
 TrackedPoints ReadWideCsv(const std::string& path, const std::string& camera);
 /// True for the first line of such a table.
 bool IsWideCsvHeader(std::string_view line);
+
+/// A row a point: a frame or a time, a joint's name (or number: MediaPipe's 33 by theirs, others are called point_<number>), x,
+/// y and perhaps person and score; no camera.
+TrackedPoints ReadLongCsv(const std::string& path, const std::string& camera);
+bool IsLongCsvHeader(std::string_view line);
+
 /// Whether all joints of such a header end in a camera, of several: DLTdv's pt1_cam1_X, Argus' nose_cam_1_x.
 bool NamesSeveralCameras(std::string_view line);
 

@@ -22,7 +22,8 @@ std::string SmallLetters(std::string_view text) {
   return small;
 }
 
-constexpr std::string_view kScoreWords[] = {"score", "conf", "confidence", "likelihood", "visibility", "prob", "c", "p"};
+constexpr std::string_view kScoreWords[] = {"score", "conf", "confidence", "likelihood", "visibility",
+                                            "vis",   "v",    "prob",       "c",          "p"};
 
 /// "nose_x" taken apart; coord is empty for a column that is none of a joint's.
 TrackerColumn JointColumn(std::string_view name) {
@@ -37,14 +38,44 @@ TrackerColumn JointColumn(std::string_view name) {
   return {"", std::string(name.substr(0, between)), coord};
 }
 
+/// "x_nose" taken apart, as JointColumn takes "nose_x".
+TrackerColumn PrefixedColumn(std::string_view name) {
+  const size_t between = name.find_first_of("_. :");
+  if (between == std::string_view::npos || between + 1 >= name.size()) return {};
+  TrackerColumn column = JointColumn(std::string(name.substr(between + 1)) + "_" + std::string(name.substr(0, between)));
+  const std::string of = SmallLetters(column.joint);  // x_m and x_center are places of something else
+  for (const char* word : {"m", "mm", "cm", "px", "pixel", "world", "norm", "center", "centre", "min", "max", "mean"}) {
+    if (of == word) return {};
+  }
+  return column;
+}
+
+/// Whether a header has its joints behind x and y: three at least, and none before.
+bool IsPrefixed(const std::vector<std::string>& names) {
+  std::vector<std::string> x, y;
+  for (const std::string& name : names) {
+    if (JointColumn(name).coord == "x") return false;
+    const TrackerColumn column = PrefixedColumn(name);
+    if (column.coord == "x") x.push_back(column.joint);
+    if (column.coord == "y") y.push_back(column.joint);
+  }
+  return x.size() >= 3 && x == y;
+}
+
+TrackerColumn ColumnOf(const std::string& name, bool prefixed) { return prefixed ? PrefixedColumn(name) : JointColumn(name); }
+
 /// The columns; z of MediaPipe is a depth beside x and y in the image, which its visibility tells from 3D points.
 std::vector<TrackerColumn> JointColumns(const std::vector<std::string_view>& header) {
   const bool depths = std::any_of(header.begin(), header.end(), [](std::string_view name) {
-    return SmallLetters(name).find("visibility") != std::string::npos;
+    const std::string small = SmallLetters(name);
+    const size_t between = small.find_last_of("_. :");
+    const std::string last = between == std::string::npos ? "" : small.substr(between + 1);
+    return small.find("visibility") != std::string::npos || small.rfind("v_", 0) == 0 || last == "v" || last == "vis";
   });
   std::vector<TrackerColumn> columns;
+  const bool prefixed = IsPrefixed({header.begin(), header.end()});
   for (const std::string_view name : header) {
-    columns.push_back(JointColumn(name));
+    columns.push_back(ColumnOf(std::string(name), prefixed));
     if (depths && columns.back().coord == "z") columns.back() = {};
   }
   // A score of something that has no x, such as the person's, is no joint's.
@@ -140,14 +171,17 @@ double NumberByTimes(const std::string& path, const RowColumns& where, std::vect
 }
 
 std::vector<TrackerColumn> ColumnsOfLine(std::string_view line) {
-  std::vector<TrackerColumn> columns;
+  std::vector<std::string> cells;
   for (size_t at = 0; at <= line.size();) {
     const size_t end = std::min(line.find(',', at), line.size());
     std::string cell(line.substr(at, end - at));
     cell.erase(std::remove_if(cell.begin(), cell.end(), [](char c) { return c == '"'; }), cell.end());
-    columns.push_back(JointColumn(cell));
+    cells.push_back(std::move(cell));
     at = end + 1;
   }
+  const bool prefixed = IsPrefixed(cells);
+  std::vector<TrackerColumn> columns;
+  for (const std::string& cell : cells) columns.push_back(ColumnOf(cell, prefixed));
   return columns;
 }
 

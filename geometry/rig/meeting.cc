@@ -56,6 +56,10 @@ Rig WithPosesInverted(Rig rig, const Eigen::Matrix3d& world_from_file) {
                           [&](const Rigid3& cam_from_world) { return Inverse(cam_from_world * turn) * Inverse(turn); });
 }
 
+Rig WithRotationsTransposed(Rig rig) {
+  return WithPosesChanged(std::move(rig), [](const Rigid3& pose) { return Rigid3{pose.rotation.inverse(), pose.translation}; });
+}
+
 Rig WithAxesMirrored(Rig rig) {
   const Eigen::Vector3d flip(1, -1, 1);
   return WithPosesChanged(std::move(rig), [&](const Rigid3& pose) {

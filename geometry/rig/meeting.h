@@ -25,6 +25,10 @@ AxesMeeting MeetingOfAxes(const Rig& rig);
 /// from the file's world to the rig's. Covariances are dropped.
 Rig WithPosesInverted(Rig rig, const Eigen::Matrix3d& world_from_file = Eigen::Matrix3d::Identity());
 
+/// The rig whose file has the rotations transposed (rows for columns), the translations as they should be. Covariances are
+/// dropped.
+Rig WithRotationsTransposed(Rig rig);
+
 /// The rig whose file is left-handed (x right, y up, z forward, in world and cameras): y is turned over in both, which leaves
 /// what the cameras see as it is. Covariances are dropped.
 Rig WithAxesMirrored(Rig rig);

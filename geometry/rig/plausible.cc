@@ -22,6 +22,7 @@ constexpr double kMinFocalOfWideLens = 0.05;               // all round in a cir
 constexpr double kMaxAspect = 1.25;                        // of fx and fy; PAL's pixels are 1.09
 constexpr double kMaxApart = 100;                          // m
 constexpr double kMinApartPair = 0.005, kMinApart = 0.02;  // m
+constexpr double kNearestMeeting = 0.08;                   // m, of the axes of three cameras and more
 constexpr double kOnePlace = 1e-9;                         // of the distance to the world's origin
 constexpr double kMaxFoldOfWideLens = DegToRad(60);
 
@@ -102,6 +103,30 @@ std::string ExchangedSides(const Camera& camera) {
          std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px) + ": width and height are exchanged";
 }
 
+/// The principal point is the middle of an image that is smaller or larger by a common factor, and not of this one.
+std::string OtherScale(const Camera& camera) {
+  constexpr double kNear = 0.03;  // of a side
+  constexpr double kScales[] = {0.25, 1 / 3.0, 0.5, 2 / 3.0, 1.5, 2};
+  const double x = (camera.cx() + 0.5) / camera.width_px, y = (camera.cy() + 0.5) / camera.height_px;
+  for (const double scale : kScales) {
+    if (std::abs(x - scale / 2) > kNear * scale || std::abs(y - scale / 2) > kNear * scale) continue;
+    return "the principal point (" + Number(camera.cx()) + ", " + Number(camera.cy()) + ") is the middle of an image of " +
+           Number(scale * camera.width_px) + " x " + Number(scale * camera.height_px) + " px, not of " +
+           std::to_string(camera.width_px) + " x " + std::to_string(camera.height_px);
+  }
+  return "";
+}
+
+/// Of one camera among others it may be a crop; of most it is the calibration's size.
+void CheckScale(const Rig& rig, std::vector<Notice>* found) {
+  const auto count = std::count_if(rig.cameras.begin(), rig.cameras.end(),
+                                   [](const RigCamera& camera) { return !OtherScale(camera.camera).empty(); });
+  if (2 * count <= static_cast<std::ptrdiff_t>(rig.cameras.size())) return;
+  Report(rig, "CAL-SIZE",
+         "the camera matrix may be that of scaled images: give their size, or bring it to this one (mvstudio calib resize)",
+         OtherScale, found);
+}
+
 std::string CheckFocal(const Camera& camera) {
   const double diagonal = std::hypot(camera.width_px, camera.height_px);
   const double low = std::min(camera.fx(), camera.fy()), high = std::max(camera.fx(), camera.fy());
@@ -125,6 +150,11 @@ double FarthestApart(const Rig& rig) {
   return farthest;
 }
 
+bool MeetsTransposed(const Rig& rig) {
+  const AxesMeeting transposed = MeetingOfAxes(WithRotationsTransposed(rig));
+  return transposed.sharp() && transposed.in_front == static_cast<int>(rig.cameras.size());
+}
+
 /// All in one place though their poses differ, or all with their backs to the point where their axes meet.
 bool CheckDirections(const Rig& rig, std::vector<Notice>* conflicts) {
   const int count = static_cast<int>(rig.cameras.size());
@@ -145,6 +175,12 @@ bool CheckDirections(const Rig& rig, std::vector<Notice>* conflicts) {
                               std::string("; with the poses inverted their axes meet at ") + Number(inverted.mean_distance_m) +
                               " m: does the file give poses the other way round (world from camera, or camera from world)?",
                           "option 'invert' of calib show and calib convert inverts them"});
+  } else if (count > 2 && !reads_well && MeetsTransposed(rig)) {
+    conflicts->push_back(
+        {"CAL-TRANSPOSED",
+         "the cameras do not look at a common place; with their rotations transposed their axes meet: does the "
+         "file multiply rows from the right, as MATLAB does, or list columns?",
+         "write the rotations with rows and columns exchanged"});
   } else if (one_place) {
     conflicts->push_back({"CAL-DISTANCES", "all cameras stand at one place (within " + Number(1000 * apart) + " mm)",
                           "points cannot be triangulated from it; check the poses"});
@@ -175,6 +211,14 @@ void CheckDistances(const Rig& rig, std::vector<Notice>* conflicts) {
                               " m",
                           hint});
   }
+  const AxesMeeting meeting = MeetingOfAxes(rig);
+  const bool inward = rig.cameras.size() > 2 && meeting.sharp() && meeting.in_front == static_cast<int>(rig.cameras.size());
+  if (apart >= least && inward && meeting.mean_distance_m < kNearestMeeting)
+    conflicts->push_back({"CAL-DISTANCES",
+                          "the cameras look at a place " + Number(1000 * meeting.mean_distance_m) +
+                              " mm away; were the numbers metres, read as centimetres, it would be " +
+                              Number(100 * meeting.mean_distance_m) + " m",
+                          hint + "; Panoptic's files are centimetres (in metres they are read by option 'from' opencv)"});
 }
 
 /// Radial terms k1, k2, k3 read as k1, k2, p1, p2, k3 leave a trace even where all are small: p1 is a k3, k3 is a p2.
@@ -266,6 +310,7 @@ std::vector<Notice> ConflictsIn(const Rig& rig) {
          &conflicts);
   Report(rig, "CAL-CENTRE", "check the size of the images and of the calibration, and that cx, cy are pixels", CheckCentre,
          &conflicts);
+  CheckScale(rig, &conflicts);
   Report(rig, "CAL-SIDES",
          "exchange them in the file: NumPy and MATLAB state rows (the height) first; of photos rotated by EXIF, calibrate anew",
          ExchangedSides, &conflicts);

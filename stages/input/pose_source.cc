@@ -71,7 +71,9 @@ geometry::Skeleton SkeletonOfFrames(const PoseArguments& arguments, InputNotes* 
   if (!arguments.skeleton.empty()) return SkeletonNamed(arguments.skeleton, notes);
   const std::filesystem::path beside = std::filesystem::path(arguments.pose2d.front().path) / ".." / "skeleton.json";
   std::error_code error;
-  return SkeletonNamed(std::filesystem::is_regular_file(beside, error) ? beside.string() : "body25", notes);
+  if (std::filesystem::is_regular_file(beside, error)) return SkeletonNamed(beside.string(), notes);
+  const std::optional<geometry::Skeleton> stated = dataset::SkeletonStatedIn(arguments.pose2d.front().path);
+  return stated ? *stated : SkeletonNamed("body25", notes);
 }
 
 PoseReading ReadPoseSource(const PoseArguments& arguments, InputNotes* notes) {

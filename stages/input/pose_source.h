@@ -17,7 +17,7 @@ struct PoseReading {
 };
 
 /// The skeleton given by name or file; else the skeleton.json that `mvstudio pose2d` writes beside the cameras' folders, else
-/// body25. A file becomes an input.
+/// the joints that the first file names, else body25. A file becomes an input.
 geometry::Skeleton SkeletonOfFrames(const PoseArguments& arguments, InputNotes* notes);
 
 /// Finds which kind of source the arguments name and reads it; the files become inputs, what they lack is listed. Throws

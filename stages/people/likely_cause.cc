@@ -55,6 +55,15 @@ std::string NothingExplains(const triangulate::CauseReport& report) {
   return text;
 }
 
+/// The first trial is the cause.
+CauseFinding ErrorOf(const triangulate::CauseReport& report) {
+  CauseFinding finding{{}, true, report.trials[0].remedy};
+  finding.said.metrics["causes"] = CausesJson(report);
+  finding.said.exit = kExitQualityGate;
+  finding.said.errors.push_back({"TRI-CAUSE", "likeliest cause: " + report.message, finding.remedy});
+  return finding;
+}
+
 }  // namespace
 
 CauseFinding CauseOfLoss(const std::optional<triangulate::CauseReport>& given, const std::string& code,
@@ -89,15 +98,33 @@ CauseFinding CauseInTiming(const triangulate::CauseReport& report, bool timed) {
 
 CauseFinding CauseInCamera(const triangulate::CauseReport& report, bool timed) {
   using triangulate::Cause;
-  CauseFinding finding;
-  if (!report.trials.empty()) finding.said.metrics["causes"] = CausesJson(report);
-  if (report.message.empty() || report.trials[0].cause == Cause::kMoved) return finding;
+  if (report.message.empty() || report.trials[0].cause == Cause::kMoved) {
+    CauseFinding finding;
+    if (!report.trials.empty()) finding.said.metrics["causes"] = CausesJson(report);
+    return finding;
+  }
   const triangulate::CauseTrial& trial = report.trials[0];
   if (trial.cause == Cause::kTimeOffset || trial.cause == Cause::kRates) return CauseInTiming(report, timed);
-  finding.clear = true, finding.remedy = trial.remedy;
-  finding.said.exit = kExitQualityGate;
-  finding.said.errors.push_back({"TRI-CAUSE", "likeliest cause: " + report.message, trial.remedy});
-  return finding;
+  return ErrorOf(report);
+}
+
+CauseFinding CauseInScatter(const triangulate::CauseReport& report, bool timed) {
+  using triangulate::Cause;
+  // Fewer cameras fit better anyhow where all are off a little: what is left without the one to blame is noise.
+  constexpr double kHalf = 0.5, kNoise = 0.2;
+  const bool moved = !report.message.empty() && report.trials[0].cause == Cause::kMoved;
+  const bool clear =
+      !report.message.empty() && report.trials[0].residual_px <= (moved ? kNoise : kHalf) * report.as_given.residual_px;
+  if (clear && moved) return ErrorOf(report);
+  if (clear) return CauseInCamera(report, timed);
+  triangulate::CauseReport clocks = report;
+  clocks.trials.clear(), clocks.message.clear();
+  for (const triangulate::CauseTrial& trial : report.trials) {
+    const bool timing = trial.cause == Cause::kTimeOffset || trial.cause == Cause::kRates;
+    if (timing) clocks.trials.push_back(trial);
+    if (timing && &trial == &report.trials[0]) clocks.message = report.message;
+  }
+  return CauseInTiming(clocks, timed);
 }
 
 }  // namespace mvstudio::stages

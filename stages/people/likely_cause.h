@@ -34,4 +34,8 @@ CauseFinding CauseInTiming(const triangulate::CauseReport& report, bool timed);
 /// kExitQualityGate), but for a camera that moved.
 CauseFinding CauseInCamera(const triangulate::CauseReport& report, bool timed);
 
+/// Detections scatter more than they should, and yet points were found: a cause that halves what is left is an error, and a
+/// camera without which a fifth is left; else what the motion says of the clocks.
+CauseFinding CauseInScatter(const triangulate::CauseReport& report, bool timed);
+
 }  // namespace mvstudio::stages

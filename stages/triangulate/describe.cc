@@ -104,6 +104,8 @@ CauseFinding AnswerOf(const TriangulateReport& report, const CommandResult& so_f
       return CauseInTiming(report.causes, timed);
     case CauseQuestion::kCamera:
       return CauseInCamera(report.causes, timed);
+    case CauseQuestion::kScatter:
+      return CauseInScatter(report.causes, timed);
     case CauseQuestion::kLoss:
       return CauseOfLoss(report.causes, "TRI-CAUSE", so_far.errors.back().hint);
   }

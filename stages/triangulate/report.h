@@ -33,7 +33,7 @@ enum class Inconsistency {
 };
 
 /// Which question about causes was asked.
-enum class CauseQuestion { kNone, kTiming, kCamera, kLoss };
+enum class CauseQuestion { kNone, kTiming, kCamera, kScatter, kLoss };
 
 struct TriangulateReport {
   TriangulateOptions options;  ///< as session and project settled them

@@ -56,7 +56,11 @@ CauseQuestion QuestionOf(const TriangulateReport& report) {
   const bool apart = std::any_of(cameras.begin(), cameras.end(), [](const triangulate::CameraDiagnosis& camera) {
     return 2 * camera.num_rejected > camera.num_detections;
   });
-  return apart ? CauseQuestion::kCamera : CauseQuestion::kTiming;
+  if (apart) return CauseQuestion::kCamera;
+  // More than good detectors scatter with a calibrated rig; a bumped camera, or mirrored images of people in their middle, may
+  // show little more.
+  constexpr double kScatterOfDiagonal = 0.003;
+  return report.take.sigma_px > kScatterOfDiagonal * report.MeanDiagonalPx() ? CauseQuestion::kScatter : CauseQuestion::kTiming;
 }
 
 }  // namespace
@@ -136,6 +140,7 @@ void JudgeTake(const PoseInput& input, const PointStatistics& statistics, const 
   if (report->asked == CauseQuestion::kNone) return;
   triangulate::CauseOptions options;
   options.min_score = report->options.points.min_score, options.max_persons = report->options.points.max_persons;
+  options.alike = report->asked == CauseQuestion::kScatter;
   const geometry::Rig rig = SolvedRig(*report);
   report->causes = report->asked == CauseQuestion::kTiming ? CheckTiming(rig, sample(), options, run)
                                                            : RankCauses(rig, sample(), BodyOf(input.skeleton), options, run);

@@ -172,6 +172,25 @@ TEST(ParseBoard, TargetsOfKalibr) {
   EXPECT_THROW(ParseBoard(folder / "none.yaml"), IoError);
 }
 
+TEST(ParseBoard, BoardsOfMultical) {
+  const mvstudio::testing::TempDir folder;
+  const auto read = [&](const std::string& text) {
+    WriteFileAtomic(folder / "boards.yaml", text);
+    return ToString(ParseBoard(folder / "boards.yaml"));
+  };
+  const std::string charuco =
+      "    _type_: 'charuco'\n    size: [16, 22]\n    aruco_dict: '5X5_1000'\n    square_length: 0.025\n    marker_length: "
+      "0.01875\n";
+  EXPECT_EQ(read("boards:\n  a:\n" + charuco + "    min_rows: 3\n"), "charuco:16x22:25mm:18.75mm:5x5_1000");
+  EXPECT_EQ(read("boards:\n  a:\n    _type_: aprilgrid\n    size: [6, 5]\n    tag_family: t36h11\n    tag_length: 0.088\n"
+                 "    tag_spacing: 0.3\n    start_id: 40\n"),
+            "aprilgrid:6x5:88mm:0.3:36h11:first=40");
+  const std::string two = "common:\n" + charuco + "boards:\n  a:\n    size: [16, 22]\n  b:\n    aruco_offset: 176\n";
+  const std::string why = mvstudio::testing::MessageOf<UsageError>([&] { read(two); });
+  EXPECT_NE(why.find("holds 2 boards of multical"), std::string::npos) << why;
+  EXPECT_NE(why.find("option 'board' charuco:16x22:0.025m:0.01875m:5x5_1000:first=176"), std::string::npos) << why;
+}
+
 std::string Refusal(const std::string& text) {
   try {
     ParseBoard(text);

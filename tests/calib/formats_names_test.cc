@@ -99,7 +99,6 @@ TEST(DetectFormat, UnknownFilesAreCalledThatWithTheirLayout) {
   };
   EXPECT_THAT(said("{\"cam0.png\": {\"focal_length\": [1, 1], \"image_center\": [0, 0]}}"), HasSubstr("MVHumanNet"));
   EXPECT_THAT(said("{\"2201\": {\"distCoeff\": [], \"imgSize\": []}}"), HasSubstr("AvatarReX"));
-  EXPECT_THAT(said("{\"intrinsics\": {\"calibration_matrix\": []}, \"extrinsics\": {}}"), HasSubstr("Human3.6M"));
   EXPECT_THAT(said("{\"w2c\": [], \"k\": [], \"cam_id\": []}"), HasSubstr("Dynamic 3D Gaussians"));
   EXPECT_THAT(said("{\"asset\": {}, \"nodes\": [], \"cameras\": []}"), HasSubstr("glTF"));
   EXPECT_THAT(said(std::string("PK\x03\x04zip")), HasSubstr(".npz"));

@@ -63,6 +63,23 @@ TEST(Meeting, InvertedPosesAreRecognisedAndMended) {
   EXPECT_FALSE(Says(at_one_place, "CAL-DISTANCES"));
 }
 
+TEST(Meeting, TransposedRotationsAreRecognised) {
+  const Rig transposed = WithRotationsTransposed(Ring());
+  EXPECT_TRUE(Says(transposed, "CAL-TRANSPOSED"));
+  EXPECT_FALSE(Says(transposed, "CAL-INVERTED"));
+  EXPECT_TRUE(ConflictsIn(WithRotationsTransposed(transposed)).empty());
+  EXPECT_FALSE(Says(WithPosesInverted(Ring()), "CAL-TRANSPOSED"));
+}
+
+/// Metres read as centimetres put a room into a box of a few centimetres.
+TEST(Meeting, APlaceThatIsTooNearIsNamed) {
+  Rig near = Ring();
+  for (RigCamera& camera : near.cameras) camera.cam_from_world.translation *= 0.01;
+  EXPECT_TRUE(Says(near, "CAL-DISTANCES"));
+  for (RigCamera& camera : near.cameras) camera.cam_from_world.translation *= 10;  // a rig around a mouse
+  EXPECT_TRUE(ConflictsIn(near).empty());
+}
+
 TEST(Meeting, CamerasThatLookAwayAreNamed) {
   EXPECT_TRUE(Says(WithAxesRotated(Ring()), "CAL-LOOKAWAY"));
   Rig one_place = Ring();

@@ -48,6 +48,20 @@ TEST(Plausible, NothingIsSaidOfOrdinaryRigs) {
   EXPECT_THAT(CodesOf(far), IsEmpty());
 }
 
+/// The camera matrix of images of half, or twice, the size.
+TEST(Plausible, MatricesOfScaledImages) {
+  for (const double scale : {0.25, 0.5, 1.5, 2.0}) {
+    Rig rig = Ordinary();
+    for (RigCamera& camera : rig.cameras) camera.camera.params.head<4>() *= scale;
+    const std::vector<Notice> conflicts = ConflictsIn(rig);
+    ASSERT_FALSE(conflicts.empty()) << scale;
+    EXPECT_TRUE(std::any_of(conflicts.begin(), conflicts.end(), [](const Notice& n) { return n.code == "CAL-SIZE"; })) << scale;
+  }
+  Rig one = Ordinary();
+  one.cameras[0].camera.params.segment<2>(2) *= 0.5;
+  EXPECT_THAT(CodesOf(one), Not(::testing::Contains("CAL-SIZE"))) << "one camera's image may be cut out";
+}
+
 TEST(Plausible, WidthAndHeightExchanged) {
   for (const auto& [width, height] : {std::pair(1920, 1080), std::pair(640, 480), std::pair(1280, 1024)}) {
     Rig rig;

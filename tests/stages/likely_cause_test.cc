@@ -71,6 +71,26 @@ TEST(LikelyCause, OfOneCameraAmongGoodOnesItIsAnErrorUnlessTheCameraMoved) {
   EXPECT_EQ(moved.exit, kExitOk);
 }
 
+/// All images mirrored, people in their middle: points are found, and scatter.
+TEST(LikelyCause, OfScatterItIsAnErrorWhereItHalvesIt) {
+  triangulate::CauseReport report = Report();
+  report.trials[0].cause = Cause::kMirrored, report.message = "with the images of all cameras mirrored 100 % fit";
+  CommandResult mirrored, moved, little, timing;
+  EXPECT_TRUE(Said(CauseInScatter(report, false), &mirrored).clear);
+  EXPECT_EQ(mirrored.exit, kExitQualityGate);
+  EXPECT_EQ(mirrored.errors.at(0).code, "TRI-CAUSE");
+  report.trials[0].cause = Cause::kMoved;
+  EXPECT_TRUE(Said(CauseInScatter(report, false), &moved).clear) << "a camera that draws the others along";
+  EXPECT_EQ(moved.exit, kExitQualityGate);
+  report.trials[0].cause = Cause::kMirrored, report.trials[0].residual_px = 15;
+  EXPECT_FALSE(Said(CauseInScatter(report, false), &little).clear) << "a rig that fits a little better by chance";
+  EXPECT_EQ(little.exit, kExitOk);
+  report.trials[1].cause = Cause::kTimeOffset, report.trials[1].residual_px = 20, report.trials[1].offset_frames = 3;
+  EXPECT_FALSE(Said(CauseInScatter(report, false), &timing).clear);
+  ASSERT_EQ(timing.warnings.size(), 1u);
+  EXPECT_EQ(timing.warnings[0].code, "TRI-TIMING") << "what the motion says of the clocks is kept";
+}
+
 TEST(Timing, AGainThatDoesNotMatterIsNotSaidNorAdviceThatWasFollowed) {
   triangulate::CauseReport report = Report();
   report.as_given.residual_px = 7.454, report.trials[0].residual_px = 7.449, report.trials[0].offset_frames = 0.6;

@@ -105,5 +105,41 @@ TEST_F(WideCsv, TablesOfAllCamerasAreNone) {
   EXPECT_EQ(FindTrackerFormat(folder_ / "b.csv"), nullptr);
 }
 
+/// x_nose for nose_x; z beside a visibility is MediaPipe's depth. Columns of something else are no joints.
+TEST_F(WideCsv, JointsBehindTheirCoordinates) {
+  const TrackedPoints points = Read(
+      "frame,x_nose,y_nose,z_nose,v_nose,x_left_hip,y_left_hip,z_left_hip,v_left_hip,x_neck,y_neck,z_neck,v_neck\n"
+      "4,10,20,0.1,0.75,30,40,0.1,0.5,50,60,0.2,1\n");
+  EXPECT_THAT(points.joints, ElementsAre("nose", "left_hip", "neck"));
+  const Person2d& person = points.track.frames.at(4).at(0);
+  EXPECT_EQ(person.keypoints[1].y_px, 40);
+  EXPECT_EQ(person.keypoints[1].score, 0.5);
+  std::ofstream(folder_ / "boxes.csv") << "frame,id,x_center,y_center,w,h\n1,2,3,4,5,6\n";
+  EXPECT_EQ(FindTrackerFormat(folder_ / "boxes.csv"), nullptr);
+}
+
+/// A row a point, as people write MediaPipe's landmarks.
+TEST_F(WideCsv, ARowAPoint) {
+  std::string text = "frame,landmark_id,x,y,z,visibility\n";
+  for (int frame = 2; frame < 4; ++frame) {
+    for (int k = 0; k < 33; ++k)
+      text += std::to_string(frame) + "," + std::to_string(k) + "," + std::to_string(10 * k) + ",5,0.1,0.9\n";
+  }
+  const TrackedPoints numbered = Read(text);
+  EXPECT_EQ(numbered.joints, geometry::SkeletonByName("mediapipe33").joints);
+  ASSERT_EQ(numbered.track.frames.size(), 2u);
+  EXPECT_EQ(numbered.track.frames.at(3).at(0).keypoints[32].x_px, 320);
+  EXPECT_EQ(numbered.track.camera, "cam1");
+
+  const TrackedPoints named =
+      Read("frame,person,landmark_name,landmark_id,x,y,score\n0,0,NOSE,0,1,2,0.5\n0,1,NOSE,0,3,4,0.25\n");
+  EXPECT_THAT(named.joints, ElementsAre("NOSE"));
+  EXPECT_EQ(named.track.frames.at(0).at(1).keypoints[0].score, 0.25);
+  EXPECT_THAT(Read("frame,point,x,y\n0,7,1,2\n").joints, ElementsAre("point_7"));
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { Read("frame,joint,x,y,z\n0,nose,1,2,3\n"); }), HasSubstr("3D points"));
+  std::ofstream(folder_ / "all.csv") << "camera,frame,joint,x,y\na,0,nose,1,2\n";
+  EXPECT_EQ(FindTrackerFormat(folder_ / "all.csv"), nullptr) << "all cameras' table is read as that";
+}
+
 }  // namespace
 }  // namespace mvstudio::dataset

@@ -267,10 +267,12 @@ CauseReport RankCauses(const geometry::Rig& rig, const std::vector<DetectedFrame
   if (!setup) return Nothing();
   setup->judge.sides = body.sides;
   CauseReport report = setup->report;
-  const auto choosing = internal::Assumptions(setup->take.rig, setup->sample.choose, body.mirror);
-  const auto judging = internal::Assumptions(setup->take.rig, setup->sample.judge, body.mirror);  // the same list, other frames
+  const auto choosing = internal::Assumptions(setup->take.rig, setup->sample.choose, body.mirror, options.alike);
+  const auto judging =
+      internal::Assumptions(setup->take.rig, setup->sample.judge, body.mirror, options.alike);  // the same list, other frames
   for (const auto& [cause, i] : BestOfEach(choosing, setup->judge, run)) Try(judging[i], setup->given, setup->judge, &report);
-  TryClocks(setup->take, setup->given, setup->judge, true, run, &report);
+  const bool find_rates = !options.alike || report.as_given.carried < kWellCarried;
+  TryClocks(setup->take, setup->given, setup->judge, find_rates, run, &report);
   Rank(&report);
   return report;
 }

@@ -42,6 +42,7 @@ struct CauseOptions {
   double sigma_px = 0;          ///< noise of a detection that still fits; 0: 0.5 % of the image diagonal, that of people
                                 ///< detectors with a rig calibrated to a few px
   int max_cameras = 8;          ///< the cameras with the most detections are examined
+  bool alike = false;           ///< only changes of all cameras alike, and each left out: a tenth of the work
   int max_frames = 48;          ///< sample, spread over the take; a fourth of it selects, the rest gives the figures
   int max_offset_frames = 180;  ///< see SyncOptions
 };

@@ -289,12 +289,13 @@ std::vector<Detected> DetectedChanges(const MirrorGroups& mirror) {
   return list;
 }
 
-void AddDetectedChanges(const Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror,
+void AddDetectedChanges(const Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror, bool alike,
                         std::vector<Assumption>* list) {
   AddNormalized(rig, frames, list);
   AddRowsFirst(rig, frames, list);
   for (const Detected& detected : DetectedChanges(mirror)) {
-    for (int only = -1; only < static_cast<int>(rig.cameras.size()); ++only) AddDetected(rig, frames, detected, only, list);
+    const int end = alike ? 0 : static_cast<int>(rig.cameras.size());
+    for (int only = -1; only < end; ++only) AddDetected(rig, frames, detected, only, list);
   }
 }
 
@@ -321,10 +322,15 @@ void AddLeftOut(const Rig& rig, const std::vector<DetectedFrame>& frames, std::v
 
 }  // namespace
 
-std::vector<Assumption> Assumptions(const Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror) {
+std::vector<Assumption> Assumptions(const Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror,
+                                    bool alike) {
   std::vector<Assumption> list;
-  AddDetectedChanges(rig, frames, mirror, &list);
+  AddDetectedChanges(rig, frames, mirror, alike, &list);
   AddPoses(rig, frames, &list);
+  if (alike) {
+    AddLeftOut(rig, frames, &list);
+    return list;
+  }
   AddImageSizes(rig, frames, &list);
   AddDistortion(rig, frames, &list);
   AddTermOrders(rig, frames, &list);

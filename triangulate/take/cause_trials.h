@@ -19,7 +19,7 @@ struct Assumption {
 
 /// All assumptions except those about time. `frames` is a sample.
 std::vector<Assumption> Assumptions(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
-                                    const MirrorGroups& mirror);
+                                    const MirrorGroups& mirror, bool alike);
 
 /// Clocks estimated from the motion of the take, by camera; offsets and drifts are 0 where they are not significant (5 standard
 /// deviations, 0.1 frames); empty when none is.

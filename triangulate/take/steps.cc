@@ -8,6 +8,7 @@
 #include "triangulate/point/calibration_covariance.h"
 #include "triangulate/point/exhaustive_dlt.h"
 #include "triangulate/point/noise.h"
+#include "triangulate/take/cause.h"
 
 namespace mvstudio::triangulate {
 namespace {
@@ -108,6 +109,22 @@ std::vector<size_t> SpreadOut(const PreparedRig& rig, const std::vector<Observat
   return chosen;
 }
 
+/// Whether what is left of a sample grows by swapping sides back: a camera that is off draws the others' sides along.
+bool FitsWorse(const geometry::Rig& rig, const std::vector<DetectedFrame>& given, const std::vector<DetectedFrame>& swapped,
+               const TakeOptions& o, const RunContext& run) {
+  constexpr double kGrows = 1.05;
+  CauseOptions options;
+  options.min_score = o.min_score, options.max_persons = o.max_persons;
+  return FitAsGiven(rig, swapped, options, run).residual_px > kGrows * FitAsGiven(rig, given, options, run).residual_px;
+}
+
+SideReport NothingSwapped(const SideReport& report) {
+  SideReport none;
+  for (const CameraSides& camera : report.cameras) none.cameras.push_back({camera.name, 0, 0, 0, {}, {}});
+  none.sigma_px = report.sigma_px;
+  return none;
+}
+
 }  // namespace
 
 void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
@@ -141,6 +158,10 @@ TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFram
     SideOptions sides;
     sides.min_score = options.min_score;
     problem.sides = FixSides(problem.rig, people.assignment, body.mirror, sides, run, &frames);
+    if (problem.sides.num_swapped > 0 && FitsWorse(rig, detected, frames, options, run)) {
+      problem.sides = NothingSwapped(problem.sides);
+      frames = detected;
+    }
     Collect(frames, people.assignment, body.num_joints, options, &problem);
   } else {
     Collect(detected, people.assignment, body.num_joints, options, &problem);

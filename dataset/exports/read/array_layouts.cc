@@ -4,6 +4,7 @@
 #include "core/disk/npy.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "core/some_of.h"
 #include "dataset/arrays/child_process.h"
 #include "dataset/arrays/foreign_hdf5.h"
 #include "dataset/arrays/npz.h"
@@ -76,6 +77,22 @@ std::vector<double> Part(const NpyArray& array, size_t camera, size_t count) {
   return {from, from + static_cast<std::ptrdiff_t>(count)};
 }
 
+/// Says what is in an archive that another program wrote.
+[[noreturn]] void FailForeign(const std::string& file, const std::map<std::string, std::string>& arrays) {
+  std::vector<std::string> names;
+  for (const auto& [name, bytes] : arrays) names.push_back(name);
+  const auto has = [&](const char* name) { return arrays.count(name) > 0; };
+  const bool neus = has("world_mat_0") && has("scale_mat_0");
+  throw FormatError(file, "camera_names",
+                    "is missing; this archive holds " + SomeOf(names) +
+                        (neus ? ", as NeuS's cameras_sphere.npz: its world_mat_N are K [R t] of scaled scenes; give the "
+                                "calibration that it was "
+                                "made from, or write"
+                              : ": no cameras that are known here; write") +
+                        " JSON of cameras by name, {\"cam1\": {\"K\", \"dist\", \"R\", \"T\", \"image_size\"}, …}, R and T "
+                        "camera from world");
+}
+
 }  // namespace
 
 std::string AnnotationsIn(const std::string& folder) {
@@ -105,8 +122,7 @@ geometry::Rig ReadNpzCameras(const std::string& path, const calib::ReadOptions& 
   const std::string file = FileOf(path, "joints.npz");
   const auto arrays = dataset::ReadNpzMembers(file);
   const auto names_at = arrays.find("camera_names");
-  if (names_at == arrays.end())
-    throw FormatError(file, "camera_names", "is missing; cameras are in camera_names, K, distCoef, cam_from_world and size_px");
+  if (names_at == arrays.end()) FailForeign(file, arrays);
   const std::vector<std::string> names = ParseNpyTexts(names_at->second, file + ": camera_names");
   const auto count = static_cast<int64_t>(names.size());
   const NpyArray k = RowsOf(arrays, "K", count, 9, file), d = RowsOf(arrays, "distCoef", count, 5, file),
