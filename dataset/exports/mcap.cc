@@ -150,7 +150,6 @@ void WriteMcap(const Job& job) {
   file.Finish();
   place.Commit();
   job.report->files.push_back(name);
-  NoteJointsBeside(job);
 }
 
 }  // namespace mvstudio::exports
