@@ -9,7 +9,7 @@
 #include "stages/study/study.h"
 #include "stages/synth/describe.h"
 
-/// Studios with truth, what is said of datasets, and pages and pictures of what was found.
+/// Studios with truth, what is said of datasets, pages and drawings of what was found.
 namespace mvstudio::python {
 namespace {
 
@@ -57,7 +57,7 @@ void AddStudios(std::vector<Stage>* all) {
       [](const InfoCall& o, const Given&, const RunContext&) { return stages::DescribeDataset(o.folder); }));
 }
 
-void AddPictures(std::vector<Stage>* all) {
+void AddDrawings(std::vector<Stage>* all) {
   all->push_back(MakeStage<stages::ErrorBudgetOptions>(
       {"error_budget", "error-budget", "Which stage an error comes from, and whether the sigmas are true."},
       [](auto& visit, auto& o) { VisitFields(visit, o); },
@@ -117,7 +117,7 @@ stages::CommandResult ReportOrStudy(ReportCall o, const RunContext& run) {
 }  // namespace
 
 void AddPageStages(std::vector<Stage>* all) {
-  AddStudios(all), AddPictures(all);
+  AddStudios(all), AddDrawings(all);
   all->push_back(MakeStage<ReportCall>(
       {"report", "report", "One HTML page, and the same numbers as JSON, of a run or of several side by side.", {}},
       [](auto& visit, auto& o) { VisitReport(visit, o); },

@@ -43,9 +43,9 @@ def pictures_of(name):
     return [(int(os.path.splitext(f)[0]), os.path.join(folder, f)) for f in files]
 
 
-def add_background(data, pictures, bpy):
-    first, last = pictures[0][0], pictures[-1][0]
-    image = bpy.data.images.load(pictures[0][1])
+def add_background(data, images, bpy):
+    first, last = images[0][0], images[-1][0]
+    image = bpy.data.images.load(images[0][1])
     data.show_background_images = True
     background = data.background_images.new()
     background.image, background.alpha, background.frame_method = image, 1.0, "STRETCH"
