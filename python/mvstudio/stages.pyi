@@ -659,6 +659,7 @@ def dataset_build(
     first_mask: int = ...,
     no_masks: bool = ...,
     cache: _List = ...,
+    part: _Texts = ...,
     sequence: _Texts = ...,
     png: bool = ...,
     jpeg_quality: int = ...,
