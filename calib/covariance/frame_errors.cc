@@ -12,7 +12,7 @@ namespace mvstudio::calib {
 namespace {
 
 constexpr double kOneSigma = 1;
-constexpr size_t kMinUnitsOfRig = 6, kMostUnits = 400;
+constexpr size_t kMinUnitsOfRig = 6;
 
 /// Columns of the rig for each column of a part of it.
 std::vector<int> ColumnsInRig(const RigColumns& part, const RigColumns& rig, const RigState& state) {
@@ -75,7 +75,8 @@ void AddUnit(const std::vector<View>& views, const Whole& whole, Sums* sums) {
   if (of_poses.info() != Eigen::Success) return;
   const Eigen::MatrixXd draw = of_poses.matrixL().solve(whole.covariance(poses, own));
   const Eigen::VectorXd gradient = unit.g - unit.h * whole.rest(own);
-  const Eigen::MatrixXd left = draw * (unit.h - unit.h * whole.covariance(own, own) * unit.h) * draw.transpose();
+  const Eigen::MatrixXd drawn = draw * unit.h;  // narrow: the poses of one unit
+  const Eigen::MatrixXd left = drawn * draw.transpose() - drawn * whole.covariance(own, own) * drawn.transpose();
   sums->found += (draw * gradient).squaredNorm() / whole.variance;
   sums->expected += left.trace();
   sums->spread += 2 * left.squaredNorm();
@@ -88,6 +89,12 @@ std::map<int, std::vector<View>> ClustersOf(const std::vector<View>& views, cons
     if (cluster >= 0 && (view.weights.array() > 0).any()) clusters[cluster].push_back(view);
   }
   return clusters;
+}
+
+/// Units of a rig with so many unknowns that take no longer than its covariance: each costs the square of what it sees.
+size_t MostUnits(int unknowns) {
+  constexpr double kLeast = 20, kMost = 400, kOfMost = 500;
+  return static_cast<size_t>(std::clamp(kMost * std::pow(kOfMost / std::max(1, unknowns), 2), kLeast, kMost));
 }
 
 bool AnySplined(const RigState& state) {
@@ -108,7 +115,7 @@ double PoseVarianceByFrames(const std::vector<View>& views, const std::vector<in
   if (!covariance) return 1;
   whole.covariance = *covariance, whole.rest = *covariance * all.g;
   Sums sums;
-  const size_t step = (clusters.size() + kMostUnits - 1) / kMostUnits;
+  const size_t most = MostUnits(whole.columns.total), step = (clusters.size() + most - 1) / most;
   size_t index = 0;
   for (const auto& [cluster, seen] : clusters) {
     if (index++ % step == 0) AddUnit(seen, whole, &sums);

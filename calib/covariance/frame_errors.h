@@ -10,7 +10,7 @@ namespace mvstudio::calib {
 
 /// Variance of the cameras' poses over that of independent corners, 1 or more, by how the boards of different time steps draw
 /// the cameras apart. One number for the rig, since each camera sees few boards. `cluster_of_frame` as from ClusterFrames;
-/// each cluster is one unit, of at most 400 evenly spaced ones.
+/// each cluster is one unit; of many, 400 evenly spaced ones count, and of rigs with more than 500 unknowns fewer, down to 20.
 ///
 /// The estimate is that of VarianceByBoards (board_errors.h), of the whole rig with the boards' poses eliminated, measured
 /// along the poses of the cameras that a unit shows. VarianceByBoards cannot see an error that moves the board in one image,
