@@ -11,14 +11,18 @@ namespace {
 std::string TableOf(const PipelineReport& report) {
   std::string text;
   double seconds = 0;
+  bool foretold = false;
   for (const StageRow& row : report.rows) {
     if (row.state == RowState::kNotAsked) continue;
-    const std::string time = std::isfinite(row.seconds) ? Format("%.1f s", row.seconds) : "";
+    const bool guess = report.dry_run && row.state == RowState::kToDo && !std::isfinite(row.seconds);
+    const double took = guess ? row.need.seconds : row.seconds;
+    const std::string time = std::isfinite(took) ? Format(guess ? "~%.0f s" : "%.1f s", took) : "";
     text += Format("%-24s %-16s %10s %s %s\n", row.stage.c_str(), std::string(ToString(row.state)).c_str(), time.c_str(),
                    report.dry_run ? NeedText(row.need).c_str() : "", row.reason.c_str());
-    if (row.state == RowState::kToDo && std::isfinite(row.seconds)) seconds += row.seconds;
+    if (row.state == RowState::kToDo && std::isfinite(took)) seconds += took, foretold = foretold || guess;
   }
-  if (report.dry_run && seconds > 0) text += Format("about %.0f s, as long as it took last time\n", seconds);
+  if (report.dry_run && seconds > 0)
+    text += Format("about %.0f s, as long as it took last time%s\n", seconds, foretold ? "; ~: foretold for one thread" : "");
   return text;
 }
 

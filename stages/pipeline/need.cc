@@ -32,6 +32,44 @@ struct NeedFormula {
   NeedTerms memory, disk;
 };
 
+/// Seconds of one thread: a fixed part, for each megapixel of each camera, for each image, and for each megapixel of all
+/// images.
+struct TimeTerms {
+  double fixed = NAN, per_camera_megapixel = 0, per_image = 0, per_image_megapixel = 0;
+
+  double At(const FootageSize& size) const {
+    const double images = size.cameras * static_cast<double>(size.num_frames);
+    return fixed + size.cameras * size.megapixels * per_camera_megapixel +
+           images * (per_image + size.megapixels * per_image_megapixel);
+  }
+};
+
+/// Measured with one thread: docs/scale.md, "What was measured", and scripts/scale_rates.py.
+TimeTerms TimeTermsOf(StageKind kind) {
+  switch (kind) {
+    case StageKind::kCalibrate:
+      return {1.7, 0, 0, 0.48};
+    case StageKind::kPose2d:
+      return {1.7, 0, 0.41};
+    case StageKind::kSync:
+    case StageKind::kTriangulate:
+      return {1.7, 0, 0.00017};
+    case StageKind::kMask:
+      return {1.7, 12.3, 0.13, 0.21};
+    case StageKind::kDataset:
+      return {1.7, 0, 0, 0.13};
+    case StageKind::kVerify:
+      return {1.7, 0, 0.01, 0.13};
+    case StageKind::kPack:
+      return {1.7, 0, 0.02, 0.03};
+    case StageKind::kSplit:
+    case StageKind::kReport:
+      return {2};
+    default:  // trainings take what their steps take
+      return {};
+  }
+}
+
 /// Measured peaks of resident memory: docs/how-to-run-on-a-cluster.md, "Memory and disk".
 NeedFormula FormulaOf(StageKind kind) {
   switch (kind) {
@@ -82,7 +120,12 @@ FootageSize SizeOfTake(const dataset::Session& session, const SessionTake& take,
 
 StageNeed NeedOf(StageKind kind, const FootageSize& size) {
   const NeedFormula formula = FormulaOf(kind);
-  return {formula.memory.At(size), formula.disk.At(size)};
+  return {formula.memory.At(size), formula.disk.At(size), TimeTermsOf(kind).At(size)};
+}
+
+double ImageSeconds(StageKind kind, double megapixels) {
+  const TimeTerms terms = TimeTermsOf(kind);
+  return terms.per_image + megapixels * terms.per_image_megapixel;
 }
 
 void PredictNeeds(const dataset::Session& session, const PipelineOptions& options, std::vector<PipelineStage>* stages) {

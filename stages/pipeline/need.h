@@ -14,9 +14,12 @@ struct FootageSize {
   int64_t num_frames = 0;  ///< of the camera with the most
 };
 
-/// By the flags' defaults; a measured run is within a factor of two (docs/how-to-run-on-a-cluster.md). Not known for networks
+/// By the flags' defaults; memory and disk of a measured run are within a factor of two, seconds within three
+/// (docs/how-to-run-on-a-cluster.md). Not known for networks
 /// whose weights differ, for what was not measured, and for footage of unknown length.
 StageNeed NeedOf(StageKind kind, const FootageSize& size);
+/// Of one thread; the part of NeedOf that grows with the images.
+double ImageSeconds(StageKind kind, double megapixels);
 
 /// Fills `need` of the stages that are not left out. Opens each video; what cannot be opened is not known.
 void PredictNeeds(const dataset::Session& session, const PipelineOptions& options, std::vector<PipelineStage>* stages);

@@ -14,6 +14,7 @@ namespace mvstudio::stages {
 struct StageNeed {
   double memory_mb = NAN;  ///< MiB at once, on two cores
   double disk_mb = NAN;    ///< MiB of its output
+  double seconds = NAN;    ///< of one thread
 };
 
 /// One stage of one session: the command line that does it, what it reads and what it writes. Paths begin as the session's.

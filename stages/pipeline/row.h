@@ -41,6 +41,7 @@ void VisitFields(Visitor&& visit, const StageRow& row) {
   visit("exit", row.exit);
   visit("memory_mb", row.need.memory_mb);
   visit("disk_mb", row.need.disk_mb);
+  visit("predicted_s", row.need.seconds);
   visit("command", row.command);
 }
 

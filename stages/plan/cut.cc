@@ -22,13 +22,6 @@ struct CutCamera {
   double megapixels = 0;
 };
 
-/// Seconds of one image and one thread: docs/scale.md, "What an hour costs".
-double ImageSeconds(StageKind kind, double megapixels) {
-  if (kind == StageKind::kPose2d) return 0.41;
-  if (kind == StageKind::kVerify) return 0.01 + 0.13 * megapixels;
-  return kind == StageKind::kMask ? 0.12 + 0.21 * megapixels : 0.13 * megapixels;
-}
-
 bool Gives(const PipelineStage& stage, const std::string& option) {
   return std::any_of(stage.options.begin(), stage.options.end(), [&](const auto& given) { return given.name == option; });
 }

@@ -23,7 +23,7 @@ std::string TaskTable(const Plan& plan) {
                    NeedText(task.stage.need).c_str(), after.c_str());
     if (std::isfinite(task.seconds)) seconds += task.seconds;
   }
-  if (seconds > 0) text += Format("about %.0f s of work, as long as it took last time\n", seconds);
+  if (seconds > 0) text += Format("about %.0f s of work: as long as it took last time, else as foretold for one thread\n", seconds);
   return text;
 }
 

@@ -122,7 +122,8 @@ class PlanMaker {
       const std::vector<int>& own = before[chosen_[i]->name()];
       after.insert(after.end(), own.begin(), own.end());
       const auto last = earlier_.find(chosen_[i]->name());
-      const double seconds = SecondsOf(last == earlier_.end() ? nullptr : &last->second);
+      const double measured = SecondsOf(last == earlier_.end() ? nullptr : &last->second);
+      const double seconds = std::isfinite(measured) ? measured : chosen_[i]->need.seconds;
       Add(*chosen_[i], own.empty() ? seconds : NAN, std::move(after));  // putting parts together was never measured
     }
   }

@@ -16,7 +16,7 @@ struct PlanTask {
   std::vector<int> after;  ///< ids of those whose outputs it reads
   /// What no task makes, as it was when the plan was written: nothing of it may change until the plan is done.
   std::vector<Fingerprint> inputs;
-  double seconds = NAN;  ///< as long as it took last time; NaN: never measured
+  double seconds = NAN;  ///< as long as it took last time, else as foretold for one thread; NaN: neither is known
 };
 
 /// A part of a stage as a task.

@@ -46,6 +46,18 @@ TEST(Need, OfMasksGrowsWithTheFramesThatAreHeldAndNoFurther) {
   EXPECT_EQ(NeedOf(StageKind::kMask, {8, 2, 2400}).memory_mb, all);
 }
 
+/// Seconds of the processor, one thread, of a studio of 4 cameras with 24 frames of 1920x1080 (docs/scale.md).
+TEST(Need, SecondsAreThoseOfTheRates) {
+  const FootageSize wide{4, 1.920 * 1.080, 24};
+  constexpr std::pair<StageKind, double> kTook[] = {{StageKind::kCalibrate, 96.4}, {StageKind::kMask, 157.3},
+                                                    {StageKind::kDataset, 27.8},   {StageKind::kVerify, 28.8},
+                                                    {StageKind::kPack, 9.4},       {StageKind::kReport, 2.3}};
+  for (const auto& [kind, seconds] : kTook) EXPECT_NEAR(NeedOf(kind, wide).seconds, seconds, 0.15 * seconds) << ToString(kind);
+  EXPECT_NEAR(NeedOf(StageKind::kVerify, {4, 2, 2400}).seconds - NeedOf(StageKind::kVerify, {4, 2, 1400}).seconds,
+              4 * 1000 * ImageSeconds(StageKind::kVerify, 2), 1e-9);
+  EXPECT_TRUE(std::isnan(NeedOf(StageKind::kAvatar, wide).seconds)) << "its steps decide";
+}
+
 TEST(Need, IsNotKnownWhereNothingWasMeasured) {
   EXPECT_TRUE(std::isnan(NeedOf(StageKind::kPose2d, {3, 1, 100}).memory_mb)) << "a net of the user's";
   EXPECT_TRUE(std::isnan(NeedOf(StageKind::kExport, {3, 1, 100}).disk_mb));
