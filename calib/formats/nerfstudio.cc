@@ -48,20 +48,30 @@ Eigen::Vector2d ReadSize(const FrameKeys& keys, const ReadOptions& options, cons
   return {options.width_px, options.height_px};
 }
 
-/// A frame's own camera matrix, in rows or nine numbers row by row; null: it has none, or focal lengths of its own.
-std::optional<Eigen::Matrix3d> OwnMatrix(const ValueView& frame) {
+/// A matrix in rows or as one list; four numbers are fx, fy, cx, cy, and of a 4x4 matrix the first three rows and columns
+/// count. None: it is of another size.
+std::optional<Eigen::Matrix3d> LensMatrix(const ValueView& view) {
+  const size_t rows = view.ListSize();
+  const bool nested = rows > 0 && view[0].value().kind == internal::Value::Kind::kList;
+  if (nested && rows != 3 && rows != 4) return std::nullopt;
+  if (nested) return view.Matrix(rows, view[0].ListSize() == 4 ? 4 : 3).topLeftCorner<3, 3>();
+  if (rows != 4 && rows != 9 && rows != 16) return std::nullopt;
+  const Eigen::VectorXd numbers = view.Vector(rows);
+  if (rows == 4) return internal::CameraMatrix(numbers[0], numbers[1], numbers[2], numbers[3]);
+  const Eigen::Index side = rows == 9 ? 3 : 4;
+  return numbers.reshaped(side, side).transpose().topLeftCorner<3, 3>();
+}
+
+/// A frame's own camera matrix; none: it has none, or focal lengths of its own, or the file has them and this is no matrix.
+std::optional<Eigen::Matrix3d> OwnMatrix(const ValueView& frame, bool file_has_focal) {
   if (frame.Has("fl_x") || frame.Has("camera_angle_x")) return std::nullopt;
   for (const char* key : {"K", "intrinsics", "intrinsic_matrix", "camera_matrix", "intrinsic"}) {
     if (!frame.Has(key) || frame[key].value().kind != internal::Value::Kind::kList) continue;
     const ValueView view = frame[key];
-    const size_t rows = view.ListSize();
-    if (rows != 9 && rows != 3) view.Fail("a 3x3 camera matrix was expected");
-    Eigen::Matrix3d matrix;
-    if (rows == 3) {
-      matrix = view.Matrix(3, 3);
-    } else {
-      matrix = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(view.Vector(9).eval().data());
-    }
+    const std::optional<Eigen::Matrix3d> read = LensMatrix(view);
+    if (!read && file_has_focal) continue;
+    if (!read) view.Fail("a 3x3 camera matrix was expected, or fx, fy, cx, cy");
+    const Eigen::Matrix3d& matrix = *read;
     const bool upright = matrix(2, 0) == 0 && matrix(2, 1) == 0 && matrix(1, 0) == 0 && matrix(2, 2) == 1;
     if (!upright)
       view.Fail("is no camera matrix [fx 0 cx; 0 fy cy; 0 0 1]: if it stands transposed, write its rows as columns");
@@ -74,7 +84,7 @@ std::optional<Eigen::Matrix3d> OwnMatrix(const ValueView& frame) {
 /// fl_x, fl_y, cx, cy with our pixel origin.
 Eigen::Vector4d ReadFocalAndCentre(const FrameKeys& keys, const Eigen::Vector2d& size, const ValueView& frame) {
   Eigen::Vector4d k;
-  const auto matrix = OwnMatrix(frame);
+  const auto matrix = OwnMatrix(frame, keys.Has("fl_x") || keys.Has("camera_angle_x"));
   for (const char* other : {"fl_x", "fl_y", "cx", "cy"}) {
     if (matrix) static_cast<void>(keys.Has(other));  // the file's are those of other frames
   }

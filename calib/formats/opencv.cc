@@ -68,7 +68,9 @@ void CheckKindIsSaid(const Entry& distortion, const Eigen::VectorXd& terms) {
 }
 
 /// Coefficients under names of their own, k1, k2, p1, …, of entries without a list of them; empty: there are none.
-Eigen::VectorXd SingleTerms(const Entries& entries, bool is_fisheye) {
+/// Throws FormatError for k1 … k4 alone, a fisheye's terms, where nothing says what lens it is.
+Eigen::VectorXd SingleTerms(const Entries& entries, geometry::LensKind kind, const internal::Place& lens) {
+  const bool is_fisheye = kind == geometry::LensKind::kFisheye;
   const std::initializer_list<const char*> kPerspective = {"k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"};
   const std::initializer_list<const char*> kFisheye = {"k1", "k2", "k3", "k4"};
   const auto& names = is_fisheye ? kFisheye : kPerspective;
@@ -82,6 +84,12 @@ Eigen::VectorXd SingleTerms(const Entries& entries, bool is_fisheye) {
     ++i;
   }
   if (!any) return {};
+  const bool fourth_alone = !is_fisheye && terms[5] != 0 && terms.segment(2, 2).isZero(0) && terms.tail(2).isZero(0);
+  if (fourth_alone && kind == geometry::LensKind::kUnsaid) {
+    throw FormatError(lens.path, lens.where,
+                      "beside it stand k1 to k4 without p1, p2, as of a fisheye lens, and nothing says what lens it is; pass "
+                      "option 'lens' fisheye or perspective");
+  }
   if (!is_fisheye && terms.tail(3).isZero(0)) terms.conservativeResize(5);
   return terms;
 }
@@ -91,7 +99,7 @@ geometry::RigCamera ReadCamera(const Entries& entries, const std::string& name, 
   const geometry::LensKind kind = internal::LensKindOf(internal::LensWordsOf(entries), options, matrix.place);
   const bool is_fisheye = kind == geometry::LensKind::kFisheye;
   Eigen::VectorXd terms = internal::ReadDistortion(distortion);
-  if (terms.size() == 0) terms = SingleTerms(entries, is_fisheye);
+  if (terms.size() == 0) terms = SingleTerms(entries, kind, matrix.place);
   if (distortion && terms.size() == 4 && kind == geometry::LensKind::kUnsaid) CheckKindIsSaid(*distortion, terms);
   Eigen::Matrix3d k = ReadMatrix3(matrix);
   if (IsJarvis(entries)) k.transposeInPlace();

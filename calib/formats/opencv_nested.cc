@@ -55,7 +55,8 @@ Value Flattened(const Value& table) {
   return flat;
 }
 
-/// OKVIS states `focal_length` and `principal_point`, two numbers each: they become a camera matrix.
+/// OKVIS states `focal_length` and `principal_point`, two numbers each: they become a camera matrix. Not to be asked of a table
+/// that has one: its pairs may be millimetres.
 Value WithMatrix(const Value& table) {
   const auto pair = [&](const char* key) -> const Value* {
     for (const auto& [name, value] : table.entries) {
@@ -105,7 +106,9 @@ void ForEachIn(const Value& value, const Place& place, const std::string& name, 
 
 bool CollectCameras(const Value& value, const Place& place, const std::string& name,
                     std::initializer_list<const char*> matrix_keys, int depth, std::vector<NestedCamera>* cameras) {
-  if (const Value flat = WithMatrix(Flattened(value)); IsCameraTable(flat, matrix_keys)) {
+  Value flat = Flattened(value);
+  if (!IsCameraTable(flat, matrix_keys)) flat = WithMatrix(flat);
+  if (IsCameraTable(flat, matrix_keys)) {
     Entries entries = EntriesIn(flat, place);
     const std::string own = NameOf(entries, name);
     cameras->push_back({own, place.where, std::move(entries)});
@@ -193,6 +196,8 @@ std::vector<NestedCamera> NumberedCameras(const Entries& root, std::initializer_
       cameras[std::stoi(split.number)].name = "cam" + split.number;
   }
   size_t poses = 0;
+  const Entry* twice = nullptr;
+  std::vector<const Entry*> taken;
   for (const auto& [key, entry] : root) {
     const NumberedKey split = SplitNumber(key);
     const bool number = entry.value.kind == Value::Kind::kNumber && split.stem.size() == 1;  // k1 of a lens, not K of camera 1
@@ -200,15 +205,15 @@ std::vector<NestedCamera> NumberedCameras(const Entries& root, std::initializer_
     const auto camera = cameras.find(std::stoi(split.number));
     if (camera == cameras.end()) continue;
     camera->second.where = camera->second.name;
-    camera->second.entries.insert({split.stem, entry});
+    if (!camera->second.entries.insert({split.stem, entry}).second) twice = &entry;
+    taken.push_back(&entry);
     poses += one_of(split.stem, kPoses);
   }
   if (cameras.size() < 2 || (cameras.size() == 2 && poses < 4)) return {};
+  if (twice) throw FormatError(twice->place.path, twice->place.where, "this key of its camera occurs twice, by two names");
   std::vector<NestedCamera> found;
   for (auto& [number, camera] : cameras) found.push_back(std::move(camera));
-  for (const NestedCamera& camera : found) {
-    for (const auto& [stem, entry] : camera.entries) root.at(NormalisedKey(entry.place.where)).value.used = true;
-  }
+  for (const Entry* entry : taken) entry->value.used = true;
   return found;
 }
 

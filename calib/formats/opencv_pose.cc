@@ -17,12 +17,25 @@ constexpr std::initializer_list<const char*> kWorldFromCamKeys = {
     "c2w",       "camtoworld",   "cameratoworld", "cam2world", "camera2world", "worldfromcam", "worldfromcamera",
     "tworldcam", "tworldcamera", "twc",           "tsc"};
 
+/// A 4x4 matrix ends in 0, 0, 0, 1; one of columns for rows has these at the right.
+void CheckLastRow(const Eigen::MatrixXd& matrix, const Place& place) {
+  constexpr double kRounding = 1e-6;
+  const Eigen::RowVector4d last(0, 0, 0, 1);
+  if (matrix.rows() < 4 || (matrix.row(3) - last).cwiseAbs().maxCoeff() <= kRounding) return;
+  const bool transposed = (matrix.col(3).transpose() - last).cwiseAbs().maxCoeff() <= kRounding;
+  throw FormatError(place.path, place.where,
+                    transposed ? "seems to be transposed: its last column is 0, 0, 0, 1, and its last row must be; write its "
+                                 "columns as rows"
+                               : "the last row of a matrix [R t] must be 0, 0, 0, 1");
+}
+
 geometry::Rigid3 ReadPoseMatrix(const Entry& entry, double metres_per_unit) {
   Eigen::MatrixXd matrix = ReadMatrix(entry);
   if (matrix.cols() == 1 && (matrix.size() == 12 || matrix.size() == 16))
     matrix = matrix.reshaped(4, matrix.size() / 4).transpose().eval();
   if (matrix.cols() != 4 || (matrix.rows() != 3 && matrix.rows() != 4))
     throw FormatError(entry.place.path, entry.place.where, "a 3x4 or 4x4 matrix [R t] was expected");
+  CheckLastRow(matrix, entry.place);
   return {MakeRotation(matrix.topLeftCorner<3, 3>(), entry.place), matrix.topRightCorner<3, 1>() * metres_per_unit};
 }
 
@@ -71,6 +84,20 @@ bool NamesPose(const std::string& key, const Value& value) {
   return fits &&
          (std::any_of(kWhole.begin(), kWhole.end(), [&](const char* word) { return key == word; }) ||
           std::any_of(kPieces.begin(), kPieces.end(), [&](const char* piece) { return key.find(piece) != std::string::npos; }));
+}
+
+/// What by its name may be a pose and is none: OpenCV's views of the board and its Q (4x4) of disparities, and the R by which
+/// ROS rectifies, beside its distortion_model or its P = K [I t].
+bool IsNoPose(const Entries& entries, const std::string& key, const Value& value) {
+  if (key == "extrinsicparameters") return true;
+  if (key == "q") return CountNumbers(value) == 16;
+  if (key != "r") return false;
+  const auto projection = entries.find("p");
+  if (entries.count("distortionmodel") || projection == entries.end()) return entries.count("distortionmodel") > 0;
+  if (CountNumbers(projection->second.value) != 12) return false;
+  Eigen::MatrixXd p = ReadMatrix(projection->second);
+  if (p.cols() == 1) p = p.reshaped(4, 3).transpose().eval();
+  return p.rows() == 3 && p(1, 0) == 0 && p(2, 0) == 0 && p(2, 1) == 0;
 }
 
 }  // namespace
@@ -122,7 +149,7 @@ std::optional<geometry::Rigid3> FindPose(const Entries& entries, double metres_p
 void RefuseOtherPoses(const std::vector<Entries>& cameras) {
   for (const Entries& entries : cameras) {
     for (const auto& [key, entry] : entries) {
-      if (entry.value.used || !NamesPose(key, entry.value)) continue;
+      if (entry.value.used || !NamesPose(key, entry.value) || IsNoPose(entries, key, entry.value)) continue;
       throw FormatError(
           entry.place.path, entry.place.where,
           "seems to say where the camera stands, in a way that this reader does not know: write R (3x3) and T, "

@@ -141,13 +141,6 @@ std::string ManifestText(const Take& take, const ExportReport& report, const std
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
-void RequireAny(const std::string& root, const dataset::MissingImages& missing) {
-  int without = 0;
-  for (const auto& [camera, of] : missing.by_camera) without += static_cast<int>(of.no_image.size());
-  if (without > 0 && without == missing.asked())
-    throw FormatError(root, "hdImgs", "holds none of the " + std::to_string(without) + " images of these cameras and frames");
-}
-
 void NoteMissing(const FormatInfo& format, const ExportOptions& options, ExportReport* report) {
   if (!format.has_images || options.images == ExportImages::kNone) return;
   if (report->missing_images > 0) {
@@ -186,7 +179,7 @@ void WriteOneFile(const Writer& writer, const Take& take, const std::string& roo
   Images images(take, options, folder);
   writer.write({take, images, options, run, folder, report, out});
   images.Run(run, report);
-  RequireAny(root, report->missing);
+  images.RequireAny();
   NoteMissing(writer.info, options, report);
   FillFromTake(take, report);
 }
@@ -249,7 +242,7 @@ ExportReport ExportDataset(const dataset::PanopticDataset& dataset, const std::s
   NoteReaderLimits(job);
   writer.write(job);
   images.Run(run, &report);
-  RequireAny(dataset.root, report.missing);
+  images.RequireAny();
   NoteMissing(writer.info, options, &report);
   FillFromTake(take, &report);
   if (take.split) {

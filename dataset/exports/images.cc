@@ -89,6 +89,15 @@ void Images::CountMissingMask(size_t view, int frame) {
   if (!SourceOf(view, frame, false).empty()) missing_.by_camera[take_.views.at(view).info.source].no_mask.insert(frame);
 }
 
+void Images::RequireAny() const {
+  int without = 0;
+  for (const auto& [camera, of] : missing_.by_camera) without += static_cast<int>(of.no_image.size());
+  if (without > 0 && without == missing_.asked()) {
+    throw FormatError(take_.root, "hdImgs",
+                      "holds none of the " + std::to_string(without) + " images of these cameras and frames");
+  }
+}
+
 std::string Images::AddImage(size_t view, int frame, const std::string& stem, const std::string& extension) {
   const std::string from = SourceOf(view, frame, false);
   CountImage(view, frame, from.empty());

@@ -38,6 +38,9 @@ class Images {
   std::string EncodedImage(size_t view, int frame);
   std::string EncodedMask(size_t view, int frame);
 
+  /// Throws FormatError when all images that were asked for so far are missing. To be asked before a file is published.
+  void RequireAny() const;
+
   /// Makes everything that was listed. Throws FormatError for an image whose size differs from its camera's, IoError,
   /// ResourceError.
   void Run(const RunContext& run, ExportReport* report);

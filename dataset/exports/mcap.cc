@@ -148,6 +148,7 @@ void WriteMcap(const Job& job) {
     messages.AddFrame(frame, time_of(frame));
   }
   file.Finish();
+  job.images.RequireAny();
   place.Commit();
   job.report->files.push_back(name);
 }

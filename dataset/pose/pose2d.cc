@@ -233,7 +233,7 @@ std::vector<Person2d> ParsePeople(const json& root, const PoseFile& file) {
   const std::optional<geometry::Skeleton> stated = internal::StatedSkeleton(root);
   if (!stated) return ParsePeopleAsListed(root, file);
   std::vector<Person2d> people = ParsePeopleAsListed(root, {file.path, file.place, *stated});
-  internal::ToAskedJoints(*stated, file, &people);
+  internal::ToAskedJoints(*stated, internal::MayLeaveOutJoints(root), file, &people);
   return people;
 }
 

@@ -50,9 +50,12 @@ std::string NameOfPoint(const nlohmann::json& point);
 /// The joints that a file names itself (SkeletonStatedIn), in its order and by its names.
 std::optional<geometry::Skeleton> StatedSkeleton(const nlohmann::json& root);
 
+/// Whether its keypoints bear their names themselves: those that are nowhere in it were not detected. Others list all joints.
+bool MayLeaveOutJoints(const nlohmann::json& root);
+
 /// People in the order of `stated` become people in that of the file's skeleton, found by name. Throws FormatError for a joint
-/// that the file does not name.
-void ToAskedJoints(const geometry::Skeleton& stated, const PoseFile& file, std::vector<Person2d>* people);
+/// that the file does not name, and with `may_leave_out` only if it names none.
+void ToAskedJoints(const geometry::Skeleton& stated, bool may_leave_out, const PoseFile& file, std::vector<Person2d>* people);
 
 /// The skeletons with as many joints, as advice.
 std::string FittingSkeletons(size_t num_joints);

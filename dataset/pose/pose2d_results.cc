@@ -333,7 +333,8 @@ Pose2dTrack ReadPoseResults(const std::string& path, const std::string& camera, 
   const std::optional<geometry::Skeleton> stated = internal::StatedSkeleton(read);
   if (!stated) return ReadAllEntries(read, whole, camera);
   Pose2dTrack track = ReadAllEntries(read, {path, whole.place, *stated}, camera);
-  for (auto& [frame, people] : track.frames) internal::ToAskedJoints(*stated, whole, &people);
+  for (auto& [frame, people] : track.frames)
+    internal::ToAskedJoints(*stated, internal::MayLeaveOutJoints(read), whole, &people);
   return track;
 }
 

@@ -35,7 +35,7 @@ std::vector<std::string> TextsByNumber(const json& table) {
   return texts;
 }
 
-/// The names of keypoints {"name": "nose", "x": …}, TensorFlow's `part`.
+/// The names of keypoints {"name": "nose", "x": …}, TensorFlow's `part`; empty: not all have one.
 std::vector<std::string> NamesOfPoints(const json& person) {
   std::vector<std::string> names;
   if (!person.is_object() || !person.contains("keypoints") || !person["keypoints"].is_array()) return names;
@@ -77,13 +77,29 @@ const json* SharedCategory(const json& root) {
   return shared;
 }
 
+/// The names that any person's keypoints bear, each once, in the order of their first: detectors leave out what they do not
+/// see. Empty: none, or a person has a joint twice.
+std::vector<std::string> NamesOfAllPoints(const json& people) {
+  std::vector<std::string> names;
+  std::set<std::string> known;
+  for (const json& person : people) {
+    std::set<std::string> own;
+    for (const std::string& name : NamesOfPoints(person)) {
+      const std::string key = geometry::JointKey(name);
+      if (!own.insert(key).second) return {};
+      if (known.insert(key).second) names.push_back(name);
+    }
+  }
+  return names;
+}
+
 std::vector<std::string> StatedNames(const json& root) {
   if (const json* const category = SharedCategory(root)) return TextsOf((*category)["keypoints"]);
   if (const json* const meta = JsonMember(root, "meta_info")) {
     const json* const names = JsonMember(*meta, "keypoint_id2name");
     return names ? TextsByNumber(*names) : std::vector<std::string>();
   }
-  return root.is_array() && !root.empty() ? NamesOfPoints(root[0]) : std::vector<std::string>();
+  return root.is_array() ? NamesOfAllPoints(root) : std::vector<std::string>();
 }
 
 /// COCO's `skeleton`: pairs that count joints from 1.
@@ -120,18 +136,23 @@ std::optional<geometry::Skeleton> internal::StatedSkeleton(const json& root) {
   return skeleton;
 }
 
-void internal::ToAskedJoints(const geometry::Skeleton& stated, const PoseFile& file, std::vector<Person2d>* people) {
-  std::vector<size_t> places;
-  for (const std::string& joint : file.skeleton.joints) {
+bool internal::MayLeaveOutJoints(const json& root) { return root.is_array(); }
+
+void internal::ToAskedJoints(const geometry::Skeleton& stated, bool may_leave_out, const PoseFile& file,
+                             std::vector<Person2d>* people) {
+  const std::vector<std::string>& asked = file.skeleton.joints;
+  const bool any = std::any_of(asked.begin(), asked.end(), [&](const auto& j) { return geometry::FindJoint(stated, j) >= 0; });
+  std::vector<int> places;
+  for (const std::string& joint : asked) {
     const int place = geometry::FindJoint(stated, joint);
-    if (place < 0)
+    if (place < 0 && !(may_leave_out && any))
       file.Fail("", "the file names its joints (" + SomeOf(stated.joints) + "), and none of them is `" + joint +
                         "` of skeleton " + file.skeleton.name + "; leave option 'skeleton' out to take the file's joints");
-    places.push_back(static_cast<size_t>(place));
+    places.push_back(place);
   }
   for (Person2d& person : *people) {
     std::vector<Keypoint2d> keypoints;
-    for (const size_t place : places) keypoints.push_back(person.keypoints[place]);
+    for (const int place : places) keypoints.push_back(place < 0 ? Keypoint2d{} : person.keypoints[static_cast<size_t>(place)]);
     person.keypoints = std::move(keypoints);
   }
 }

@@ -15,7 +15,9 @@ CameraTimes ReadFootageTimes(const std::string& camera, const std::string& path,
 
 /// Sets the cameras' times from a table of time stamps (CSV with a header). Columns:
 ///   camera: `camera`, `cam`, `cam_id`, `camera_id` or `port`, with its name, its serial or the number in its name
-///   time: `time`, `timestamp` or `frame_time` in seconds, or one of them ending in `_s`, `_ms`, `_us` or `_ns`
+///   time: `time`, `timestamp` or `frame_time`, or one of them ending in `_s`, `_ms`, `_us` or `_ns`. Without an ending: the
+///     unit that fits the videos' frame rate; else seconds where frames are no more than 10 s apart, or a finer unit that
+///     makes 1 to 1000 frames a second
 ///   frame, optional: `frame`, `frame_index` or `frame_idx`. Without it, a camera's rows are its frames in order of
 ///     time. The same holds where it numbers as many frames but does not begin at the footage's first.
 ///

@@ -2,6 +2,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
 #include <map>
 #include <optional>
 #include <string_view>
@@ -10,6 +11,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "dataset/json/json_file.h"
+#include "dataset/session/session_scan.h"
 #include "dataset/session/timeline_source.h"
 
 namespace mvstudio::dataset {
@@ -113,46 +115,93 @@ std::optional<int64_t> ReadFrame(const CsvReader& csv, const std::string& cell) 
 
 using RowsByCamera = std::map<std::string, Rows>;
 
-/// The median of the positive steps of all cameras' times; 0: there are none.
+/// The positive steps of times, added to `steps`.
+void AddSteps(std::vector<double> times, std::vector<double>* steps) {
+  std::sort(times.begin(), times.end());
+  for (size_t i = 1; i < times.size(); ++i) {
+    if (times[i] > times[i - 1]) steps->push_back(times[i] - times[i - 1]);
+  }
+}
+
+/// 0: there are none.
+double MedianOfSteps(std::vector<double> steps) {
+  if (steps.empty()) return 0;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  return *middle;
+}
+
+/// The median step of all cameras' times; 0: there is none.
 double MedianStep(const RowsByCamera& cameras) {
   std::vector<double> steps;
   for (const auto& [name, rows] : cameras) {
     std::vector<double> times;
     for (const auto& [frame, time] : rows) times.push_back(time);
-    std::sort(times.begin(), times.end());
-    for (size_t i = 1; i < times.size(); ++i) {
-      if (times[i] > times[i - 1]) steps.push_back(times[i] - times[i - 1]);
-    }
+    AddSteps(std::move(times), &steps);
   }
-  if (steps.empty()) return 0;
-  std::nth_element(steps.begin(), steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2), steps.end());
-  return steps[steps.size() / 2];
+  return MedianOfSteps(std::move(steps));
 }
 
-/// Times whose column names no unit are seconds, unless their steps would be slower than any camera's: then they are of the
-/// unit that makes 1 to 1000 frames a second. Returns what is to be said about it.
-std::string FindUnit(const std::string& column, RowsByCamera* cameras) {
-  constexpr double kSlowest = 1.5;  // seconds a frame
-  struct Unit {
-    const char* name;
-    double seconds;
-  };
-  constexpr Unit kUnits[] = {{"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
-  const double step = MedianStep(*cameras);
-  if (step < kSlowest) return "";
-  for (const Unit& unit : kUnits) {
-    if (step * unit.seconds > 1) continue;
-    for (auto& [name, rows] : *cameras) {
-      for (auto& [frame, time] : rows) time *= unit.seconds;
+/// The same of the videos, seconds; 0: there are none. Images have no times of their own.
+double StepOfVideos(const std::vector<CameraTimes>& cameras) {
+  std::vector<double> steps;
+  for (const CameraTimes& camera : cameras) {
+    std::vector<double> times;
+    for (const double time : camera.time_s) {
+      if (std::isfinite(time)) times.push_back(time);
     }
-    return "the column `" + column + "` of times names no unit: taken as " + unit.name + ", which makes " +
-           Format("%.4g", 1 / (step * unit.seconds)) + " frames a second; call it time_s if it holds seconds";
+    if (IsVideoFile(camera.source)) AddSteps(std::move(times), &steps);
   }
-  return "";
+  return MedianOfSteps(std::move(steps));
+}
+
+struct TimeUnit {
+  const char* name;
+  double seconds;
+};
+constexpr TimeUnit kTimeUnits[] = {{"s", 1}, {"ms", 1e-3}, {"us", 1e-6}, {"ns", 1e-9}};
+
+/// The unit in which times `step` apart are about as far apart as the videos' frames; else seconds up to the slowest
+/// time-lapse, and beyond it the unit that makes 1 to 1000 frames a second. Null: two units make a rate that cameras have.
+const TimeUnit* UnitOfStep(double step, double video_step) {
+  constexpr double kAbout = 3, kSlowestLapse = 10, kSlowest = 1, kFastest = 2000;  // seconds a frame, frames a second
+  for (const TimeUnit& unit : kTimeUnits) {
+    const double ratio = video_step > 0 ? step * unit.seconds / video_step : 0;
+    if (ratio > 1 / kAbout && ratio < kAbout) return &unit;
+  }
+  if (step <= kSlowestLapse) return &kTimeUnits[0];
+  for (const TimeUnit& unit : kTimeUnits) {
+    if (step * unit.seconds > kSlowest) continue;
+    const bool finer_too = &unit != std::end(kTimeUnits) - 1 && step * unit.seconds * 1e-3 * kFastest >= 1;
+    return finer_too ? nullptr : &unit;
+  }
+  return &kTimeUnits[0];
+}
+
+/// Times whose column names no unit. Returns what is to be said about it; throws FormatError where it cannot be told.
+std::string FindUnit(const std::string& path, const std::string& column, double video_step, RowsByCamera* cameras) {
+  constexpr double kUsual = 1.5;  // seconds a frame
+  const double step = MedianStep(*cameras);
+  if (step <= 0) return "";
+  const TimeUnit* const unit = UnitOfStep(step, video_step);
+  if (!unit) {
+    throw FormatError(path, "column `" + column + "`",
+                      "names no unit, and its times are " + Format("%.4g", step) +
+                          " apart: several units make a frame rate that cameras have; name the column time_s, time_ms or "
+                          "time_us");
+  }
+  if (unit->seconds == 1 && step < kUsual) return "";
+  for (auto& [name, rows] : *cameras) {
+    for (auto& [frame, time] : rows) time *= unit->seconds;
+  }
+  return "the column `" + column + "` of times names no unit: taken as " + unit->name + ", which makes " +
+         Format("%.4g", 1 / (step * unit->seconds)) + " frames a second; call it " +
+         (unit->seconds == 1 ? "time_ms if it holds milliseconds" : "time_s if it holds seconds");
 }
 
 /// Camera -> its rows.
-RowsByCamera ReadRows(const std::string& path, const std::vector<SessionCamera>& cameras, std::vector<std::string>* notes) {
+RowsByCamera ReadRows(const std::string& path, const std::vector<SessionCamera>& cameras, double video_step,
+                      std::vector<std::string>* notes) {
   const std::string text = internal::ReadTextFile(path, kMaxBytes);
   CsvReader csv(path, text);
   if (!csv.NextLine()) throw FormatError(path, "", "the file is empty");
@@ -178,7 +227,7 @@ RowsByCamera ReadRows(const std::string& path, const std::vector<SessionCamera>&
     rows[cameras[static_cast<size_t>(is_new.first->second)].name].emplace_back(frame,
                                                                                static_cast<double>(*time * columns.seconds));
   }
-  const std::string found = columns.states_unit() || dated ? "" : FindUnit(columns.time_name, &rows);
+  const std::string found = columns.states_unit() || dated ? "" : FindUnit(path, columns.time_name, video_step, &rows);
   if (!found.empty()) notes->push_back(found);
   return rows;
 }
@@ -227,7 +276,7 @@ std::string Give(const std::string& path, Rows rows, CameraTimes* times) {
 std::vector<std::string> ReadTimestamps(const std::string& path, const std::vector<SessionCamera>& cameras,
                                         std::vector<CameraTimes>* times) {
   std::vector<std::string> notes;
-  const RowsByCamera rows = ReadRows(path, cameras, &notes);
+  const RowsByCamera rows = ReadRows(path, cameras, StepOfVideos(*times), &notes);
   for (CameraTimes& camera : *times) {
     const auto found = rows.find(camera.camera);
     if (found == rows.end()) {

@@ -22,10 +22,11 @@ namespace mvstudio::geometry {
 ///   - CAL-INVERTED: the axes do not meet in front of the cameras, and do with every pose inverted.
 ///   - CAL-LOOKAWAY: the axes of three cameras or more meet behind all of them.
 ///   - CAL-DISTANCES: cameras are more than 100 m apart, or two closer than 5 mm, or three closer than 20 mm: the unit
-///     may be wrong. The position of the world's origin does not matter. Or all stand at one place.
+///     may be wrong. The position of the world's origin does not matter. Or all stand at one place. Or the axes of three
+///     or more meet within 30 mm; within 80 mm where the file's numbers were taken for centimetres (`in_centimetres`).
 ///
 /// No finding makes a rig unusable: wide fields and exotic optics are real.
-std::vector<Notice> ConflictsIn(const Rig& rig);
+std::vector<Notice> ConflictsIn(const Rig& rig, bool in_centimetres = false);
 
 /// |p1| and |p2| are at most 0.05 (CAL-DECENTRING).
 bool HasLensDecentring(const Camera& camera);

@@ -129,7 +129,8 @@ calib::ImportedRig ReadCalibrationFiles(const std::vector<std::string>& named, c
   }
   NoteStatedSizes(options.size, named.front(), &imported);
   if (geometry::HasLensesOnly(imported.rig)) imported.rig.gauge = geometry::kLensesOnly;
-  Append(geometry::ConflictsIn(imported.rig), &imported.notes);
+  const bool in_centimetres = format == calib::CalibrationFormat::kPanoptic || options.unit == calib::LengthUnit::kCentimetre;
+  Append(geometry::ConflictsIn(imported.rig, in_centimetres), &imported.notes);
   return imported;
 }
 

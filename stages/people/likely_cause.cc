@@ -55,6 +55,30 @@ std::string NothingExplains(const triangulate::CauseReport& report) {
   return text;
 }
 
+bool IsTiming(const triangulate::CauseTrial& trial) {
+  return trial.cause == triangulate::Cause::kTimeOffset || trial.cause == triangulate::Cause::kRates;
+}
+
+/// The trials of the clocks, a clear one first, with its message also where another cause fits better.
+triangulate::CauseReport ClocksAlone(const triangulate::CauseReport& report) {
+  triangulate::CauseReport clocks = report;
+  clocks.message.clear();
+  std::vector<triangulate::CauseTrial>& trials = clocks.trials;
+  trials.erase(std::remove_if(trials.begin(), trials.end(), [](const auto& trial) { return !IsTiming(trial); }), trials.end());
+  const auto clear = std::find_if(trials.begin(), trials.end(), [](const auto& trial) { return trial.clear; });
+  if (clear == trials.end()) return clocks;
+  std::rotate(trials.begin(), clear, clear + 1);
+  clocks.message =
+      IsTiming(report.trials[0])
+          ? report.message
+          : trials[0].assumption +
+                Format(
+                    ", %.3g %% of the detections in a sample fit together, as given %.3g %%; mean residual %.2f px "
+                    "instead of %.2f px",
+                    100 * trials[0].carried, 100 * report.as_given.carried, trials[0].residual_px, report.as_given.residual_px);
+  return clocks;
+}
+
 /// The first trial is the cause.
 CauseFinding ErrorOf(const triangulate::CauseReport& report) {
   CauseFinding finding{{}, true, report.trials[0].remedy};
@@ -104,7 +128,7 @@ CauseFinding CauseInCamera(const triangulate::CauseReport& report, bool timed) {
     return finding;
   }
   const triangulate::CauseTrial& trial = report.trials[0];
-  if (trial.cause == Cause::kTimeOffset || trial.cause == Cause::kRates) return CauseInTiming(report, timed);
+  if (IsTiming(trial)) return CauseInTiming(report, timed);
   return ErrorOf(report);
 }
 
@@ -117,14 +141,7 @@ CauseFinding CauseInScatter(const triangulate::CauseReport& report, bool timed) 
       !report.message.empty() && report.trials[0].residual_px <= (moved ? kNoise : kHalf) * report.as_given.residual_px;
   if (clear && moved) return ErrorOf(report);
   if (clear) return CauseInCamera(report, timed);
-  triangulate::CauseReport clocks = report;
-  clocks.trials.clear(), clocks.message.clear();
-  for (const triangulate::CauseTrial& trial : report.trials) {
-    const bool timing = trial.cause == Cause::kTimeOffset || trial.cause == Cause::kRates;
-    if (timing) clocks.trials.push_back(trial);
-    if (timing && &trial == &report.trials[0]) clocks.message = report.message;
-  }
-  return CauseInTiming(clocks, timed);
+  return CauseInTiming(ClocksAlone(report), timed);
 }
 
 }  // namespace mvstudio::stages

@@ -38,7 +38,7 @@ void VisitFields(Visitor&& visit, ViewOptions& o) {
   visit("port", o.port, "port on 127.0.0.1; 0: any that is free");
   visit("idle-min", o.idle_min, "minutes after which a page that asks for nothing counts as closed, and this ends; 0: never");
   visit("rerun", o.rerun,
-        "folder of the npm package @rerun-io/web-viewer, which shows .mcap files; default: node_modules here or above");
+        "folder of the npm package @rerun-io/web-viewer, which shows .mcap files; default: node_modules of the working folder");
   visit("cache-mb", o.cache_mb, "MB of images that are kept in memory");
 }
 

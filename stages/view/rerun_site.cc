@@ -72,16 +72,11 @@ std::string RerunFolder(const std::string& given, const std::string& path) {
     throw UsageError("option 'rerun' " + given +
                      ": is no folder of the npm package @rerun-io/web-viewer (index.js, re_viewer.js, " + "re_viewer_bg.wasm)");
   }
-  for (fs::path folder : {fs::current_path(none), fs::absolute(path, none).parent_path()}) {
-    for (;; folder = folder.parent_path()) {
-      if (IsPackage(folder / kPackage)) return (folder / kPackage).string();
-      if (folder == folder.parent_path()) break;
-    }
-  }
+  if (const fs::path here = fs::current_path(none) / kPackage; IsPackage(here)) return here.string();
   throw MissingToolError(
       path +
-      ": is shown by Rerun's viewer, which is not here: npm install @rerun-io/web-viewer, or name its folder by "
-      "option 'rerun'; Rerun and Foxglove open the file, too");
+      ": is shown by Rerun's viewer, which is not in the working folder's node_modules: npm install @rerun-io/web-viewer, or "
+      "name its folder by option 'rerun'; Rerun and Foxglove open the file, too");
 }
 
 RerunSite::RerunSite(const ViewOptions& options, std::string package)

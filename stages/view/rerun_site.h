@@ -11,8 +11,9 @@ namespace mvstudio::stages {
 /// Whether `view` shows a file in Rerun's viewer.
 bool IsMessagesFile(const std::string& path);
 
-/// The folder of the npm package @rerun-io/web-viewer: `given`, else node_modules/@rerun-io/web-viewer in the working folder,
-/// in that of `path`, and above it. Throws UsageError for a folder that is none, MissingToolError where there is none.
+/// The folder of the npm package @rerun-io/web-viewer: `given`, else node_modules/@rerun-io/web-viewer in the working folder;
+/// nowhere else, as a file's folder may be somebody else's and its scripts would run. `path`: the file to show. Throws
+/// UsageError for a folder that is none, MissingToolError where there is none.
 std::string RerunFolder(const std::string& given, const std::string& path);
 
 /// A page with an MCAP file in Rerun's viewer. Nothing but the file and the package's three files is served.

@@ -141,10 +141,13 @@ ViewReport RunView(const ViewOptions& options, const MakeReportPage& report, con
   result.scene = ReadScene(options.scene, &result.notes);
   const std::string page = ReportPageOf(result.scene, options.scene.path, report);
   result.has_report = !page.empty();
-  if (page.empty() && result.scene.steps.empty() && result.scene.cameras.empty())
+  if (page.empty() && result.scene.steps.empty() && result.scene.cameras.empty()) {
+    const std::vector<Notice>& left_out = result.notes.warnings;
+    if (!left_out.empty()) throw IoError(options.scene.path, "nothing to show: " + left_out.front().text);
     throw IoError(options.scene.path,
                   "holds neither footage, joints, a calibration nor results: nothing to show; give a session, a run, a "
                   "dataset, a calibration, points in 3D or videos");
+  }
   ViewSite site(options, &result, page, ReadSolids(options.scene, {}, result.scene, &result.notes));
   show([&](const PageRequest& request) { return site(request); }, [&] { return site.is_over() || interrupted(); });
   return result;

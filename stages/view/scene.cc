@@ -38,6 +38,16 @@ bool IsThere(const std::string& path) {
 /// Whether a path that belongs to the scene may be read: it lies in its folder, links followed.
 bool MayRead(const Scene& scene, const std::string& path) { return scene.root.empty() || LiesIn(path, scene.root); }
 
+/// The same of something that is there; what may not is a warning.
+bool MayShow(const Scene& scene, const std::string& what, const std::string& path, InputNotes* notes) {
+  if (MayRead(scene, path)) return true;
+  notes->warnings.push_back(
+      {"VIEW-LEFTOUT", what + " " + path + ": a link leads outside of " + scene.root + "; option 'allow-outside' shows it",
+       "the rest is shown"});
+  notes->partial = true;
+  return false;
+}
+
 void SetRig(geometry::Rig rig, Scene* scene) {
   scene->rig = std::move(rig);
   for (SceneCamera& camera : scene->cameras) camera.rig_idx = scene->rig.Find(camera.name);
@@ -60,7 +70,8 @@ void Try(const std::string& what, InputNotes* notes, const Read& read) {
 }
 
 void AddJoints(const std::string& folder, Scene* scene, InputNotes* notes) {
-  if (!IsThere(folder + "/points.csv") || !MayRead(*scene, folder + "/points.csv")) return;
+  const std::string points = folder + "/points.csv";
+  if (!IsThere(points) || !MayShow(*scene, "3D joints", points, notes)) return;
   Try("3D joints", notes, [&] {
     UsePose3d(dataset::ReadPose3d(folder), scene);
     notes->inputs.push_back(folder);
@@ -73,7 +84,7 @@ void AddDetections(const std::string& calib, const std::string& folder, Scene* s
   pose.calib = calib, pose.lenses_suffice = true;
   for (const SceneCamera& camera : scene->cameras) {
     const std::string of_camera = folder + "/" + dataset::Slug(camera.name);
-    if (IsFolder(of_camera) && MayRead(*scene, of_camera) && camera.rig_idx >= 0)
+    if (IsFolder(of_camera) && camera.rig_idx >= 0 && MayShow(*scene, "2D joints", of_camera, notes))
       pose.pose2d.push_back({camera.name, of_camera});
   }
   if (pose.pose2d.size() < 2) return;
@@ -139,7 +150,7 @@ std::string DatasetIn(const std::string& folder) {
 }
 
 /// Footage without anything else: videos, a folder of images for each camera, or the images of one.
-void AddFootage(const std::string& folder, Scene* scene) {
+void AddFootage(const std::string& folder, Scene* scene, InputNotes* notes) {
   std::vector<dataset::SessionCamera> cameras;
   const dataset::SessionTake take = dataset::ScanFolder(folder, &cameras);
   const auto is_image = [&](const dataset::SessionFootage& footage) {
@@ -152,8 +163,8 @@ void AddFootage(const std::string& folder, Scene* scene) {
     return;
   }
   for (const dataset::SessionFootage& footage : take.footage) {
-    if (!is_image(footage) && MayRead(*scene, folder + "/" + footage.path))
-      scene->cameras.push_back({footage.camera, -1, folder + "/" + footage.path, ""});
+    const std::string path = folder + "/" + footage.path;
+    if (!is_image(footage) && MayShow(*scene, "footage", path, notes)) scene->cameras.push_back({footage.camera, -1, path, ""});
   }
 }
 
@@ -173,7 +184,7 @@ void ReadFolderScene(const ViewSceneOptions& options, Scene* scene, InputNotes* 
   const std::string& folder = options.path;
   const std::string images = DatasetIn(folder);
   scene->kind = images == folder ? "dataset" : "run", scene->report_folder = folder;
-  if (!images.empty() && MayRead(*scene, images)) {
+  if (!images.empty() && MayShow(*scene, "the dataset", images, notes)) {
     ReadDatasetScene(images, scene, notes);
   } else if (IsThere(calib::CalibrationIn(folder)) && calib::CalibrationIn(folder) != folder) {
     Try("lenses", notes, [&] { SetRig(ReadCalibrationFiles({folder}, {}).rig, scene); });
@@ -182,7 +193,7 @@ void ReadFolderScene(const ViewSceneOptions& options, Scene* scene, InputNotes* 
   AddJoints(folder + "/pose3d", scene, notes);
   if (scene->joints.empty()) AddJoints(folder, scene, notes);
   const bool has_results = !FilesNamed(folder, "", ".result.json").empty();
-  if (scene->cameras.empty() && scene->joints.empty() && !has_results) AddFootage(folder, scene);
+  if (scene->cameras.empty() && scene->joints.empty() && !has_results) AddFootage(folder, scene, notes);
   notes->inputs.push_back(folder);
 }
 

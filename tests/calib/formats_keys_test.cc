@@ -128,6 +128,21 @@ std::string Ros(const std::string& words, const std::string& distortion = "[0.1,
          words + "distortion_coefficients:\n  rows: 1\n  cols: 4\n  data: " + distortion + "\n";
 }
 
+/// A frame's own lens, in the ways that programs write it beside the file's; pixels from a corner.
+TEST(KeysOfFiles, LensesOfAFrame) {
+  const auto params = [](const std::string& own) {
+    return Eigen::VectorXd(ReadText(CalibrationFormat::kNerfstudio, Transforms("", own)).rig.cameras[0].camera.params.head(4));
+  };
+  const Eigen::Vector4d theirs(500, 510, 949.5, 529.5), of_file(420, 420, 959.5, 539.5);
+  for (const std::string own :
+       {"[500, 510, 950, 530]", "[[500, 0, 950], [0, 510, 530], [0, 0, 1]]", "[500, 0, 950, 0, 510, 530, 0, 0, 1]",
+        "[[500, 0, 950, 0], [0, 510, 530, 0], [0, 0, 1, 0], [0, 0, 0, 1]]",
+        "[500, 0, 950, 0, 0, 510, 530, 0, 0, 0, 1, 0, 0, 0, 0, 1]"})
+    EXPECT_EQ(params("\"intrinsics\": " + own + ", "), theirs) << own;
+  EXPECT_EQ(params("\"intrinsics\": [1, 2], "), of_file);
+  EXPECT_EQ(params(""), of_file);
+}
+
 TEST(LensWordsOfFiles, OfRosAndOpenCv) {
   for (const std::string head : {"", "%YAML:1.0\n---\n"}) {
     for (const char* word : {"camera_model: fisheye\n", "distortion_model: equidistant\n", "fisheye_model: 1\n"}) {
@@ -239,6 +254,27 @@ TEST(LensWordsOfFiles, AColumnOfFourNeedsAWord) {
   const geometry::Camera camera = ReadText(CalibrationFormat::kOpenCvYaml, column, options).rig.cameras[0].camera;
   EXPECT_EQ(camera.model, LensModel::kKannalaBrandt4);
   EXPECT_EQ(camera.height_px, 640);
+}
+
+/// k1 … k4 alone are a fisheye's, with p1 and p2 a perspective lens's.
+TEST(LensWordsOfFiles, SingleTermsUpToTheFourthNeedAWord) {
+  const auto text = [](const std::string& terms) {
+    return "{\"camera_matrix\": [[400, 0, 320], [0, 400, 240], [0, 0, 1]], \"image_size\": [640, 480], \"k1\": -0.04, "
+           "\"k2\": 0.02, \"k3\": -0.03, " +
+           terms + "}";
+  };
+  const auto model = [&](const std::string& terms, const ReadOptions& options) {
+    return ReadText(CalibrationFormat::kOpenCvYaml, text(terms), options).rig.cameras[0].camera.model;
+  };
+  EXPECT_THAT(Refused(CalibrationFormat::kOpenCvYaml, text("\"k4\": 0.008")),
+              HasSubstr("option 'lens' fisheye or perspective"));
+  ReadOptions options;
+  options.lens = geometry::LensKind::kFisheye;
+  EXPECT_EQ(model("\"k4\": 0.008", options), LensModel::kKannalaBrandt4);
+  options.lens = geometry::LensKind::kPerspective;
+  EXPECT_EQ(model("\"k4\": 0.008", options), LensModel::kRational8);
+  EXPECT_EQ(model("\"k4\": 0.008, \"p1\": 0.001, \"p2\": 0", {}), LensModel::kRational8);
+  EXPECT_EQ(model("\"k4\": 0", {}), LensModel::kBrown5);
 }
 
 /// A ray's pixel by the matrix with skew, and through what is read.

@@ -124,6 +124,58 @@ TEST_F(PosesOfFiles, KeysOfACameraThatChangeItsMeaning) {
   EXPECT_EQ(why(R"("unit": "m")"), "no exception");
 }
 
+/// Columns for rows: the turn would be the other way round, and the place lost.
+TEST_F(PosesOfFiles, ATransposedMatrixIsRefused) {
+  const auto why = [&](const std::string& pose) {
+    return MessageOf<FormatError>([&] { Read(Json(3, [&](const Stand&) { return "\"w2c\": " + pose; })); });
+  };
+  EXPECT_THAT(why("[[0,1,0,0],[-1,0,0,0],[0,0,1,0],[1,2,5,1]]"), AllOf(HasSubstr("cam0.w2c"), HasSubstr("transposed")));
+  EXPECT_THAT(why("[0,1,0,0, -1,0,0,0, 0,0,1,0, 1,2,5,1]"), HasSubstr("transposed")) << "a flat list";
+  EXPECT_THAT(why("[[0,1,0,1],[-1,0,0,2],[0,0,1,5],[0,0,0,2]]"), HasSubstr("0, 0, 0, 1"));
+  EXPECT_EQ(why("[[0,1,0,1],[-1,0,0,2],[0,0,1,5],[0,1e-17,0,1]]"), "no exception");
+}
+
+/// A camera matrix in px, beside the lens in mm.
+TEST_F(PosesOfFiles, APairInMillimetresBesideACameraMatrix) {
+  std::string text = Json(
+      3, [](const Stand& s) { return "\"focal_length\": [8, 8], \"principal_point\": [3.6, 2.4], \"w2c\": [" + s.Rt() + "]"; });
+  ExpectStands(Read(text), 3);
+  for (size_t at = text.find("\"K\""); at != std::string::npos; at = text.find("\"K\"", at))
+    text.replace(at, 3, "\"camera_matrix\"");
+  ExpectStands(Read(text), 3);
+}
+
+/// ROS's R rectifies; lenses alone are read from several of its messages.
+TEST_F(PosesOfFiles, SeveralMessagesOfRos) {
+  std::vector<std::string> paths;
+  for (const std::string name : {"cam0", "cam1"}) {
+    paths.push_back(folder_ / (name + ".yaml"));
+    WriteFileAtomic(
+        paths.back(),
+        "header:\n  frame_id: cam\nheight: 480\nwidth: 640\ndistortion_model: plumb_bob\nd: [0.1, -0.03, 0.004, -0.007, "
+        "0.0]\nk: [400, 0, 320, 0, 400, 240, 0, 0, 1]\nr: [1, 0, 0, 0, 1, 0, 0, 0, 1]\np: [400, 0, 320, 0, 0, 400, "
+        "240, 0, 0, 0, 1, 0]\nbinning_x: 0\n");
+  }
+  const ImportedRig imported = ReadFiles(paths);
+  ASSERT_EQ(imported.rig.cameras.size(), 2u);
+  EXPECT_EQ(imported.rig.cameras[1].camera.fx(), 400);
+}
+
+/// Keys too long for a message, and one key by two names.
+TEST_F(PosesOfFiles, KeysOfNumberedCameras) {
+  const std::string odd = std::string(200, 'x') + "\xc3\xa4_";
+  std::string text = "%YAML:1.0\n---\n";
+  for (int k = 0; k < 3; ++k) {
+    const std::string n = std::to_string(k);
+    const Stand s(k);
+    text += Matrix("K" + n, 3, 3, "80" + n + ",0,640, 0,800,360, 0,0,1") + Matrix("R" + n, 3, 3, s.R()) +
+            Matrix("T" + n, 3, 1, s.T()) + Matrix("D" + n, 1, 5, "-0.1,0.02,0.001,0.002,0") + odd + n + ": 1\n";
+  }
+  ExpectStands(Read(text, "a.yml"), 3);
+  EXPECT_THAT(MessageOf<FormatError>([&] { Read(text + Matrix("cam1_K", 3, 3, "900,0,640, 0,900,360, 0,0,1"), "b.yml"); }),
+              HasSubstr("occurs twice"));
+}
+
 TEST_F(PosesOfFiles, AniposeWordsAsJson) {
   const std::string lens = R"("size": [640, 480], "distortions": [-0.1, 0.02, 0, 0, 0], )";
   const ImportedRig imported = Read(

@@ -134,8 +134,15 @@ TEST_F(View, AFileOfMessagesInRerunsViewer) {
     Put(data / package + name, std::string("of ") + name);
   Put(data / package + "package.json", "{}");
   Put(data / "text.mcap", "no MCAP");
-  EXPECT_EQ(RunCli({"view", data / "text.mcap"}).exit, 3);
-  Start(data / "t.mcap");
+  EXPECT_EQ(RunCli({"view", data / "t.mcap"}).exit, 8) << "scripts beside the file are whose?";
+  const fs::path before = fs::current_path();
+  fs::create_directory(data / "below");
+  fs::current_path(data / "below");
+  EXPECT_EQ(RunCli({"view", data / "text.mcap"}).exit, 8) << "nor above the working folder";
+  fs::current_path(data.path());
+  EXPECT_EQ(RunCli({"view", "text.mcap"}).exit, 3) << "found, and then the file is none";
+  fs::current_path(before);
+  Start(data / "t.mcap", {"--rerun", data / "node_modules/@rerun-io/web-viewer"});
   EXPECT_THAT(Get(base_), HasSubstr("'wasm-unsafe-eval'"));
   EXPECT_THAT(Get(base_ + "re_viewer"), HasSubstr("of re_viewer.js"));
   EXPECT_THAT(Get(base_ + "re_viewer_bg.wasm"), HasSubstr("application/wasm"));

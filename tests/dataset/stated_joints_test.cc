@@ -108,6 +108,26 @@ TEST_F(StatedJoints, OfMmposeAndOfKeypointsWithNames) {
   EXPECT_EQ(X(track, both, "LKnee"), 7);
 }
 
+/// Detectors list the joints that they see: nobody's list is the skeleton.
+TEST_F(StatedJoints, TheJointsOfAllPeopleAreTheSkeleton) {
+  const std::string path = Put(R"([{"frame":3,"keypoints":[{"name":"nose","x":4,"y":5,"score":0.5}]},)"
+                               R"({"frame":4,"keypoints":[{"name":"left_knee","x":7,"y":8,"score":0.9},)"
+                               R"({"name":"nose","x":6,"y":5,"score":0.5}]}])");
+  const auto stated = SkeletonStatedIn(path);
+  ASSERT_TRUE(stated);
+  EXPECT_THAT(stated->joints, ElementsAre("nose", "left_knee"));
+  const Pose2dTrack track = ReadPoseResults(path, "a", *stated);
+  EXPECT_TRUE(track.skipped.empty());
+  EXPECT_EQ(X(track, *stated, "nose"), 4);
+  EXPECT_EQ(track.frames.at(3)[0].keypoints[1].score, 0);
+  EXPECT_EQ(track.frames.at(4)[0].keypoints[1].x_px, 7);
+  const geometry::Skeleton& coco = geometry::SkeletonByName("coco17");
+  EXPECT_EQ(X(ReadPoseResults(path, "a", coco), coco, "Nose"), 4) << "the others were not detected";
+  EXPECT_EQ(ReadPoseResults(path, "a", coco).frames.at(3)[0].keypoints.size(), 17u);
+  const geometry::Skeleton other = geometry::PointsSkeleton({"tail"});
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { ReadPoseResults(path, "a", other); }), HasSubstr("`tail`"));
+}
+
 TEST_F(StatedJoints, NamesThatOnlyCountSayNothing) {
   EXPECT_FALSE(SkeletonStatedIn(Put(Coco({"kp_0", "kp_1", "kp_2"}))));
   const geometry::Skeleton three = geometry::PointsSkeleton({"a", "b", "c"});

@@ -3,7 +3,9 @@
 
 #include <fstream>
 
+#include "core/error.h"
 #include "dataset/session/timeline_source.h"
+#include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 
 /// Tables of times whose columns do not say all: the unit, or dates for numbers.
@@ -18,14 +20,18 @@ struct ReadTimes {
   std::vector<std::string> notes;
 };
 
-/// Five frames of camera `a`.
-ReadTimes ReadTable(const std::string& column, const std::vector<std::string>& times) {
+/// Five frames of camera `a`, of a video of its own times where these have a step.
+ReadTimes ReadTable(const std::string& column, const std::vector<std::string>& times, double video_step = 0) {
   const testing::TempDir folder;
   std::ofstream out(folder / "t.csv");
   out << "camera,frame," << column << "\n";
   for (size_t k = 0; k < times.size(); ++k) out << "a," << k << "," << times[k] << "\n";
   out.close();
   std::vector<CameraTimes> cameras = {{"a", "", {0, 1, 2, 3, 4}, {0, 0, 0, 0, 0}, {}, std::nullopt}};
+  if (video_step > 0) {
+    cameras[0].source = "a.mp4";
+    for (size_t k = 0; k < 5; ++k) cameras[0].time_s[k] = video_step * static_cast<double>(k);
+  }
   ReadTimes read;
   read.notes = ReadTimestamps(folder / "t.csv", {{"a", "", "", 0, 0}}, &cameras);
   read.time_s = cameras[0].time_s;
@@ -53,6 +59,21 @@ TEST(TimestampUnits, SecondsAndStatedUnitsStay) {
   const ReadTimes stated = ReadTable("time_s", {"0", "60", "120", "180", "240"});
   EXPECT_EQ(stated.time_s[4], 240) << "an image a minute, as the column says";
   EXPECT_THAT(stated.notes, IsEmpty());
+}
+
+/// Two seconds a photo are as likely as two milliseconds a frame: the word is seconds, and it is said.
+TEST(TimestampUnits, TimeLapsesStayAndTheVideosRateDecides) {
+  const std::vector<std::string> two = {"0", "2", "4", "6", "8"}, thousand = {"0", "1000", "2000", "3000", "4000"};
+  const ReadTimes lapse = ReadTable("timestamp", two);
+  EXPECT_EQ(lapse.time_s[4], 8);
+  ASSERT_EQ(lapse.notes.size(), 1u);
+  EXPECT_THAT(lapse.notes[0], HasSubstr("taken as s, which makes 0.5 frames a second; call it time_ms"));
+  EXPECT_NEAR(ReadTable("timestamp", two, 0.002).time_s[4], 0.008, 1e-12) << "500 frames a second, as the video has";
+  EXPECT_EQ(ReadTable("timestamp", two, 1.0 / 30).time_s[4], 8) << "a time-lapse that plays at 30 Hz";
+  EXPECT_NEAR(ReadTable("time", thousand, 0.001).time_s[4], 0.004, 1e-12);
+  EXPECT_NEAR(ReadTable("time", thousand, 1).time_s[4], 4, 1e-12);
+  const std::string why = testing::MessageOf<FormatError>([&] { ReadTable("time", thousand); });
+  EXPECT_THAT(why, HasSubstr("name the column time_s, time_ms or time_us")) << "1 or 1000 frames a second";
 }
 
 TEST(TimestampUnits, Dates) {

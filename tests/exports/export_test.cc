@@ -421,6 +421,19 @@ TEST(Export, NoImageAtAllIsRefused) {
   EXPECT_EQ(ExportDataset(dataset, "zju", folder / "out", options).missing.asked(), 0);
 }
 
+TEST(Export, AnEarlierFileStaysWhereThereIsNoImage) {
+  const TempDir folder;
+  const dataset::PanopticDataset dataset = MakeDataset(folder / "d", {});
+  ExportOptions options;
+  options.cameras = {"00_01"}, options.frames = {246};
+  const std::string out = folder / "take.mcap";
+  ExportDataset(dataset, "mcap", out, options);
+  const std::string before = ReadFile(out);
+  fs::remove(dataset.ImagePath("00_01", 246));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ExportDataset(dataset, "mcap", out, options); }), HasSubstr("none of the 1"));
+  EXPECT_EQ(ReadFile(out), before);
+}
+
 TEST(WriteRig, SaysWhichLensDoesNotFitAndRenames) {
   const TempDir folder;
   Setting setting;

@@ -3,6 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <iostream>
+#include <random>
+
 #include "core/units.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/rigid3.h"
@@ -74,10 +78,48 @@ TEST(Meeting, TransposedRotationsAreRecognised) {
 /// Metres read as centimetres put a room into a box of a few centimetres.
 TEST(Meeting, APlaceThatIsTooNearIsNamed) {
   Rig near = Ring();
-  for (RigCamera& camera : near.cameras) camera.cam_from_world.translation *= 0.01;
+  for (RigCamera& camera : near.cameras) camera.cam_from_world.translation *= 0.008;
   EXPECT_TRUE(Says(near, "CAL-DISTANCES"));
-  for (RigCamera& camera : near.cameras) camera.cam_from_world.translation *= 10;  // a rig around a mouse
+  for (RigCamera& camera : near.cameras) camera.cam_from_world.translation *= 2;  // 53 mm: a rig around a fly
   EXPECT_TRUE(ConflictsIn(near).empty());
+  const std::vector<Notice> in_centimetres = ConflictsIn(near, true);
+  ASSERT_EQ(in_centimetres.size(), 1u);
+  EXPECT_EQ(in_centimetres[0].code, "CAL-DISTANCES");
+  for (RigCamera& camera : near.cameras) camera.cam_from_world.translation *= 5;  // a mouse
+  EXPECT_TRUE(ConflictsIn(near, true).empty());
+}
+
+/// Cameras around a field of 24 m, 30 m from its middle, that look at players: aimed at points far apart, they nearly meet
+/// transposed now and then.
+TEST(Meeting, CamerasThatFollowAGameAreNotCalledTransposed) {
+  constexpr int kRigs = 2000;
+  std::mt19937 random(11);
+  const auto within = [&](double limit) { return std::uniform_real_distribution<double>(-limit, limit)(random); };
+  int raised = 0;
+  for (int k = 0; k < kRigs; ++k) {
+    const int count = 3 + k % 6;
+    const Eigen::Vector3d middle(within(40), within(40), 0);
+    const double turn = within(kPi);
+    Rig rig;
+    for (int i = 0; i < count; ++i) {
+      const double angle = turn + 2 * kPi * (i + within(0.3)) / count;
+      const Eigen::Vector3d centre = middle + Eigen::Vector3d(30 * std::cos(angle), 30 * std::sin(angle), 5 + within(3)),
+                            target = middle + Eigen::Vector3d(within(12), within(12), 1);
+      const Eigen::Vector3d forward = (target - centre).normalized(),
+                            right = forward.cross(Eigen::Vector3d::UnitZ()).normalized();
+      Eigen::Matrix3d rotation;
+      rotation << right.transpose(), forward.cross(right).transpose(), forward.transpose();
+      RigCamera& camera = rig.cameras.emplace_back();
+      camera.camera = MakePinhole("c" + std::to_string(i), 1920, 1080, 1400);
+      camera.cam_from_world.rotation = Eigen::Quaterniond(rotation);
+      camera.cam_from_world.translation = -rotation * centre;
+    }
+    raised += Says(rig, "CAL-TRANSPOSED");
+  }
+  RecordProperty("raised", raised);
+  std::cout << "CAL-TRANSPOSED of sound rigs: " << raised << " of " << kRigs << "\n";
+  EXPECT_LE(raised, kRigs / 200);
+  for (const int count : {5, 6, 7}) EXPECT_TRUE(Says(WithRotationsTransposed(Ring(count)), "CAL-TRANSPOSED")) << count;
 }
 
 TEST(Meeting, CamerasThatLookAwayAreNamed) {

@@ -57,6 +57,14 @@ TEST(Plausible, MatricesOfScaledImages) {
     ASSERT_FALSE(conflicts.empty()) << scale;
     EXPECT_TRUE(std::any_of(conflicts.begin(), conflicts.end(), [](const Notice& n) { return n.code == "CAL-SIZE"; })) << scale;
   }
+  Rig halved = Ordinary();
+  for (RigCamera& camera : halved.cameras) camera.camera.params.head<4>() *= 0.5;
+  const std::vector<Notice> said = ConflictsIn(halved);
+  EXPECT_TRUE(std::any_of(said.begin(), said.end(), [](const Notice& n) {
+    return n.code == "CAL-SIZE" && n.text.find("or the images are cut out (ROI)") != std::string::npos;
+  }));
+  halved.cameras.resize(1);
+  EXPECT_THAT(CodesOf(halved), Not(::testing::Contains("CAL-SIZE"))) << "one camera's image may be cut out";
   Rig one = Ordinary();
   one.cameras[0].camera.params.segment<2>(2) *= 0.5;
   EXPECT_THAT(CodesOf(one), Not(::testing::Contains("CAL-SIZE"))) << "one camera's image may be cut out";
@@ -174,6 +182,15 @@ TEST(Plausible, UnitsByTheDistancesOfTheCameras) {
   EXPECT_THAT(CodesOf(stereo), IsEmpty());
   stereo.cameras[1].cam_from_world = stereo.cameras[0].cam_from_world;  // lenses alone, without places
   EXPECT_THAT(CodesOf(stereo), IsEmpty());
+}
+
+TEST(Plausible, AllCamerasAtOnePlace) {
+  Rig rig = Ordinary();
+  for (RigCamera& camera : rig.cameras) camera.cam_from_world.translation.setZero();
+  EXPECT_THAT(CodesOf(rig), ElementsAre("CAL-DISTANCES")) << "at the world's origin";
+  for (RigCamera& camera : rig.cameras)
+    camera.cam_from_world.translation = camera.cam_from_world.rotation * Eigen::Vector3d(-1, 2, -3);
+  EXPECT_THAT(CodesOf(rig), ElementsAre("CAL-DISTANCES"));
 }
 
 TEST(Plausible, MatricesThatAreNoRotation) {

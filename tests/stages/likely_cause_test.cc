@@ -91,6 +91,28 @@ TEST(LikelyCause, OfScatterItIsAnErrorWhereItHalvesIt) {
   EXPECT_EQ(timing.warnings[0].code, "TRI-TIMING") << "what the motion says of the clocks is kept";
 }
 
+/// Another cause fits a little better, and by itself says nothing: the clocks' own is told.
+TEST(LikelyCause, OfScatterAClearOffsetIsAnErrorThoughAnotherCauseComesFirst) {
+  triangulate::CauseReport report = Report();
+  report.message = "with cameras a and b exchanged 88 % fit";
+  report.trials[0].residual_px = 15;
+  triangulate::CauseTrial& offset = report.trials[1];
+  offset.cause = Cause::kTimeOffset, offset.assumption = "with a 3.0 frames later", offset.carried = 0.75;
+  offset.residual_px = 16, offset.offset_frames = 3, offset.clear = true;
+  CommandResult timing, unclear;
+  EXPECT_TRUE(Said(CauseInScatter(report, false), &timing).clear);
+  EXPECT_EQ(timing.exit, kExitQualityGate);
+  ASSERT_EQ(timing.errors.size(), 1u);
+  EXPECT_EQ(timing.errors[0].code, "TRI-TIMING");
+  EXPECT_EQ(
+      timing.errors[0].text,
+      "the cameras are not synchronous: with a 3.0 frames later, 75 % of the detections in a sample fit together, as given "
+      "1 %; mean residual 16.00 px instead of 25.00 px");
+  offset.clear = false;
+  EXPECT_FALSE(Said(CauseInScatter(report, false), &unclear).clear);
+  EXPECT_EQ(unclear.exit, kExitOk);
+}
+
 TEST(Timing, AGainThatDoesNotMatterIsNotSaidNorAdviceThatWasFollowed) {
   triangulate::CauseReport report = Report();
   report.as_given.residual_px = 7.454, report.trials[0].residual_px = 7.449, report.trials[0].offset_frames = 0.6;

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "stages/view/marks.h"
+#include "stages/view/scene.h"
 #include "stages/view/scene_parts.h"
 #include "stages/view/view_page.h"
 #include "tests/support/message_of.h"
@@ -196,6 +197,20 @@ TEST(HeldOut, StepsOfTheProtocolAndScoresOfTheImages) {
     ReadHeldOut(folder.path(), &none);
     EXPECT_TRUE(none.held_out.empty()) << damaged;
   }
+}
+
+TEST(ViewScene, FootageThatALinkLeadsOutsideIsNamed) {
+  const TempDir elsewhere, folder;
+  WriteFileAtomic(elsewhere / "a.mp4", "footage of somebody else");
+  std::filesystem::create_symlink(elsewhere / "a.mp4", folder / "a.mp4");
+  ViewSceneOptions options;
+  options.path = folder.path();
+  InputNotes notes;
+  EXPECT_THAT(ReadScene(options, &notes).cameras, SizeIs(0));
+  ASSERT_THAT(notes.warnings, SizeIs(1));
+  EXPECT_EQ(notes.warnings[0].code, "VIEW-LEFTOUT");
+  EXPECT_THAT(notes.warnings[0].text, HasSubstr("a.mp4: a link leads outside"));
+  EXPECT_THAT(notes.warnings[0].text, HasSubstr("option 'allow-outside'"));
 }
 
 }  // namespace
