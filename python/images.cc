@@ -78,10 +78,21 @@ Image PixelsOf(const py::object& image) {
   return bytes;
 }
 
+/// Throws TypeError where `image` is no array of numbers.
+Doubles NumbersOf(const py::object& image, const std::string& argument) {
+  Doubles numbers = Doubles::ensure(image);  // clears numpy's error
+  if (!numbers)
+    throw py::type_error("`" + argument + "` is no array of numbers: " + py::str(py::type::of(image)).cast<std::string>());
+  return numbers;
+}
+
 double Psnr(const py::object& a, const py::object& b, double range) {
   const Image bytes_a = PixelsOf(a), bytes_b = PixelsOf(b);
-  if (!bytes_a.empty() && !bytes_b.empty() && range == 255) return ValueOr(metrics::PsnrDb(bytes_a, bytes_b));
-  return PsnrOfNumbers(py::cast<Doubles>(a), py::cast<Doubles>(b), range);
+  if (!bytes_a.empty() && !bytes_b.empty() && range == 255) {
+    const py::gil_scoped_release others_run;
+    return ValueOr(metrics::PsnrDb(bytes_a, bytes_b));
+  }
+  return PsnrOfNumbers(NumbersOf(a, "a"), NumbersOf(b, "b"), range);
 }
 
 }  // namespace

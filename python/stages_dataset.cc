@@ -56,6 +56,7 @@ void AddBuilders(std::vector<Stage>* all) {
       [](stages::DatasetBuildOptions o, const Given& given, const RunContext& run) {
         o.keep_sequence = given.count("sequence") > 0, o.keep_rate = given.count("frame-rate") > 0;
         o.make_masks = given.count("masks") > 0;
+        o.build.overwrite = MayReplace();
         return o.part.empty() ? Describe(stages::RunDatasetBuild(o, run)) : Describe(stages::RunDatasetBuildPart(o, run));
       }));
   all->push_back(MakeStage<stages::DatasetImportOptions>(
@@ -64,7 +65,10 @@ void AddBuilders(std::vector<Stage>* all) {
         visit("folder", o.folder, "folder with calibration_<sequence>.json");
         VisitFields(visit, o);
       },
-      [](const auto& o, const Given&, const RunContext& run) { return Describe(stages::RunDatasetImport(o, run)); }));
+      [](stages::DatasetImportOptions o, const Given&, const RunContext& run) {
+        o.how.overwrite = MayReplace();
+        return Describe(stages::RunDatasetImport(o, run));
+      }));
   all->push_back(MakeStage<stages::DatasetPackOptions>(
       {"dataset_pack", "dataset pack", "A dataset becomes HDF5 shards with cameras, masks and joints.", {"out"}},
       [](auto& visit, auto& o) {
@@ -85,7 +89,10 @@ void AddBuilders(std::vector<Stage>* all) {
         visit("folder", o.dataset, "dataset folder");
         VisitFields(visit, o);
       },
-      [](const auto& o, const Given&, const RunContext& run) { return Describe(stages::RunDatasetExport(o, run)); }));
+      [](stages::DatasetExportOptions o, const Given&, const RunContext& run) {
+        o.layout.overwrite = MayReplace();
+        return Describe(stages::RunDatasetExport(o, run));
+      }));
 }
 
 stages::CommandResult Scores(const stages::ScoresOptions& o, const RunContext& run) {

@@ -3,6 +3,7 @@
 #include "python/stage.h"
 #include "stages/body_mesh/describe.h"
 #include "stages/dataset/dataset_report.h"
+#include "stages/dataset_verify/run.h"
 #include "stages/error_budget/describe.h"
 #include "stages/overlay/describe.h"
 #include "stages/report/describe.h"
@@ -16,7 +17,8 @@ namespace {
 using Given = std::set<std::string>;
 
 struct VerifyCall {
-  std::string folder, keep;
+  std::string folder;
+  stages::DatasetVerifyKept kept;
   dataset::VerifyOptions options;
 };
 
@@ -41,12 +43,14 @@ void AddStudios(std::vector<Stage>* all) {
       {"dataset_verify", "dataset verify", "Everything that is wrong with a dataset folder or a pack.", {"folder"}},
       [](auto& visit, auto& o) {
         visit("folder", o.folder, "folder in Panoptic layout, or a pack (folder of shards, .h5 file)");
-        visit("keep", o.keep, "folder that keeps the findings for the report; the dataset itself is only read");
+        visit("keep", o.kept.folder, "folder that keeps the findings for the report; the dataset itself is only read");
         VisitFields(visit, o.options);
+        visit("cache", o.kept.cache, "where checks of cameras are that others made by option 'part': a folder, or off");
+        visit("part", o.kept.part, "share=K/N: check every N-th camera, keep that, and write a list alone");
       },
       [](const VerifyCall& o, const Given&, const RunContext& run) {
-        stages::CommandResult result = stages::VerifyDatasetOrPack(o.folder, o.options, run);
-        result.folder = o.keep;
+        stages::CommandResult result = stages::RunDatasetVerify(o.folder, o.options, o.kept, run);
+        result.folder = o.kept.folder;
         return result;
       }));
   all->push_back(MakeStage<InfoCall>(

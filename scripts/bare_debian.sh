@@ -32,5 +32,6 @@ done
 cp /etc/resolv.conf "$root/etc/" 2>/dev/null || true
 mount -t proc proc "$root/proc"
 mount --rbind /dev "$root/dev"
+mount --make-rslave "$root/dev"  # else what is unmounted here at the end goes from this machine's own /dev, too
 skips() { [[ " ${MVSTUDIO_TRIAL_SKIP:-} " == *" $1 "* ]]; }
 step "apt update" inside apt-get update

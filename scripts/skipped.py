@@ -10,6 +10,7 @@ import sys
 import xml.etree.ElementTree as xml
 
 SKIPPED = re.compile(r"^\S+:\d+: Skipped\n(.*)$", re.M)
+OF_PYTEST = re.compile(r"^SKIPPED \[\d+\] \S+: (.*)$", re.M)  # -rs
 ELSEWHERE = re.compile(r"is not there|is not in|is missing|no such folder|recording set|models fetch|needs the right|"
                        r"no instructions for|sanitizer|root may list|this build|built without|a build without|MVSTUDIO_READERS|"
                        r"no WebGL|a GPU is here")
@@ -24,7 +25,7 @@ def reasons(path):
         own = SKIPPED.findall(output)
         if not own and case.get("status") in ("notrun", "disabled"):
             last = [line for line in output.strip().splitlines() if line.strip()]
-            own = [last[-1] if last else "skipped without a reason"]
+            own = OF_PYTEST.findall(output) or [last[-1] if last else "skipped without a reason"]
         for reason in dict.fromkeys(own):
             found[reason.strip()].append(case.get("name"))
     return found

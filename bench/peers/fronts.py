@@ -153,9 +153,10 @@ class Colmap:
         cameras, images = [], []
         for c in some:
             camera = self.cameras[c]
-            params = [*camera.f, *(camera.c + 0.5), *camera.d[:4]]  # its first pixel's middle is (0.5, 0.5)
-            cameras.append(f"{c + 1} OPENCV {camera.size[0]} {camera.size[1]} " + " ".join(map(repr, map(float, params))))
-            rows.execute("INSERT INTO cameras VALUES (?, 4, ?, ?, ?, 1)", (c + 1, *camera.size, np.array(params).tobytes()))
+            # fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6; its first pixel's middle is (0.5, 0.5).
+            params = [*camera.f, *(camera.c + 0.5), *camera.d, 0.0, 0.0, 0.0]
+            cameras.append(f"{c + 1} FULL_OPENCV {camera.size[0]} {camera.size[1]} " + " ".join(map(repr, map(float, params))))
+            rows.execute("INSERT INTO cameras VALUES (?, 6, ?, ?, ?, 1)", (c + 1, *camera.size, np.array(params).tobytes()))
         for frame in range(self.frames):
             for c in some:
                 camera, name, number = self.cameras[c], f"{self.cameras[c].name}_{frame:06d}.png", self.image_id(c, frame)
@@ -225,7 +226,7 @@ def colmap(arguments):
 def attempt(name, way):
     try:
         return way()
-    except (ValueError, OSError, KeyError, subprocess.SubprocessError, sqlite3.Error, struct.error) as error:
+    except (ValueError, OSError, KeyError, IndexError, ImportError, subprocess.SubprocessError, sqlite3.Error, struct.error) as error:
         return {"name": name, "why_not": str(error)}
 
 

@@ -72,9 +72,7 @@ def calibrate(cv2, views, sizes, board):
     return {camera: (*lenses[camera], *rig[camera]) for camera in sizes}
 
 
-def judge(cv2, rig, views, board):
-    from scipy.optimize import least_squares
-
+def judge(cv2, least_squares, rig, views, board):
     def residuals(pose, seen):
         turn = cv2.Rodrigues(pose[:3])[0]
         out = []
@@ -107,6 +105,10 @@ def way(arguments):
         import cv2
     except ImportError:
         return {"name": NAME, "why_not": "this Python has no cv2 (python3-opencv)"}
+    try:
+        from scipy.optimize import least_squares
+    except ImportError:
+        return {"name": NAME, "why_not": "this Python has no scipy (python3-scipy)"}
     cv2.setNumThreads(int(arguments.get("threads", "1")) or 1)
     views, sizes, board = corners_of(arguments)
     begin_s, begin_cpu = time.perf_counter(), time.process_time()
@@ -116,4 +118,4 @@ def way(arguments):
         return {"name": NAME, "why_not": str(error).splitlines()[0]}
     seconds, cpu = time.perf_counter() - begin_s, time.process_time() - begin_cpu
     return {"name": NAME + " (corners given)", "command": "bench/peers/opencv_rig.py", "seconds": seconds, "processor_seconds": cpu,
-            "error": judge(cv2, rig, views, board), "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}
+            "error": judge(cv2, least_squares, rig, views, board), "peak_rss_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024}

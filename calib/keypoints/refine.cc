@@ -10,6 +10,7 @@
 #include "core/format.h"
 #include "core/join.h"
 #include "core/parallel.h"
+#include "core/quiet_run.h"
 #include "geometry/rig/rig_covariance.h"
 
 namespace mvstudio::calib {
@@ -112,16 +113,6 @@ void Measure(const geometry::Rig& given, const Refinement& refinement, const std
   measured->before.insert(measured->before.end(), before.begin(), before.end());
   measured->after.insert(measured->after.end(), after.begin(), after.end());
 }
-
-/// Asks on, but shows nothing: for work that runs beside other work.
-class QuietProgress : public ProgressSink {
- public:
-  explicit QuietProgress(const ProgressSink* shown) : shown_(shown) {}
-  bool Cancelled() const override { return shown_ && shown_->Cancelled(); }
-
- private:
-  const ProgressSink* shown_;
-};
 
 void DescribeCameras(const geometry::Rig& given, const KeypointCovariance& covariance, const Measured& measured,
                      KeypointRefineReport* report) {

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <poll.h>
+#include <sys/prctl.h>
 #include <sys/time.h>
 #include <unistd.h>
 
@@ -139,6 +140,15 @@ void StartWatcher() {
   }
 }
 
+/// The process MVSTUDIO_CALLER waits for this one: when it is gone, however it ended, this one is asked to end. To the system
+/// that is the thread that started this one, which therefore has to be the one that waits.
+void EndWithCaller() {
+  const char* caller = std::getenv("MVSTUDIO_CALLER");
+  if (!caller || std::to_string(getppid()) != caller) return;  // not set, or set for who has called this one in turn
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (std::to_string(getppid()) != caller) std::raise(SIGTERM);  // it was gone before
+}
+
 }  // namespace
 
 void PrepareProcess() {
@@ -153,6 +163,7 @@ void PrepareProcess() {
   sigemptyset(&heard);
   for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGALRM, SIGCHLD}) sigaddset(&heard, number);
   sigprocmask(SIG_UNBLOCK, &heard, nullptr);
+  EndWithCaller();
 }
 
 void InstallSignalHandlers(const LastWords& last_words) {

@@ -10,7 +10,8 @@ namespace mvstudio::cli {
 using LastWords = std::function<void(const CommandResult&)>;
 
 /// For the first line of main(): a closed pipe is an error of the write and no end without a word, the ends of children can be
-/// awaited whatever the caller ignores, and no output file becomes stdout because that was closed.
+/// awaited whatever the caller ignores, and no output file becomes stdout because that was closed. With the number of the
+/// calling process in MVSTUDIO_CALLER this one gets SIGTERM when that ends, as mvstudio.command of the Python module wants it.
 void PrepareProcess();
 
 /// SIGINT, SIGTERM and SIGHUP (unless ignored, as by nohup) ask the running command to stop. One that has not after about three

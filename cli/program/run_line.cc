@@ -58,6 +58,7 @@ constexpr const char* kReplacing[] = {"report",
                                       "calib click",
                                       "calib lenses add",
                                       "dataset pack",
+                                      "dataset verify",
                                       "models fetch"};
 
 bool GoesOn(const std::string& command) {

@@ -312,4 +312,15 @@ ScratchFolder::~ScratchFolder() {
   close(fd_);
 }
 
+LentFolder::LentFolder(const std::string& path) : path_(path) {
+  MakeFolder(internal::ParentOf(path_));
+  if (!Allowed("folder", path_) || mkdir(path_.c_str(), 0777) != 0) ThrowErrno(path_, "cannot create folder", errno);
+  internal::RegisterTemporary(path_, path_, internal::TemporaryKind::kFolder);  // goes at an early exit, too
+}
+
+LentFolder::~LentFolder() {
+  internal::RemoveWorkFolder(path_);
+  internal::UnregisterTemporary(path_);
+}
+
 }  // namespace mvstudio

@@ -142,4 +142,18 @@ class ScratchFolder {
   int fd_ = -1;
 };
 
+/// A new folder of an ordinary name for another program, which may call mvstudio in turn to write there. It is removed on
+/// destruction with whatever was put into it. Throws IoError where something has that name.
+class LentFolder {
+ public:
+  explicit LentFolder(const std::string& path);
+  ~LentFolder();
+  LentFolder(const LentFolder&) = delete;
+  LentFolder& operator=(const LentFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
 }  // namespace mvstudio

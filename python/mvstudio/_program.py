@@ -107,8 +107,10 @@ def _ended(process: subprocess.Popen[bytes], said: _Said, callback: Optional[Cal
 def _run(words: list[str], progress: Any) -> tuple[str, str, int]:
     """What the program printed, what it said on stderr, and its exit code."""
     try:
-        # A group of its own: Ctrl-C in a terminal reaches this process, which passes it on once.
-        process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, process_group=0)
+        # A group of its own: Ctrl-C in a terminal reaches this process, which passes it on once. A process that is killed cannot: the
+        # program ends with the thread that started it, this one, which waits. Its group may not read the terminal.
+        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, process_group=0,
+                                   env=os.environ | {"MVSTUDIO_CALLER": str(os.getpid())})
     except OSError as error:
         raise Error("MISSING-TOOL", f"{words[0]}: {error.strerror}", "name the program in MVSTUDIO_BIN") from None
     assert process.stdout is not None and process.stderr is not None

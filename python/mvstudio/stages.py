@@ -33,7 +33,7 @@ _PLACES = {"calib_eval": "calibration", "dataset_pack": "dataset", "report": "ru
 # Places of the commands, where there is not one.
 _NUM_PLACES = {"board_propose": 0, "calib_compare": 2, "calib_lenses_add": 2, "calib_refine": 0, "calibrate": 0, "dataset_build": 0, "error_budget": 0,
                "metrics": 2, "sync": 0, "synth": 0, "triangulate": 0}
-_GO_ON = ("calib_lenses_add", "dataset_pack", "report", "session_trust")  # their commands add to what is there, and have no --overwrite
+_GO_ON = ("calib_lenses_add", "dataset_pack", "dataset_verify", "report", "session_trust")  # their commands add to what is there, and have no --overwrite
 
 
 def _parameters(stage: dict[str, Any]) -> list[inspect.Parameter]:

@@ -856,6 +856,8 @@ def dataset_verify(
     picture_step: int = ...,
     least_cover: float = ...,
     follow_links: bool = ...,
+    cache: _List = ...,
+    part: _Texts = ...,
     overwrite: bool = ...,
     progress: _Progress = ...,
     threads: int = ...,

@@ -154,7 +154,8 @@ void Choose(double elapsed_s, BudgetReport* report) {
   for (SettingTrial& trial : report->trials) {
     if (!trial.IsTried()) continue;
     const Foretold seconds = ForetellSeconds(trial.parts, trial.size);
-    trial.predicted_s = elapsed_s + seconds.value, trial.predicted_sigma_s = seconds.sigma;
+    trial.predicted_s = elapsed_s + seconds.value;
+    trial.predicted_sigma_s = std::max(seconds.sigma, report->least_relative_sigma * trial.predicted_s);
   }
   const std::optional<ErrorTarget> target = report->asked.Target();
   report->choice = ChooseSetting(report->trials, report->asked.BudgetSeconds(), target ? target->value : std::nan(""));

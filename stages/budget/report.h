@@ -23,7 +23,8 @@ struct BudgetReport {
   std::vector<std::string> reasons;  ///< a sentence for each setting that was chosen among
   SettingChoice choice;
   double trial_s = 0;
-  double load = std::nan("");  ///< processes that ran on the machine when the trial was over; NaN: not known
+  double least_relative_sigma = 0;  ///< of predicted seconds, however well the timings of the parts agree
+  double load = std::nan("");       ///< processes that ran on the machine when the trial was over; NaN: not known
   double actual_s = std::nan(""), actual_error = std::nan("");
 
   const SettingTrial& Chosen() const { return trials[static_cast<size_t>(choice.index)]; }

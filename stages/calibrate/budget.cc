@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/parallel.h"
+#include "core/quiet_run.h"
 #include "stages/calib/board_views.h"
 #include "stages/calib/film_gain.h"
 #include "stages/input/board_footage.h"
@@ -321,14 +322,14 @@ void ChooseCalibration(double started_s, const PrepareCorners& prepare, const Ru
   budget.threads = ResolveThreads(run.num_threads);
   const double begin_s = budget.asked.NowSeconds();
   const UntracedScope untraced;
-  const RunContext silent{nullptr, run.num_threads, run.seed};
+  const QuietRun quiet(run);
   ProgressStage stage(run, "trial for the budget", 2);
-  TrialBoards boards = BoardsForTrial(*report, prepare, silent);
+  TrialBoards boards = BoardsForTrial(*report, prepare, quiet.context());
   budget.sizes = {{"frames", boards.all}, {"cameras", static_cast<double>(boards.corners.input.cameras.size())}};
   stage.Advance();
   const double most_s = budget.asked.NowSeconds() + kTrialShare * budget.asked.BudgetSeconds();
   const auto enough = [&] { return budget.asked.NowSeconds() > most_s; };
-  const std::vector<LensTrial> lenses = TryLenses(&boards, report->options, silent, enough);
+  const std::vector<LensTrial> lenses = TryLenses(&boards, report->options, quiet.context(), enough);
   const std::vector<BoardSetting> settings = AddSettings(boards, lenses, *report, &budget);
   stage.Advance();
   budget.trial_s = budget.asked.NowSeconds() - begin_s;

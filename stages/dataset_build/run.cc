@@ -87,11 +87,13 @@ std::string KeptPlace(const DatasetBuildOptions& options) {
 
 /// Of everything that the images and masks are made of.
 std::string KeyOfBuild(const DatasetBuildOptions& options, const dataset::BuildInputs& inputs) {
-  const CachePlace nowhere{CachePlace::Kind::kOff, ""};
+  // Parts of a plan share a folder: only the first that wants the digest of footage reads all of it.
+  const bool shared = options.cache.kind == CachePlace::Kind::kFolder;
+  const CachePlace digests = shared ? options.cache : CachePlace{CachePlace::Kind::kOff, ""};
   KeptKey key;
   key.Add(kBuildVersion);
   const auto add = [&](const std::string& path) {
-    const std::optional<std::string> digest = path.empty() ? "" : FootageDigest(nowhere, path);
+    const std::optional<std::string> digest = path.empty() ? "" : FootageDigest(digests, path);
     key.Add(digest.value_or("none"));
   };
   for (const dataset::CameraFootage& footage : inputs.footage) {

@@ -1,7 +1,8 @@
 #include "stages/dataset_verify/run.h"
 
-#include <algorithm>
 #include <mutex>
+#include <optional>
+#include <set>
 #include <utility>
 
 #include "core/disk/kept_key.h"
@@ -38,16 +39,26 @@ PartReport KeepShare(const std::string& dataset, const dataset::VerifyOptions& o
   PartReport report{{}, asked.part, asked.folder, {}};
   report.notes.inputs = {dataset};
   checks.index = part.index, checks.count = part.count;
+  const auto load = checks.load;
   const auto store = checks.store;
   std::mutex mutex;
+  std::set<std::string> kept;  // what an earlier try kept, too
+  const auto note = [&](const std::string& camera) {
+    const std::lock_guard<std::mutex> lock(mutex);
+    kept.insert(std::string(kChecksKind) + "/" + key + "/" + camera);
+  };
+  checks.load = [&](const std::string& camera) {
+    std::optional<std::string> bytes = load(camera);
+    if (bytes) note(camera);
+    return bytes;
+  };
   checks.store = [&](const std::string& camera, std::string bytes) {
     store(camera, std::move(bytes));
-    const std::lock_guard<std::mutex> lock(mutex);
-    report.kept.push_back(std::string(kChecksKind) + "/" + key + "/" + camera);
+    note(camera);
   };
   OutputFolder place(asked.folder, {dataset}, {"part.json"});
   dataset::VerifyDataset(dataset, options, run, checks);
-  std::sort(report.kept.begin(), report.kept.end());
+  report.kept.assign(kept.begin(), kept.end());
   WritePart(report, asked.folder);
   return report;
 }

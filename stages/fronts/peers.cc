@@ -1,7 +1,7 @@
 #include "stages/fronts/peers.h"
 
 #include "core/disk/files.h"
-#include "core/disk/manifest.h"
+#include "core/disk/output.h"
 #include "core/error.h"
 #include "core/process.h"
 #include "stages/result.h"
@@ -35,17 +35,30 @@ FrontWay FailedPeers(const std::string& program, const std::string& why) {
   return way;
 }
 
+/// A traceback says at its end what happened.
+std::string LastLine(const std::string& text) {
+  const size_t end = text.find_last_not_of(" \r\n");
+  if (end == std::string::npos) return "";
+  const size_t before = text.rfind('\n', end);
+  const size_t begin = before == std::string::npos ? 0 : before + 1;
+  return text.substr(begin, end + 1 - begin);
+}
+
 }  // namespace
 
 std::vector<FrontWay> PeerWays(const std::string& program, const std::string& stage, const FrontsMaterial& material) {
-  const std::string folder = material.runs + "/peers-" + stage, out = folder + "/ways.json", said = folder + "/said.txt";
-  MakeFolder(folder);
-  WriteFileAtomic(out, std::string()), WriteFileAtomic(said, std::string());
-  const int exit = RunProcess({program, stage, "session=" + material.session, "take=" + material.take,
-                               "calib=" + material.calibration, "out=" + folder, "threads=" + std::to_string(material.threads)},
-                              {out, said});
+  const LentFolder lent(material.runs + "/peers-" + stage);  // what peers leave in it is theirs, and goes with it
+  const std::string &folder = lent.path(), out = folder + "/ways.json", said = folder + "/said.txt";
+  int exit = 0;
+  try {
+    exit = RunProcess({program, stage, "session=" + material.session, "take=" + material.take, "calib=" + material.calibration,
+                       "out=" + folder, "threads=" + std::to_string(material.threads)},
+                      {out, said});
+  } catch (const IoError& error) {
+    return {FailedPeers(program, error.what())};
+  }
   if (exit != 0) {
-    const std::string text = ReadFile(said), line = text.substr(0, text.find('\n'));
+    const std::string line = LastLine(ReadFile(said));
     return {FailedPeers(program, "it ended with " + std::to_string(exit) + (line.empty() ? "" : ": " + line))};
   }
   const ordered_json json = ordered_json::parse(ReadFile(out), nullptr, false);

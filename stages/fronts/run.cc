@@ -59,7 +59,7 @@ class FrontsRun {
   Fronts Measure() {
     DescribeMachine();
     if (!options_.session.empty()) FindMaterial(options_.session);
-    if (fs::exists(runs_)) RemoveOurs({runs_});  // of a run that was killed
+    if (fs::exists(runs_)) RemoveLeftovers(runs_), RemoveOurs({runs_});  // of a run that was killed
     const RunsFolder place(runs_);
     const bool synthetic = options_.session.empty();
     if (synthetic) {

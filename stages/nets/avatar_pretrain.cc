@@ -15,6 +15,7 @@
 #include "core/format.h"
 #include "core/hash/sha256.h"
 #include "core/json_view.h"
+#include "core/quiet_run.h"
 #include "stages/nets/avatar_run.h"
 
 namespace mvstudio::stages {
@@ -104,20 +105,22 @@ Json ToJson(const avatar::LabelScore& score) {
 class Sets {
  public:
   Sets(const PretrainInput& input, const PretrainOptions& options, const RunContext& run)
-      : input_(input), options_(options), run_{nullptr, run.num_threads, run.seed} {
+      : input_(input), options_(options), quiet_(run) {
     const int64_t batch = options.train.batch;
     steps_ = std::max<int64_t>(1, (options.samples + batch - 1) / batch);
   }
   int64_t SetOf(int64_t step) const { return step / steps_; }
   int64_t EndOf(int64_t set) const { return (set + 1) * steps_; }
   avatar::AvatarPack Draw(int64_t set) const {
-    return DrawSamples(input_.sources, options_.sample, PoseShare::kLearned, set, steps_ * options_.train.batch, run_).pack;
+    return DrawSamples(input_.sources, options_.sample, PoseShare::kLearned, set, steps_ * options_.train.batch,
+                       quiet_.context())
+        .pack;
   }
 
  private:
   const PretrainInput& input_;
   const PretrainOptions& options_;
-  RunContext run_;  // silent: drawing is no stage of its own
+  const QuietRun quiet_;  // drawing is no stage of its own
   int64_t steps_ = 1;
 };
 

@@ -8,6 +8,7 @@
 #include "core/disk/output.h"
 #include "core/disk/trace.h"
 #include "core/parallel.h"
+#include "core/quiet_run.h"
 #include "core/random.h"
 #include "stages/triangulate/solve.h"
 #include "triangulate/take/cause.h"
@@ -154,7 +155,7 @@ void ChooseWithinBudget(const PoseInput& input, double started_s, const RunConte
   const std::vector<TrialPart> parts = TrialParts(input, run.seed);
   const double begin_s = budget.asked.NowSeconds(), most_s = kTrialShare * budget.asked.BudgetSeconds();
   const UntracedScope untraced;
-  const RunContext silent{nullptr, run.num_threads, run.seed};
+  const QuietRun quiet(run);
   ProgressStage stage(run, "trial for the budget", static_cast<int64_t>(settings.size() * parts.size()));
   const auto target = budget.asked.Target();
   for (const BudgetSetting& setting : settings) {
@@ -171,7 +172,7 @@ void ChooseWithinBudget(const PoseInput& input, double started_s, const RunConte
     }
     trial.parts = {{"points"}, {"checks", static_cast<double>(triangulate::kMostClockFrames)}};
     for (const TrialPart& part : parts) {
-      const TriedTake tried = TryTake(part.input, *report, setting, silent);
+      const TriedTake tried = TryTake(part.input, *report, setting, quiet.context());
       const double frames = static_cast<double>(part.input.frames.size());
       if (part.is_piece) {
         trial.parts[0].timings.push_back({frames, tried.points_s}), trial.parts[1].timings.push_back({frames, tried.checks_s});

@@ -151,6 +151,11 @@ TEST_F(PlanCommands, PartsGiveWhatOneRunGives) {
     return numbers;
   };
   EXPECT_EQ(found("cut"), found("whole"));
+  for (const char* times : {"once", "again"}) {  // in processes of their own
+    const CliRun share = RunCli({"dataset", "verify", Path("cut/dataset/take1"), "--cache", Path("checks"), "--part",
+                                 "share=0/2", "--keep", Path("share")});
+    EXPECT_EQ(share.exit, 0) << times << ": " << share.err;
+  }
 
   // The parts did their work: that they are gone changes nothing, and a lost result is made without them.
   fs::remove_all(Path("parts/kept")), fs::remove_all(Path("parts/parts"));

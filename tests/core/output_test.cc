@@ -336,6 +336,17 @@ TEST(Sweep, LeavesWhatOnlyLooksLikeALeftover) {
   EXPECT_EQ(StateOf(root.path()), before);
 }
 
+TEST(LentFolder, GoesWithWhatOthersPutThere) {
+  const TempDir root;
+  {
+    const LentFolder lent(root / "runs/peers");
+    Put(lent.path() + "/deep/theirs.txt", "theirs");
+    EXPECT_THROW(LentFolder(root / "runs/peers"), IoError);
+    EXPECT_TRUE(fs::exists(root / "runs/peers/deep/theirs.txt")) << "what is there is nobody's to lend";
+  }
+  EXPECT_TRUE(Entries(root / "runs").empty());
+}
+
 TEST(AbandonTemporaries, LeavesNothingAndStopsAllCommits) {
   const TempDir root;
   EXPECT_EQ(RunInCopy([&] {

@@ -12,16 +12,28 @@ def resident_kb():
     return int(next(line for line in pathlib.Path("/proc/self/status").read_text().splitlines() if line.startswith("VmRSS")).split()[1])
 
 
+LEAST_KB = 900  # 10,000 lost results of `project` would be 80 MB and more, 1000 of the others 1 MB
+
+
 def growth_kb(call, times):
-    """After a tenth of the calls, which fill caches, until the end."""
+    """After a tenth of the calls, which fill caches, until the end. What is lost is lost every time: a round that grew by the allocator's
+    blocks, or by what other threads of the process keep, is done again."""
     for _ in range(times // 10):
         call()
-    gc.collect()
-    before = resident_kb()
-    for _ in range(times):
-        call()
-    gc.collect()
-    return resident_kb() - before
+    grown = []
+    while len(grown) < 3 and (not grown or min(grown) >= LEAST_KB):
+        gc.collect()
+        before = resident_kb()
+        for _ in range(times):
+            call()
+        gc.collect()
+        grown.append(resident_kb() - before)
+    return min(grown)
+
+
+def test_what_is_lost_is_seen():
+    lost = []
+    assert growth_kb(lambda: lost.append(bytes(2000)), 1000) >= LEAST_KB
 
 
 def test_ten_thousand_calls_leave_nothing():
@@ -40,6 +52,5 @@ def test_ten_thousand_calls_leave_nothing():
              "a mistake": (mistake, 10000), "a rig": (lambda: mvstudio.Rig.from_json(text), 1000),
              "triangulate": (lambda: mvstudio.triangulate(px, rig, threads=1), 1000), "ssim": (lambda: mvstudio.metrics.ssim(image, image), 1000)}
     grown = {name: growth_kb(call, times) for name, (call, times) in calls.items()}
-    # 10,000 lost results of `project` would be 80 MB and more, 1000 of the others 1 MB.
-    assert all(kb < 900 for kb in grown.values()), grown
+    assert all(kb < LEAST_KB for kb in grown.values()), grown
     print("growth, kB:", grown)

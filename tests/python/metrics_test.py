@@ -56,5 +56,11 @@ def test_mistakes(pair):
         metrics.psnr(a.ravel(), b)
     with pytest.raises(mvstudio.Error, match="cannot be compared"):
         metrics.psnr(a, b[:-1])
+    for no_array in (object(), "image.png", {"a": 1}):
+        for score in (metrics.psnr, metrics.ssim):
+            with pytest.raises(TypeError):
+                score(no_array, b)
+            with pytest.raises(TypeError):
+                score(a, no_array)
     with pytest.raises(mvstudio.Error, match="expected gaussian11 or uniform7"):
         metrics.ssim(a, b, window="box")

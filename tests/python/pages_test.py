@@ -38,6 +38,19 @@ def data(studio):
     return studio / "data"
 
 
+def test_datasets_are_replaced_where_that_is_asked_for(studio, data):
+    truth = studio / "studio/truth"
+    again = [lambda **given: stages.dataset_build(session=studio / "studio", take="take1", calib=truth / "calibration.json", png=True,
+                                                  pose3d=truth / "pose3d", masks=truth / "masks/take1", out=studio / "data2", **given),
+             lambda **given: stages.dataset_import_panoptic(data, studio / "imported", **given),
+             lambda **given: stages.dataset_export(data, "colmap", studio / "colmap", **given)]
+    for stage in again:
+        assert stage().ok
+        with pytest.raises(mvstudio.Error, match="exists already"):
+            stage()
+        assert stage(overwrite=True).ok
+
+
 def test_verify_says_what_the_program_says(data):
     ours, theirs = stages.dataset_verify(data), mvstudio.command("dataset verify", data)
     assert ours.exit == theirs.exit == 0 and ours.metrics == theirs.metrics
@@ -54,6 +67,12 @@ def test_verify_says_what_the_program_says(data):
         assert found[0] == found[1] and found[0][1] == 6
     finally:
         image.write_bytes(kept)
+
+
+def test_a_share_of_a_check_can_be_done_again(studio, data):
+    share = dict(cache=studio / "checks", part="share=0/2", keep=studio / "share")
+    assert [stages.dataset_verify(data, **share).metrics.kept for _ in range(2)] == [2, 2]
+    assert stages.dataset_verify(data, cache=studio / "checks").metrics == stages.dataset_verify(data).metrics
 
 
 def test_overlay_draws_over_the_footage(studio):

@@ -4,12 +4,12 @@ import subprocess
 import sys
 
 import conftest
-import matplotlib
 import mvstudio
 import numpy as np
 import pytest
 from mvstudio import plot
 
+matplotlib = pytest.importorskip("matplotlib", reason="needs python3-matplotlib")
 matplotlib.use("Agg")
 
 

@@ -9,12 +9,12 @@ import subprocess
 import sys
 
 import conftest
-import matplotlib
 import mvstudio
 import mvstudio._calibrate
 import mvstudio._rig
 import pytest
 
+matplotlib = pytest.importorskip("matplotlib", reason="needs python3-matplotlib")
 matplotlib.use("Agg")
 ROOT = pathlib.Path(os.environ.get("MVSTUDIO_SOURCE", pathlib.Path(__file__).resolve().parents[2]))
 

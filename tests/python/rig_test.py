@@ -2,12 +2,13 @@
 import pickle
 
 import conftest
-import hypothesis
-import hypothesis.extra.numpy as arrays
-import hypothesis.strategies as some
 import mvstudio
 import numpy as np
 import pytest
+
+hypothesis = pytest.importorskip("hypothesis", reason="needs python3-hypothesis")
+arrays = pytest.importorskip("hypothesis.extra.numpy", reason="needs python3-hypothesis")
+some = hypothesis.strategies
 
 
 @pytest.mark.parametrize("name", ["cam_01", "cam_02", "cam_03"])

@@ -4,7 +4,6 @@ import json
 import conftest  # noqa: F401  (where mvstudio is)
 import mvstudio
 import numpy as np
-import pandas
 import pytest
 
 
@@ -85,12 +84,14 @@ def test_knee_flexion_is_the_angle_between_its_bones(squats):
 
 
 def test_angles_become_a_table_of_pandas(squats):
+    pandas = pytest.importorskip("pandas", reason="needs python3-pandas")
     table = pandas.DataFrame(squats.angles())
     spans = table.groupby("angle").value_deg.agg(lambda value: value.max() - value.min())
     assert spans["knee_flexion_l"] == pytest.approx(90, abs=0.1) and spans["knee_flexion_r"] == pytest.approx(0, abs=0.1)
 
 
 def test_gait_events_are_the_contacts(walk, squats):
+    pandas = pytest.importorskip("pandas", reason="needs python3-pandas")
     table = pandas.DataFrame(walk.events())
     assert list(table) == ["frame", "time_s", "side", "event", "confidence", "velocity_frame"]
     assert table.groupby("event").size().min() >= 8 and set(table.side) == {"left", "right"}
@@ -107,6 +108,7 @@ def test_gait_events_are_the_contacts(walk, squats):
 def test_arrays_are_the_tables(tmp_path):
     """Two persons, frames with gaps, joints that are missing or were not looked for, in pandas's reading."""
     draw = np.random.default_rng(8)
+    pandas = pytest.importorskip("pandas", reason="needs python3-pandas")
     rows = pandas.DataFrame([(frame, person, joint) for frame in (3, 4, 9) for person in (0, 2) for joint in ("nose", "LHip", "RHip")],
                             columns=["frame", "person", "joint"])
     rows["status"] = draw.choice(["Ok", "TooFewViews"], len(rows))
@@ -144,12 +146,14 @@ def test_tables_that_are_none(tmp_path, text, said):
 def test_filtered_is_what_the_program_writes(walk, tmp_path):
     smooth = walk.filtered(filter="butterworth:6Hz", fill=5)
     mvstudio.command("markers", walk.folder, to="csv", filter="butterworth:6Hz", fill=5, out=tmp_path / "markers")
+    pandas = pytest.importorskip("pandas", reason="needs python3-pandas")
     table = pandas.read_csv(tmp_path / "markers/person0.csv", float_precision="round_trip")
     for name in ("LHeel", "MidHip"):
         rows = table[table.joint == name]
         np.testing.assert_array_equal(smooth.joint(name), rows[["x_m", "y_m", "z_m"]])
         assert 1e-6 < np.abs(smooth.joint(name) - walk.joint(name)).max() < 0.1 or name == "MidHip"
     assert smooth.sigma_m.shape == walk.sigma_m.shape and np.isfinite(smooth.sigma_m).all()
+    pandas = pytest.importorskip("pandas", reason="needs python3-pandas")
     angles = pandas.DataFrame(smooth.angles())
     alike = pandas.DataFrame(walk.angles(filter="butterworth:6Hz", fill=5))
     pandas.testing.assert_frame_equal(angles, alike)

@@ -1,10 +1,11 @@
 """Points against truth, least squares by NumPy, and their own statistics."""
 import conftest
-import hypothesis
-import hypothesis.strategies as some
 import mvstudio
 import numpy as np
 import pytest
+
+hypothesis = pytest.importorskip("hypothesis", reason="needs python3-hypothesis")
+some = hypothesis.strategies
 
 
 def seen(rig, points, sigma_px=0.0, seed=0):

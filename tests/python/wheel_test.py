@@ -24,6 +24,7 @@ def run(*words, folder, **variables):
 
 def environment_of(folder, *flags):
     """The Python of a new virtual environment."""
+    pytest.importorskip("ensurepip", reason="needs python3-venv")
     code, said = run(sys.executable, "-m", "venv", *flags, folder, folder=ROOT)
     assert code == 0, said
     return folder / "bin/python"

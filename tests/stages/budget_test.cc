@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/format.h"
 #include "core/random.h"
 #include "stages/budget/report.h"
 #include "stages/pipeline/split_budget.h"
@@ -172,6 +173,23 @@ TEST(Budget, WhatNoSettingKeepsIsRefusedWithItsTime) {
   trial.size = 100, trial.parts = {{"", kInfinity, {{10, 1}, {20, 1.5}}}};
   EXPECT_THAT(MessageOf<UsageError>([&] { Choose(2, &report); }), HasSubstr("predicted to take 7.5s"))
       << "2 + 0.5 + 0.05 * 100";
+}
+
+TEST(Budget, SecondsAreNoSurerThanTheStageSays) {
+  BudgetReport report;
+  SettingTrial& trial = report.trials.emplace_back();
+  trial.size = 100, trial.parts = {{"", kInfinity, {{10, 1}, {20, 1.5}}}}, trial.error = 0.03;
+  report.asked.budget = "1min";
+  Choose(2, &report);
+  const double own_s = trial.predicted_sigma_s;
+  report.least_relative_sigma = 0.5 * own_s / 7.5;
+  Choose(2, &report);
+  EXPECT_DOUBLE_EQ(trial.predicted_sigma_s, own_s) << "the timings are less sure than that";
+  report.asked.budget = Format("%.3fs", 7.5 + own_s + 0.5);
+  Choose(2, &report);
+  report.least_relative_sigma = (own_s + 1) / 7.5;
+  EXPECT_THAT(MessageOf<UsageError>([&] { Choose(2, &report); }), HasSubstr("predicted to take 7.5s"));
+  EXPECT_NEAR(trial.predicted_sigma_s, own_s + 1, 1e-9);
 }
 
 TEST(Budget, WhatComesOutWorseThanItWasForetoldIsSaid) {

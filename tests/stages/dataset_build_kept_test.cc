@@ -13,6 +13,7 @@
 #include "core/format.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/dataset_build/run.h"
+#include "stages/dataset_verify/run.h"
 #include "tests/pack/pack_test_util.h"
 
 /// A build of a dataset that was cut goes on by cameras and blocks of time.
@@ -154,6 +155,7 @@ TEST(KeptBuild, PartsInAnyOrderAreWhatABuildMakes) {
     EXPECT_TRUE(fs::exists(options.out + "/part.json"));
     kept[part] = folder / "cache/" + report.kept.back();
   }
+  EXPECT_FALSE(fs::is_empty(folder / "cache/digests")) << "footage is read once for all parts";
   EXPECT_TRUE(fs::exists(kept["frames=cam_b"] + "/block.json"));
   EXPECT_THAT(kept["frames=cam_b"], ::testing::EndsWith("00_01-000001"));
   const ino_t made = InodeOf(kept["frames=cam_a:1-1"] + "/hdImgs/00_00/00_00_00000305.jpg");
@@ -170,6 +172,9 @@ TEST(KeptBuild, PartsInAnyOrderAreWhatABuildMakes) {
       EXPECT_THROW(RunDatasetBuildPart(options), UsageError) << wrong;
     }
   }
+  dataset::WriteImage(Image(48, 36, 3, 255), folder / "cam_b/0007.png");
+  options.part = "frames=cam_a:0-0", options.out = folder / "changed";
+  EXPECT_NE(folder / "cache/" + RunDatasetBuildPart(options).kept.back(), kept["frames=cam_a:0-0"]) << "other footage";
   options.part = "frames=cam_a", options.out = folder / "nowhere", options.cache.kind = CachePlace::Kind::kAuto;
   EXPECT_THROW(RunDatasetBuildPart(options), UsageError) << "who would find it?";
 }
@@ -210,6 +215,19 @@ TEST(KeptBuild, OtherInputsAndDamageCountAsNothing) {
   options.out = folder / "alone", options.cache.kind = CachePlace::Kind::kOff;
   RunDatasetBuild(options);
   EXPECT_EQ(again, BytesBelow(options.out));
+}
+
+/// As after a kill: what was kept is not looked at again, and still listed.
+TEST(KeptChecks, AShareThatIsDoneAgainListsWhatItHad) {
+  const TempDir folder;
+  dataset::WriteStudio(folder / "data", 3, 2);
+  DatasetVerifyKept kept;
+  kept.cache = CacheIn(folder / "cache"), kept.part = "share=0/2", kept.folder = folder / "share";
+  const auto list = [&] { return ReadFile(folder / "share/part.json"); };
+  EXPECT_EQ(RunDatasetVerify(folder / "data", {}, kept, {}).metrics["kept"], 2) << "cameras 0 and 2";
+  const std::string first = list();
+  EXPECT_EQ(RunDatasetVerify(folder / "data", {}, kept, {}).metrics["kept"], 2);
+  EXPECT_EQ(list(), first);
 }
 
 }  // namespace

@@ -252,7 +252,8 @@ TEST(Fronts, PeersAreWaysOfTheProgramThatWasGiven) {
   const TempDir folder;
   PutSession(folder.path());
   std::ofstream(folder / "peers.sh") << R"(#!/bin/sh
-[ "$1" = mask ] || { echo "knows masks alone" >&2; exit 3; }
+for word in "$@"; do case $word in out=*) echo kept >"${word#out=}/own.txt";; esac; done
+[ "$1" = mask ] || { printf 'Traceback\nknows masks alone\n' >&2; exit 3; }
 echo '[{"name": "other program", "command": "'"$*"'", "processor_seconds": 0.5, "error": 0.05},
        {"name": "absent", "why_not": "it is not installed"}]'
 )";
@@ -270,6 +271,12 @@ echo '[{"name": "other program", "command": "'"$*"'", "processor_seconds": 0.5, 
   EXPECT_EQ(absent.why_not, "it is not installed");
   EXPECT_THAT(report.fronts.stages.at(1).ways.back().why_not, HasSubstr("ended with 3: knows masks alone"));
   EXPECT_THAT(report.fronts.growth, IsEmpty()) << "a session is as large as it is";
+  EXPECT_FALSE(fs::exists(folder / "fronts.runs")) << "nor what the program wrote there";
+  options.peers = folder / "none.sh", options.only = {"mask"};
+  const FrontsReport without = RunPretended(options, &pretended);
+  EXPECT_EQ(without.fronts.stages.at(0).ways.size(), masks.size() - 1);
+  EXPECT_THAT(without.fronts.stages.at(0).ways.back().why_not, HasSubstr("none.sh"));
+  EXPECT_FALSE(fs::exists(folder / "fronts.runs"));
 }
 
 TEST(Fronts, WhatASessionLacksIsSaidInOneLine) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <atomic>
 #include <filesystem>
 #include <map>
 
@@ -74,6 +75,7 @@ TEST_F(AvatarBudget, TheChoiceIsThatOfTheHeldOutImages) {
   for (const SettingTrial& trial : budget.trials) EXPECT_TRUE(trial.IsTried()) << trial.why_not;
   EXPECT_EQ(report.config.split.validation_cameras, std::vector<std::string>{"00_02"}) << "the middle one of five";
   EXPECT_LT(budget.actual_s, 600);
+  EXPECT_GE(budget.Chosen().predicted_sigma_s, 0.05 * budget.Chosen().predicted_s * (1 - 1e-9));
   EXPECT_NEAR(budget.actual_error, budget.Chosen().error, 0.2 * budget.Chosen().error);
   EXPECT_TRUE(fs::exists(*folder_ / "chosen/predictions.jsonl"));
   const CommandResult said = Describe(report);
@@ -130,9 +132,40 @@ TEST_F(AvatarBudget, WhatCannotBeKeptIsRefusedBeforeAnythingIsWritten) {
   EXPECT_THAT(message(), HasSubstr("there is one camera to train on"));
   options.split.train_cameras = "", options.given.insert("ranks");
   EXPECT_THAT(message(), HasSubstr("leave option 'ranks' out"));
+  options.given = {"rendezvous"};
+  EXPECT_THAT(message(), HasSubstr("leave option 'rendezvous' out"));
   options.given = {"width", "colour-degree"};
   EXPECT_THAT(message(), HasSubstr("option '")) << "no method takes both";
   EXPECT_FALSE(fs::exists(*folder_ / "refused/config.json"));
+}
+
+/// Is asked to stop as soon as a trial has begun; whatever stage comes next must heed it.
+class StopInTheTrial : public ProgressSink {
+ public:
+  void Begin(const std::string& stage, int64_t) override {
+    stages_.push_back(stage);
+    stopped_ = stopped_ || stage == "trial for the budget";
+  }
+  void Advance(int64_t, const std::string&) override { advances_ += stopped_ ? 1 : 0; }
+  bool Cancelled() const override { return stopped_ && ++asked_ > 1; }  // the first time only a kind's name was told
+  std::vector<std::string> stages_;
+  int advances_ = 0;  // of the trial's stage itself
+
+ private:
+  bool stopped_ = false;
+  mutable std::atomic<int> asked_{0};
+};
+
+TEST_F(AvatarBudget, ATrialStopsWhereThatIsAskedFor) {
+  AvatarTrainOptions options = Options("stopped");
+  options.budget.budget = "10min", options.train.steps = 1000000;  // a trial of them takes days
+  options.model.method = avatar::Method::kGaussians, options.given.insert("method");
+  StopInTheTrial sink;
+  RunContext run = OneThread();
+  run.progress = &sink;
+  EXPECT_THROW(RunAvatarTrain(options, run), CancelledError);
+  EXPECT_EQ(sink.stages_.back(), "trial for the budget") << "what is tried shows no stages of its own";
+  EXPECT_EQ(sink.advances_, 1) << "within the first kind";
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/parallel.h"
+#include "core/quiet_run.h"
 
 namespace mvstudio::stages {
 namespace {
@@ -123,6 +124,7 @@ class MaskBudget {
         folder_(folder),
         reading_s_(reading_s),
         run_(run),
+        quiet_(run),
         job_(*job),
         learned_(2 * backends.size()),
         settings_(FreeMasks(backends.size(), options)) {}
@@ -200,7 +202,7 @@ class MaskBudget {
     const dataset::MaskOptions mask = job_.mask;
     const bool hull = job_.run.hull;
     setting.Apply(&job_);
-    MaskTrial learned = TryBackend(job_, backends_[setting.backend], false, silent());
+    MaskTrial learned = TryBackend(job_, backends_[setting.backend], false, quiet_.context());
     job_.mask = mask, job_.run.hull = hull;
     return learned;
   }
@@ -223,7 +225,7 @@ class MaskBudget {
     if (many_.size() > few_.size()) trial.parts[1].timings.push_back(Time(setting, few_, scratch.path()));
     trial.parts[1].timings.push_back(Time(setting, many_, scratch.path()));
     const double made_s = options_.budget.NowSeconds();
-    std::vector<double> each = HullDisagreements(job_, scratch.path(), many_, silent());
+    std::vector<double> each = HullDisagreements(job_, scratch.path(), many_, quiet_.context());
     const double compared_s = options_.budget.NowSeconds() - made_s;
     trial.parts[2].timings.push_back({static_cast<double>(many_.size()), std::max(1e-6, compared_s)});
     if (job_.run.hull_frames == 0) trial.parts.pop_back();
@@ -235,7 +237,7 @@ class MaskBudget {
   SizedTiming Time(const MaskSetting& setting, const std::vector<int>& steps, const std::string& folder) {
     const double begin_s = options_.budget.NowSeconds();
     const TrialJob part(setting, steps, &job_);
-    MakeMasks(job_, backends_[setting.backend], LearnedBy(setting)->models, folder, silent());
+    MakeMasks(job_, backends_[setting.backend], LearnedBy(setting)->models, folder, quiet_.context());
     return {static_cast<double>(steps.size()), std::max(1e-6, options_.budget.NowSeconds() - begin_s)};
   }
 
@@ -265,13 +267,12 @@ class MaskBudget {
     if (setting.hull && !options_.run.hull) trial->flags.emplace_back("hull", "on");
   }
 
-  RunContext silent() const { return {nullptr, run_.num_threads, run_.seed}; }
-
   const std::vector<MaskBackend>& backends_;
   const MaskStageOptions& options_;
   const std::string& folder_;
   const double reading_s_;
   const RunContext& run_;
+  const QuietRun quiet_;
   MaskJob& job_;
   std::vector<std::optional<MaskTrial>> learned_;  ///< two of each backend, see LearnedBy
   const std::vector<MaskSetting> settings_;

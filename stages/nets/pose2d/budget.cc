@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/format.h"
 #include "core/parallel.h"
+#include "core/quiet_run.h"
 #include "stages/nets/pose2d/existing.h"
 #include "stages/people/pose2d_quality.h"
 
@@ -115,7 +116,7 @@ void TryNets(const DetectJob& stretch, const geometry::Rig& rig, const Pose2dOpt
   const double begin_s = budget->asked.NowSeconds();
   std::map<std::string, double> crop_s;  // of the stretch
   ProgressStage stage(run, "trial for the budget", static_cast<int64_t>(settings->size()));
-  const RunContext silent{nullptr, run.num_threads, run.seed};
+  const QuietRun quiet(run);
   const auto target = budget->asked.Target();
   double enough_s = std::numeric_limits<double>::infinity();  // that a setting took in the trial which reaches the target
   for (const NetSetting& setting : *settings) {
@@ -128,7 +129,7 @@ void TryNets(const DetectJob& stretch, const geometry::Rig& rig, const Pose2dOpt
     } else if (!budget->trials.empty() && (left_s < 0 || (known != crop_s.end() && known->second * crops > left_s))) {
       trial.why_not = "it would take more than a fifth of the budget to try it";
     } else {
-      trial = TryNet(stretch, rig, setting, num_frames, options, silent);
+      trial = TryNet(stretch, rig, setting, num_frames, options, quiet.context());
       crop_s[setting.backend] = (budget->asked.NowSeconds() - before_s) / crops;
       if (target && trial.error <= target->value) enough_s = std::min(enough_s, crop_s[setting.backend] * crops);
     }

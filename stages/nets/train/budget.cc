@@ -11,12 +11,16 @@
 #include "core/join.h"
 #include "core/log.h"
 #include "core/parallel.h"
+#include "core/quiet_run.h"
 #include "core/statistics.h"
 
 namespace mvstudio::stages {
 namespace {
 
 constexpr int kJudged = 24;  // validation images
+/// Predicted seconds are never surer than that. Timings of short trainings agree by chance, and a long one meets what they
+/// cannot know: a clock that falls, caches, other programs. Whole runs were up to 6 % off (docs/notes/budgets.md).
+constexpr double kLeastRelativeSigma = 0.05;
 constexpr int kNetworkSteps = 600, kGaussianSteps = 1500;
 
 /// A way to make an avatar, the simpler ones first. Textured networks are not among them: they have added less than 0.01 of
@@ -91,8 +95,10 @@ class AvatarTrials {
       : data_(data),
         config_(config),
         options_(options),
+        started_s_(started_s),
         end_s_(started_s + options.budget.BudgetSeconds()),
         run_(run),
+        quiet_(run),
         kinds_(FreeKinds(options)) {}
 
   void Try(BudgetReport* budget) {
@@ -133,7 +139,6 @@ class AvatarTrials {
 
  private:
   double Now() const { return options_.budget.NowSeconds(); }
-  RunContext silent() const { return {nullptr, run_.num_threads, run_.seed}; }
 
   void Add(const AvatarKind& kind, int steps, SettingTrial trial, std::vector<double> losses, BudgetReport* budget) {
     trial.flags = {{"method", std::string(ToString(kind.method))}, {"steps", std::to_string(steps)}};
@@ -153,7 +158,7 @@ class AvatarTrials {
   /// On part of the images, as the kind wants them.
   MethodTrial Learn(const AvatarKind& kind, int steps, const avatar::RunConfig& config, const RunPacks& packs) const {
     const AvatarTrainOptions options = OptionsOf(options_, kind, steps);
-    return MakeMethod(options)->Try(config, packs, silent());
+    return MakeMethod(options)->Try(config, packs, quiet_.context());
   }
 
   /// What making the crops of all images costs beside those of some.
@@ -171,7 +176,7 @@ class AvatarTrials {
     avatar::RunConfig config = config_;
     method->Prepare(&config);
     config.split.train_frames = SomeFrames(config, kImages, kind.method == avatar::Method::kV2v);
-    const RunPacks packs = BuildPacks(data_, method->model, method->train, silent(), &config);
+    const RunPacks packs = BuildPacks(data_, method->model, method->train, quiet_.context(), &config);
     const double crops_s = Now() - begin_s;
     std::vector<WorkPart> parts = {CropsPart(packs, crops_s)};
     if (kind.IsBody()) {
@@ -187,7 +192,9 @@ class AvatarTrials {
     for (const SettingTrial& trial : budget.trials) {
       if (!trial.IsTried() || !(trial.error < best)) continue;
       const Foretold seconds = ForetellSeconds(trial.parts, trial.size);
-      if (Now() + seconds.value + seconds.sigma <= end_s_) best = trial.error, rest_s = seconds.value + seconds.sigma;
+      const double sure_s = kLeastRelativeSigma * (Now() - started_s_ + seconds.value);
+      const double most_s = seconds.value + std::max(seconds.sigma, sure_s);  // as Choose sees it
+      if (Now() + most_s <= end_s_) best = trial.error, rest_s = most_s;
     }
     return rest_s;
   }
@@ -248,8 +255,9 @@ class AvatarTrials {
   const dataset::PanopticDataset& data_;
   const avatar::RunConfig& config_;
   const AvatarTrainOptions& options_;
-  const double end_s_;
+  const double started_s_, end_s_;
   const RunContext& run_;
+  const QuietRun quiet_;
   const std::vector<AvatarKind> kinds_;
   std::vector<std::vector<double>> losses_;  ///< of each trial
   std::vector<int> steps_;
@@ -274,7 +282,7 @@ void CheckAvatarBudget(const AvatarTrainOptions& options) {
     throw UsageError("option 'target' " + options.budget.target + ": avatars have their SSIM on held-out images: 0.85ssim");
   if (!options.budget.Asked()) return;
   const char* what = "option 'budget' and option 'target' ";
-  for (const char* option : {"ranks", "rank", "world-size", "init-from", "iuv"})
+  for (const char* option : {"ranks", "rank", "world-size", "rendezvous", "init-from", "iuv"})
     if (options.Given(option))
       throw UsageError(what + ("choose for one process that begins anew: leave option '" + std::string(option) + "' out"));
   if (options.fit != BodyFitMode::kAuto) throw UsageError(std::string(what) + "need a body that is fitted: option 'fit' auto");
@@ -316,8 +324,9 @@ void RequireTimeToFit(const dataset::PanopticDataset& data, const avatar::RunCon
   split.validation_frames = split.holdout_frames = split.train_frames;
   avatar::PersonFitOptions fit;
   fit.templates = TemplatesOf(options.body_template);
+  const QuietRun quiet(run);
   const double begin_s = options.budget.NowSeconds();
-  (void)FitToSplit(data, split, config.pack.person, config.pack.pose_by, fit, {nullptr, run.num_threads, run.seed});
+  (void)FitToSplit(data, split, config.pack.person, config.pack.pose_by, fit, quiet.context());
   const double now_s = options.budget.NowSeconds(), fit_s = now_s - begin_s;
   // Of its time a part does not grow with the time steps, so that a quarter in proportion is sure to be needed.
   const double least_s = now_s - started_s + fit_s * all / kFrames / 4;
@@ -331,6 +340,7 @@ BudgetReport ChooseAvatar(const dataset::PanopticDataset& data, const avatar::Ru
   BudgetReport budget;
   budget.stage = "avatar train", budget.asked = options->budget, budget.threads = ResolveThreads(run.num_threads);
   budget.unit = ErrorUnit::kSsim;
+  budget.least_relative_sigma = kLeastRelativeSigma;
   budget.better_data = "a better calibration, better masks or more cameras";
   budget.sizes = {{"frames", static_cast<double>(config.split.train_frames.size())},
                   {"cameras", static_cast<double>(config.split.train_cameras.size())},

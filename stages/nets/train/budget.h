@@ -22,8 +22,9 @@ void RequireTimeToFit(const dataset::PanopticDataset& data, const avatar::RunCon
                       double started_s, const RunContext& run);
 
 /// Trains the fitted body's colours, Gaussians and networks briefly on part of the images, and sets method and steps of
-/// `options` where nobody gave them: of what is not shown to be worse on the validation images the simplest. Throws UsageError
-/// for a budget that not even the body keeps, and what making the methods does where none can be made.
+/// `options` where nobody gave them (steps that were given become 0 where the body alone is chosen): of what is not shown to be
+/// worse on the validation images the simplest. Throws UsageError for a budget that not even the body keeps, and what making
+/// the methods does where none can be made.
 BudgetReport ChooseAvatar(const dataset::PanopticDataset& data, const avatar::RunConfig& config, double started_s,
                           const RunContext& run, AvatarTrainOptions* options);
 
