@@ -87,7 +87,8 @@ def calibrations():
     return [shows("{R}/people/09-calib/" + name, 3, words) for name, words in unknown.items()] + [
         shows("{R}/people/09-calib/17012332.xml", 0, "rational8", "817.93", more=("--size", "1280x1024")),
         shows(other + "calibration_full.json", 0), shows(other + "train_meta.json", 0),
-        shows(other + "camera-parameters.json", 3, "Human3.6M", "not cameras: is missing"),
+        shows(other + "camera-parameters.json", 2, "image size; pass --size"),
+        shows(other + "camera-parameters.json", 0, r"50 +0.0000 +4.0898 +5.9987", more=("--size", "1920x1080")),
         shows(other + "camera_extrinsics.json", 3, "MVHumanNet", "not cameras: is missing"),
         shows(other + "camera_intrinsics.json", 3, "lenses without poses"),
         shows(DATA + "A-is_fisheye/transforms.json", 0, "kannala4", "not brown"),
