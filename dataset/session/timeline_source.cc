@@ -60,6 +60,14 @@ double FirstFinite(Iterator begin, Iterator end) {
   return found == end ? std::nan("") : *found;
 }
 
+/// Whether the offset of any of the cameras is known.
+bool KnowsAny(const SyncFile& sync, const std::vector<CameraTimes>& times) {
+  std::vector<std::string> names;
+  for (const CameraTimes& camera : times) names.push_back(camera.camera);
+  const std::vector<double> offsets = OffsetsOf(sync, names);
+  return std::any_of(offsets.begin(), offsets.end(), [](double offset) { return std::isfinite(offset); });
+}
+
 /// How the cameras' clocks relate; time stamps of a table, or of time codes, replace the cameras' own.
 TimelineClock RelateClocks(const Session& session, const SessionTake& take, const TakeTimelineOptions& options,
                            std::vector<CameraTimes>* times, std::optional<SyncFile>* sync, std::vector<std::string>* notes) {
@@ -75,7 +83,9 @@ TimelineClock RelateClocks(const Session& session, const SessionTake& take, cons
   const std::string sync_path = SyncPathOf(session, take, options.allow_outside);
   if (!sync_path.empty()) {
     *sync = ReadSync(sync_path);
-    return TimelineClock::kOffsets;
+    if (KnowsAny(**sync, *times)) return TimelineClock::kOffsets;
+    sync->reset();
+    notes->push_back(sync_path + " knows the offset of no camera and is left out");
   }
   if (PlaceByTimeCodes(times)) {
     notes->push_back(

@@ -1,9 +1,8 @@
 #include "stages/fronts/growth.h"
 
-#include <filesystem>
 #include <iterator>
 
-#include "core/disk/manifest.h"
+#include "core/disk/output.h"
 #include "core/format.h"
 #include "stages/fronts/measure_growth.h"
 
@@ -86,10 +85,11 @@ class GrowthRun {
 
   /// What each stage does without flags; its figures are of all `axes`.
   void MeasureStages(const std::string& axis, int factor, const std::vector<std::string>& axes) {
-    const std::string session = meter_.runs() + "/grown";
+    const LentFolder lent(meter_.runs() + Format("/grown-%s-%d", axis.c_str(), factor));
+    const std::string session = lent.path() + "/session";
     meter_.MakeStudio(Grown(plan_.base, axis, factor), {{"samples", {"1"}}, {"board", {"charuco:5x4:240mm:180mm"}}}, session);
     FrontsMaterial material = meter_.MaterialOf(session, "", quick_);
-    material.whole_take = true, material.runs += Format("/growth-%s-%d", axis.c_str(), factor);
+    material.whole_take = true, material.runs = lent.path() + "/runs";
     for (const PlannedFront& front : PlanFronts(material, only_)) {
       const std::string& stage = front.front.stage;
       if (stage == "pack") continue;  // a crop costs what it costs
@@ -103,8 +103,6 @@ class GrowthRun {
       const FrontWay way = meter_.MeasureWay(front.ways.front());
       for (const std::string& each : axes) Take(stage, each, factor, way);
     }
-    RemoveOurs({session});
-    if (std::filesystem::exists(material.runs)) RemoveOurs({material.runs});
   }
 
   void Take(const std::string& stage, const std::string& axis, int factor, const FrontWay& way) {

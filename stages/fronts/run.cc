@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
 #include <thread>
 
 #include "core/disk/files.h"
@@ -62,9 +63,11 @@ class FrontsRun {
     if (fs::exists(runs_)) RemoveLeftovers(runs_), RemoveOurs({runs_});  // of a run that was killed
     const RunsFolder place(runs_);
     const bool synthetic = options_.session.empty();
+    std::optional<LentFolder> studio;
     if (synthetic) {
-      MakeStudio();
-      FindMaterial(runs_ + "/session");
+      studio.emplace(runs_ + "/studio");
+      MakeStudio(studio->path() + "/session");
+      FindMaterial(studio->path() + "/session");
     }
     std::vector<PlannedFront> planned = PlanFronts(material_, options_.only);
     int64_t ways = synthetic ? NumGrownStudios(options_.quick) : 0;
@@ -86,13 +89,13 @@ class FrontsRun {
   }
 
   /// Throws IoError.
-  void MakeStudio() {
+  void MakeStudio(const std::string& session) {
     const StudioSize size = options_.quick ? StudioSize{5, 320, 240, 80, 24} : StudioSize{6, 480, 360, 120, 60};
     fronts_.footage = Format(
         "Synthetic studio: %d cameras of %dx%d px, %d frames of a board, %d of a person, 1 px of noise on the 2D joints that "
         "triangulate takes.",
         size.cameras, size.width, size.height, size.board_frames, size.take_frames);
-    meter_.MakeStudio(size, {}, runs_ + "/session");
+    meter_.MakeStudio(size, {}, session);
   }
 
   void FindMaterial(const std::string& folder) {

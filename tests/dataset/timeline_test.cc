@@ -395,6 +395,33 @@ TEST(TimelineOfVideos, NamesFootageAsTheSessionDoes) {
   }
 }
 
+/// A take too short for `sync` has a file without any offset. That is no reason to have no timeline.
+TEST(TimelineOfVideos, AFileThatKnowsNoOffsetCountsAsNone) {
+  const TempDir folder;
+  for (const char* name : {"a.mp4", "b.mp4"}) mvstudio::testing::WriteClip(folder / name, {0, 3003, 6006});
+  Session session;
+  session.folder = folder.path();
+  session.cameras = {{"a", "", "", 0, 0}, {"b", "", "", 0, 0}};
+  SessionTake take;
+  take.footage = {{"a", "a.mp4", ""}, {"b", "b.mp4", ""}};
+  take.sync = "sync.json";
+  const auto built = [&](const std::string& of_b) {
+    const std::string unknown = R"("status": "TooFewDetections", "offset_frames": null, "sigma_frames": null})";
+    std::ofstream(folder / "sync.json") << R"({"schema": "mvstudio.sync/1", "reference": "b", "fps": 29.97, "cameras": [)"
+                                        << R"({"name": "a", )" << unknown << R"(, {"name": "b", )"
+                                        << (of_b.empty() ? unknown : of_b) << "]}";
+    return BuildTakeTimeline(session, take, {});
+  };
+  const TakeTimeline none = built("");
+  EXPECT_EQ(none.timeline.clock, TimelineClock::kStart);
+  EXPECT_EQ(none.timeline.num_time_steps, 3);
+  ASSERT_FALSE(none.notes.empty());
+  EXPECT_NE(none.notes[0].find("knows the offset of no camera"), std::string::npos) << none.notes[0];
+  const TakeTimeline one = built(R"("status": "Ok", "offset_frames": 0, "sigma_frames": 0.1})");
+  EXPECT_EQ(one.timeline.clock, TimelineClock::kOffsets) << "the other camera is left out";
+  EXPECT_EQ(one.timeline.Find("a")->status, ClockStatus::kNoOffset);
+}
+
 TEST(Timestamps, TablesAndWhatIsWrongWithThem) {
   const TempDir folder;
   const std::vector<SessionCamera> cameras = {{"left", "77", "", 0, 0}, {"cam_02", "", "", 0, 0}};
