@@ -11,7 +11,6 @@
 namespace mvstudio::calib {
 namespace {
 
-constexpr double kOneSigma = 1;
 constexpr size_t kMinUnitsOfRig = 6;
 
 /// Columns of the rig for each column of a part of it.
@@ -120,7 +119,7 @@ double PoseVarianceByFrames(const std::vector<View>& views, const std::vector<in
   for (const auto& [cluster, seen] : clusters) {
     if (index++ % step == 0) AddUnit(seen, whole, &sums);
   }
-  const bool larger = sums.expected > 0 && sums.found - sums.expected > kOneSigma * std::sqrt(sums.spread);
+  const bool larger = sums.expected > 0 && sums.found > sums.expected + std::sqrt(sums.spread);
   return larger ? sums.found / sums.expected : 1;
 }
 

@@ -150,18 +150,17 @@ void StoreCovariance(const RigCovariance& covariance, const HeldCovariance& held
 /// that moved has them, too, and its motion is looked for in the solution.
 void CountSharedErrors(const CalibrateInput& input, const CalibrateOptions& options, Work* work, CalibrateReport* report) {
   const std::vector<int> of_view = ClusterViews(work->views);
-  std::vector<double> ratio = VarianceByBoards(work->evidence, of_view, work->state, work->bundle.fix_lens);
+  const std::vector<double> ratio = VarianceByBoards(work->evidence, of_view, work->state, work->bundle.fix_lens);
   DiscountByBoards(ratio, &work->evidence);
+  const WithOmitted considered = Considered(input, options, *work, report->sigma_px);
   double of_rig = 1;
   if (!options.intrinsics_only && ratio.size() > 1) {
     const std::vector<int> of_frame = ClusterFrames(work->views, of_view, work->state.frames.size());
-    const WithOmitted considered = Considered(input, options, *work, report->sigma_px);
     of_rig = PoseVarianceByFrames(work->evidence, of_frame, considered.state, considered.options, report->sigma_px);
     DiscountByBoards(std::vector<double>(ratio.size(), of_rig), &work->evidence);
   }
   if (of_rig == 1 && std::all_of(ratio.begin(), ratio.end(), [](double one) { return one == 1; })) return;
   const HeldCovariance held = HeldCovarianceOf(input.start, work->state, work->bundle);
-  const WithOmitted considered = Considered(input, options, *work, report->sigma_px);
   const RigCovariance covariance =
       ComputeCovariance(work->evidence, considered.state, considered.options, report->sigma_px, held);
   if (covariance.status == Status::kOk) StoreCovariance(covariance, held, *work, report);

@@ -53,6 +53,15 @@ class AvatarSignals : public ::testing::Test {
     for (const std::string& pid : others) EXPECT_TRUE(WaitUntil([&] { return !Runs(pid); })) << pid;
   }
 
+  /// A network that takes its steps quickly, saved every second one.
+  static Words SmallTraining(const std::string& out, const std::string& steps) {
+    Words words = {"avatar", "train", Data(), "--out", out, "--steps", steps, "--no-fit-shape"};
+    words.insert(words.end(),
+                 {"--size", "32", "--width", "4", "--downs", "2", "--encoder-blocks", "1", "--decoder-blocks", "1"});
+    words.insert(words.end(), {"--init-steps", "4", "--save-every", "2"});
+    return words;
+  }
+
   TempDir work_, streams_;
 
  private:
@@ -63,33 +72,9 @@ TempDir* AvatarSignals::data_ = nullptr;
 TEST_F(AvatarSignals, EndingTheFirstRankEndsTheOthers) {
   for (const int number : {SIGINT, SIGTERM}) {
     const std::string out = work_ / std::to_string(number);
-    ExpectAllEnd({"avatar",
-                  "train",
-                  Data(),
-                  "--out",
-                  out,
-                  "--ranks",
-                  "2",
-                  "--threads",
-                  "2",
-                  "--size",
-                  "32",
-                  "--width",
-                  "4",
-                  "--downs",
-                  "2",
-                  "--encoder-blocks",
-                  "1",
-                  "--decoder-blocks",
-                  "1",
-                  "--no-fit-shape",
-                  "--init-steps",
-                  "4",
-                  "--save-every",
-                  "2",
-                  "--steps",
-                  "100000"},
-                 number, [&] { return fs::exists(out + "/checkpoint.safetensors"); });
+    Words words = SmallTraining(out, "100000");
+    words.insert(words.end(), {"--ranks", "2", "--threads", "2"});
+    ExpectAllEnd(words, number, [&] { return fs::exists(out + "/checkpoint.safetensors"); });
   }
 }
 
@@ -110,30 +95,7 @@ TEST_F(AvatarSignals, RanksThatSrunStartedStopTogetherAndGoOnToTheSameBytes) {
       setenv("SLURM_PROCID", std::to_string(rank).c_str(), 1);
     });
   };
-  const auto train = [&](const std::string& out) {
-    return Words{"avatar",
-                 "train",
-                 Data(),
-                 "--out",
-                 out,
-                 "--size",
-                 "32",
-                 "--width",
-                 "4",
-                 "--downs",
-                 "2",
-                 "--encoder-blocks",
-                 "1",
-                 "--decoder-blocks",
-                 "1",
-                 "--no-fit-shape",
-                 "--init-steps",
-                 "4",
-                 "--save-every",
-                 "2",
-                 "--steps",
-                 "600"};
-  };
+  const auto train = [&](const std::string& out) { return SmallTraining(out, "600"); };
   const auto both_end = [&](const Words& words, const char* restarts, int number, const std::string& checkpoint) {
     const std::array<std::unique_ptr<Running>, 2> ranks = {start(0, words, restarts), start(1, words, restarts)};
     if (number > 0) {

@@ -480,7 +480,6 @@ TEST_F(VerifyTest, WhatOthersCheckedIsNotLookedAtAgain) {
     VerifyDataset(folder_.path(), {}, {}, kept);
     EXPECT_EQ(bytes.size(), static_cast<size_t>(kept.index + 1)) << "one camera a share";
   }
-  const std::string image = ReadFile(Image0(5));
   WriteFileAtomic(Image0(5), "damaged since");
   kept.count = 0;
   const VerifyReport joined = VerifyDataset(folder_.path(), {}, {}, kept);
