@@ -210,7 +210,8 @@ constexpr char kViewScript[] = R"js('use strict';
   function go(i, anew) {
     if (!order.length) return;
     at = Math.max(0, Math.min(order.length - 1, i));
-    const step = stepAt(at), ticket = ++asked;
+    const step = stepAt(at), ticket = ++asked, views = el('views');
+    views.removeAttribute('data-step');  // there again once images and marks of a time step are all shown
     el('step').value = step[0];
     el('camera').value = camera;
     describe(step);
@@ -221,7 +222,6 @@ constexpr char kViewScript[] = R"js('use strict';
     if (location.hash !== hash) history.replaceState(null, '', hash);
     return fetch('step/' + step[0] + '.json').then(function (r) { return r.json(); }).then(function (data) {
       if (ticket !== asked) return;
-      const views = el('views');
       views.className = camera ? 'one' : '';
       const shown = [];
       data.cameras.forEach(function (view, c) {
@@ -229,8 +229,13 @@ constexpr char kViewScript[] = R"js('use strict';
       });
       const waits = [].concat.apply([], shown.map(function (f) { return f.waits; }));
       const swap = function () { if (ticket === asked) views.replaceChildren.apply(views, shown); };
-      if (anew || !views.children.length) swap();  // else the images before stay until these are there
-      else return Promise.all(waits).then(swap);
+      const soon = anew || !views.children.length;  // else the images before stay until these are there
+      if (soon) swap();
+      const all = Promise.all(waits).then(function () {
+        if (!soon) swap();
+        if (ticket === asked) views.setAttribute('data-step', step[0]);
+      });
+      if (!soon) return all;
     });
   }
 

@@ -18,8 +18,13 @@ SHOWN = "Array.from(document.querySelectorAll('#views figcaption'), (f) => f.tex
 IMAGES = "Array.from(document.querySelectorAll('#views img'), (i) => i.naturalWidth)"
 
 
+SETTLED = "document.querySelector('#views').hasAttribute('data-step')"
+
+
 def is_at(step):
-    return f"{WHERE}.startsWith('time step {step},') && {SHOWN}.some((text) => /frame {step}(,|$)/.test(text))"
+    """Whether the images and marks of a time step are all shown."""
+    return (f"document.querySelector('#views').getAttribute('data-step') === '{step}' && {WHERE}.startsWith('time step {step},') && "
+            f"{SHOWN}.some((text) => /frame {step}(,|$)/.test(text))")
 
 
 def check_frames(page, url, claims):
@@ -35,7 +40,7 @@ def check_frames(page, url, claims):
     claims.say(page.wait(is_at(WORST_FRAME)), "a click into the error over time goes there", page.run(WHERE))
     claims.say("6.5 px" in page.run(WHERE), "which says its error", page.run(WHERE))
     page.click_on("#strip button:not([aria-current])")
-    claims.say(page.wait("!" + is_at(WORST_FRAME).replace(" && ", " && !")), "a thumbnail leads to its frame", page.run(WHERE))
+    claims.say(page.wait(f"{SETTLED} && !{WHERE}.startsWith('time step {WORST_FRAME},')"), "a thumbnail leads to its frame", page.run(WHERE))
     page.click_on("#play")
     here = page.run(WHERE)
     claims.say(page.wait(f"{WHERE} !== {here!r}", 10), "it plays")
@@ -44,9 +49,9 @@ def check_frames(page, url, claims):
 
 def check_cameras_and_filters(page, claims):
     page.click_on("#views figure:nth-child(3) div")
-    claims.say(page.wait(SHOWN + ".length === 1") and page.run("location.hash.includes('camera=back')"), "a click shows that camera alone", page.run(SHOWN))
+    claims.say(page.wait(f"{SETTLED} && {SHOWN}.length === 1") and page.run("location.hash.includes('camera=back')"), "a click shows that camera alone", page.run(SHOWN))
     page.key("Escape")
-    claims.say(page.wait(SHOWN + ".length === 4"), "Escape all of them")
+    claims.say(page.wait(f"{SETTLED} && {SHOWN}.length === 4"), "Escape all of them")
     choose = "(() => { const s = document.querySelector('#filter'); s.value = '%s'; s.dispatchEvent(new Event('change')); })()"
     for how, step in (("worst", WORST_FRAME), ("missing", MISSING_FRAME)):
         page.run(choose % how)
@@ -59,15 +64,15 @@ def check_marks(page, claims):
     """Outlines of masks and of the fitted body over the images, and images that were held out."""
     page.run("location.hash = '#frame=5'")
     count = lambda mark: f"document.querySelectorAll('#views svg .{mark}').length"
-    claims.say(page.wait(f"{count('mask')} === 1 && {count('body')} === 4"), "a mask of the first camera, the body in all",
+    claims.say(page.wait(f"{is_at(5)} && {count('mask')} === 1 && {count('body')} === 4"), "a mask of the first camera, the body in all",
                [page.run(count(mark)) for mark in ("mask", "body")])
     box = page.run("(() => { const b = document.querySelector('#views svg .mask').getBBox(); return [b.x, b.y, b.x + b.width, b.y + b.height]; })()")
     claims.equal(box, list(MASK_BOX), "the outline goes around the mask's pixels")
     for box_id, mark in (("masks", "mask"), ("body", "body")):
         page.click_on(f"#{box_id}")
-        claims.say(page.wait(f"{count(mark)} === 0"), f"a click hides the {mark}", page.run(count(mark)))
+        claims.say(page.wait(f"{SETTLED} && {count(mark)} === 0"), f"a click hides the {mark}", page.run(count(mark)))
         page.click_on(f"#{box_id}")
-        claims.say(page.wait(f"{count(mark)} > 0"), f"another shows the {mark}", page.run(count(mark)))
+        claims.say(page.wait(f"{SETTLED} && {count(mark)} > 0"), f"another shows the {mark}", page.run(count(mark)))
     page.run("(() => { const s = document.querySelector('#filter'); s.value = 'heldout'; s.dispatchEvent(new Event('change')); })()")
     claims.say(page.wait(is_at(42)) and page.run("location.hash.includes('show=heldout')"), "held out, the worst first", page.run(WHERE))
     claims.say(page.run(f"{SHOWN}.filter((text) => text.includes('held out, SSIM 0.880')).length") == 1, "its camera says so", page.run(SHOWN))
