@@ -1,10 +1,8 @@
 #include "avatar/maps/bones.h"
 
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <set>
 
 #include "avatar/run/pack/joint_source.h"
@@ -13,10 +11,10 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "dataset/panoptic/panoptic_files.h"
-#include "dataset/views/crop.h"
 #include "geometry/skeleton/skeleton.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/avatar/synthetic_pack.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

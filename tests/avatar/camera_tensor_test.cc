@@ -1,7 +1,6 @@
 #include "avatar/maps/camera_tensor.h"
 
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <map>
@@ -9,6 +8,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "geometry/lens/camera_model.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

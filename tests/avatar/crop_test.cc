@@ -1,13 +1,12 @@
 #include "dataset/views/crop.h"
 
-#include <gtest/gtest.h>
-
 #include <limits>
 
 #include "avatar/body/mesh_raster.h"
 #include "avatar/run/pack/shape_fit.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

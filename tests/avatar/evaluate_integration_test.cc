@@ -1,6 +1,4 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <filesystem>
 
@@ -9,20 +7,16 @@
 #include "avatar/run/evaluate/baselines.h"
 #include "avatar/run/evaluate/evaluate.h"
 #include "avatar/run/evaluate/evaluate_groups.h"
-#include "avatar/run/evaluate/strips.h"
 #include "avatar/scores/image_scores.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/avatar/script_nets.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 /// A dataset of 5 cameras and 9 frames and an untrained avatar for it.
 class EvaluateRun : public ::testing::Test {

@@ -1,6 +1,4 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "avatar/nets/feature_net.h"
 #include "avatar/scores/image_scores.h"
@@ -10,13 +8,10 @@
 #include "tests/avatar/script_nets.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 TEST(FeatureNet, DetectorsGetEightBitsAndGiveFeatures) {
   const TempDir folder;

@@ -1,7 +1,6 @@
 #include "avatar/scores/features.h"
 
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
@@ -9,6 +8,7 @@
 #include "avatar/scores/set_distance.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

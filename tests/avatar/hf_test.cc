@@ -1,6 +1,4 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 
@@ -8,26 +6,18 @@
 #include "avatar/maps/texture.h"
 #include "avatar/nets/neural_texture.h"
 #include "avatar/nets/reference_renderer.h"
-#include "avatar/nets/sequence.h"
 #include "avatar/train/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
 #include "tests/support/message_of.h"
+#include "tests/support/one_thread.h"
+#include "tests/support/test.h"
 
 /// Method `hf`: neural texture, renderer and training.
 namespace mvstudio::avatar {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
-
 constexpr int kSize = 32;
-
-RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1;
-  return run;
-}
 
 /// Bodies in colours that are not those of the images, and references that are.
 AvatarPack Pack(int64_t count = 8) {

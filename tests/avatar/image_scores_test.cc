@@ -1,15 +1,13 @@
 #include "avatar/scores/image_scores.h"
 
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 
-#include "avatar/scores/features.h"
 #include "avatar/scores/set_distance.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

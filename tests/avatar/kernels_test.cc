@@ -1,6 +1,5 @@
 // Gradients of everything written by hand between the network's input and the loss, against central differences in double.
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <array>
 #include <cmath>
@@ -18,6 +17,7 @@
 #include "avatar/train/losses.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

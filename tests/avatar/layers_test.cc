@@ -1,6 +1,5 @@
 // Bone maps, texture sampling and losses.
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
@@ -10,6 +9,7 @@
 #include "avatar/train/losses.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -55,7 +55,7 @@ TEST(Bones, BothImplementationsAgree) {
   const DepthRange range = {-1, 1};
   for (const double half_width : {1.0, 4.0}) {
     const at::Tensor fast = RasterizeBones(px, depth, valid, 64, 56, half_width, range);
-    const at::Tensor plain = RasterizeBonesTensor(px, depth, valid, 64, 56, half_width, range);
+    const at::Tensor plain = RasterizeMapsTensor(LayoutOf(kNumBones).maps, px, depth, valid, 64, 56, half_width, range);
     EXPECT_LT((fast - plain).abs().max().item<double>(), 2e-4);
     EXPECT_TRUE(at::isfinite(plain).all().item<bool>());
     EXPECT_GE(fast.min().item<double>(), -1.0);

@@ -1,17 +1,16 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <filesystem>
 
 #include "avatar/run/lift/lift_take.h"
 #include "core/error.h"
 #include "core/units.h"
 #include "geometry/lens/camera.h"
 #include "geometry/rigid/rigid3.h"
+#include "tests/support/one_thread.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::testing {
 namespace {
@@ -234,12 +233,6 @@ LiftOptions Tiny(int steps) {
   LiftOptions o;
   o.width = 64, o.blocks = 1, o.steps = steps, o.batch = 32, o.learning_rate = 3e-3;
   return o;
-}
-
-RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1;
-  return run;
 }
 
 TEST(Lifter, TrainingGivesTheSameBytesAgainAndARateOfZeroChangesNothing) {

@@ -2,12 +2,12 @@
 
 #include <ATen/ATen.h>
 #include <ATen/Parallel.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 /// The oracle is LAPACK's singular values, or matrices whose singular values are known.
 namespace mvstudio::avatar {

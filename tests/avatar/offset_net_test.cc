@@ -1,4 +1,3 @@
-#include <gtest/gtest.h>
 #include <torch/torch.h>
 
 #include <numeric>
@@ -8,12 +7,12 @@
 #include "avatar/run/surface/trained_net.h"
 #include "avatar/train/adam.h"
 #include "tests/body/swelling_take.h"
+#include "tests/support/test.h"
 
 /// The network of a surface that moves with the pose, and its training.
 namespace mvstudio::avatar {
 namespace {
 
-using body::testing::OneThread;
 using body::testing::Small;
 using body::testing::SwellingTake;
 using body::testing::SwingingPose;

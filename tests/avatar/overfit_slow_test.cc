@@ -1,6 +1,5 @@
 // One image learnt by heart: beyond 40 dB, which no blur, seam or shift of a pixel allows.
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
@@ -8,6 +7,7 @@
 
 #include "avatar/train/train.h"
 #include "tests/avatar/synthetic_pack.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -1,17 +1,11 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/avatar/script_nets.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// A TorchScript file is a program. A checkpoint may come from anywhere, so it names no such file: the command line does.
 namespace mvstudio {
 namespace {
-
-using testing::CliRun;
-using ::testing::HasSubstr;
-using testing::RunCli;
 
 TEST(PerceptualFile, IsNamedOnTheCommandLineAndNotByTheCheckpoint) {
   const testing::TempDir folder;

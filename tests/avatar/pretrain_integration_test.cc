@@ -1,10 +1,8 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
-#include "avatar/run/pack/training_set.h"
 #include "avatar/run/pack/pack_rows.h"
 #include "avatar/run/pack/template_view.h"
+#include "avatar/run/pack/training_set.h"
 #include "avatar/run/pretrain/motion_clips.h"
 #include "avatar/run/pretrain/pretrain_samples.h"
 #include "core/disk/files.h"
@@ -12,14 +10,11 @@
 #include "dataset/views/crop.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Samples of a pretraining beside the training packs of a dataset.
 namespace mvstudio::avatar {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 class Pretrain : public ::testing::Test {
  protected:

@@ -1,6 +1,4 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
@@ -15,15 +13,13 @@
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Samples that a generic network learns parts and coordinates from.
 namespace mvstudio::avatar {
 namespace {
 
 using dataset::Coco19Pose;
-using mvstudio::testing::MessageOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 Coco19Pose Swing(const body::BodyTemplate& body, double angle) {
   Coco19Pose pose;

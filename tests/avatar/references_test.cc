@@ -1,8 +1,6 @@
 #include "avatar/run/references/references.h"
 
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 
@@ -11,14 +9,10 @@
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 constexpr int kSize = 33;
 

@@ -1,8 +1,4 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <filesystem>
 
 #include "avatar/maps/template_maps.h"
 #include "avatar/nets/sequence.h"
@@ -15,13 +11,10 @@
 #include "core/units.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 /// A dataset of 5 cameras and 6 frames and an untrained avatar with random textures for it.
 class RenderRun : public ::testing::Test {

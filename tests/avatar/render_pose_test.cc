@@ -1,10 +1,6 @@
 #include "avatar/run/render/render_pose.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
-#include <cmath>
 
 #include "avatar/maps/bone_lists.h"
 #include "avatar/run/render/backdrop.h"
@@ -15,15 +11,13 @@
 #include "core/format.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::avatar {
 namespace {
 
 using dataset::Coco19Pose;
-using mvstudio::testing::MessageOf;
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 Coco19Pose Mannequin(double angle, const Eigen::Vector3d& at = {0.3, -0.4, 0}) {
   static const body::BodyTemplate body = body::MakeMannequin(1.75, 0.3);

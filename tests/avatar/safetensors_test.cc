@@ -1,7 +1,6 @@
 #include "avatar/data/safetensors.h"
 
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -10,6 +9,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -1,6 +1,5 @@
 // The distance grows with blur and noise, by the hand-made features and by PoseNet's, on photograph-like images of a person.
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 #include <cstdio>
@@ -11,6 +10,7 @@
 #include "core/format.h"
 #include "core/random.h"
 #include "dataset/footage/image_io.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::avatar {

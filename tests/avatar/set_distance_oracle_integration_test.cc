@@ -1,6 +1,5 @@
 // The Fréchet distance against 200 bits and against closed forms, on covariances of full and of low rank.
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <Eigen/Core>
 #include <cmath>
@@ -10,11 +9,11 @@
 #include "avatar/scores/set_distance.h"
 #include "core/random.h"
 #include "tests/support/mp.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
 
-using mvstudio::testing::Mp;
 using MpMatrix = Eigen::Matrix<Mp, Eigen::Dynamic, Eigen::Dynamic>;
 using MpRow = Eigen::Matrix<Mp, 1, Eigen::Dynamic>;
 

@@ -1,10 +1,8 @@
 // The Fréchet distance at the size of Inception's features.
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
 
 #include "avatar/scores/set_distance.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -1,9 +1,6 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
 
 #include "avatar/maps/spread_labels.h"
 #include "avatar/maps/template_maps.h"
@@ -13,22 +10,14 @@
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
 #include "tests/support/message_of.h"
+#include "tests/support/one_thread.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-
 constexpr int kSize = 32;
-
-RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1;
-  return run;
-}
 
 /// Raw template maps that agree with the pack's labels.
 at::Tensor MapsOf(const AvatarPack& pack) {

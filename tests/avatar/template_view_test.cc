@@ -1,13 +1,12 @@
 #include "avatar/run/pack/template_view.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "avatar/body/mesh_raster.h"
 #include "dataset/views/crop.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {

@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <torch/torch.h>
 #include <unistd.h>
 
@@ -12,16 +10,12 @@
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
 #include "tests/support/message_of.h"
+#include "tests/support/one_thread.h"
+#include "tests/support/test.h"
 
 /// Several ranks are threads here; as processes they do the same (tests/cli).
 namespace mvstudio::avatar {
 namespace {
-
-RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1, run.seed = 3;
-  return run;
-}
 
 ModelOptions TinyModel(const std::string& method) {
   ModelOptions o;
@@ -82,7 +76,7 @@ TEST(Ranks, GradientsOfTwoAreThoseOfTheDoubleBatch) {
     for (const int64_t begin : {0, 3, 6}) {  // in the initialisation, and after it
       TensorFile start;
       {
-        Trainer trainer(pack, TinyModel(method), TinyTraining(4), OneThread());
+        Trainer trainer(pack, TinyModel(method), TinyTraining(4), OneThread(3));
         trainer.Run(nullptr, nullptr, begin);
         start = trainer.Checkpoint();
         for (auto& [name, tensor] : start.tensors) {
@@ -90,7 +84,7 @@ TEST(Ranks, GradientsOfTwoAreThoseOfTheDoubleBatch) {
         }
       }
       const auto step = [&](int batch, const std::shared_ptr<const Ranks>& ranks) {
-        Trainer trainer(pack, start, "start", TinyTraining(batch), OneThread());
+        Trainer trainer(pack, start, "start", TinyTraining(batch), OneThread(3));
         if (ranks) trainer.Join(ranks);
         trainer.Run(nullptr, nullptr, begin + 1);
         return trainer.Checkpoint();
@@ -114,14 +108,14 @@ TEST(Ranks, WeightsOfTwoAreThoseOfTheDoubleBatch) {
     return o;
   };
   for (const char* method : {"tna", "v2v"}) {
-    Trainer one(pack, TinyModel(method), options(4), OneThread());
+    Trainer one(pack, TinyModel(method), options(4), OneThread(3));
     const TensorFile begin = one.Checkpoint();
     const TrainReport report = one.Run(&validation, nullptr);
     ASSERT_EQ(report.status, Status::kOk);
     std::vector<TensorFile> files(2);
     std::vector<TrainReport> reports(2);
     WithRanks(2, method, [&](const std::shared_ptr<const Ranks>& ranks) {
-      Trainer trainer(pack, TinyModel(method), options(2), OneThread());
+      Trainer trainer(pack, TinyModel(method), options(2), OneThread(3));
       trainer.Join(ranks);
       reports[ranks->rank()] = trainer.Run(&validation, nullptr);
       files[ranks->rank()] = trainer.Checkpoint();
@@ -144,14 +138,14 @@ TEST(Ranks, WeightsOfTwoAreThoseOfTheDoubleBatch) {
 TEST(Ranks, OneThatFailsOrIsStoppedEndsAll) {
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   WithRanks(2, "stop", [&](const std::shared_ptr<const Ranks>& ranks) {
-    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2), OneThread());
+    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2), OneThread(3));
     trainer.Join(ranks);
     const TrainReport stopped =
         trainer.Run(nullptr, [&](int64_t step, const HistoryRow*) { return !(ranks->rank() == 1 && step == 3); });
     EXPECT_EQ(stopped.steps_done, 4) << "the others hear of it in the next step";
   });
   WithRanks(2, "nan", [&](const std::shared_ptr<const Ranks>& ranks) {
-    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2), OneThread());
+    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2), OneThread(3));
     trainer.Join(ranks);
     trainer.Run(nullptr, nullptr, 2);
     {
@@ -178,13 +172,13 @@ TEST(Ranks, ThoseThatDifferAndPlacesThatCannotBeAreRefused) {
   std::filesystem::remove(alone.rendezvous);
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   WithRanks(2, "differ", [&](const std::shared_ptr<const Ranks>& ranks) {
-    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2 + ranks->rank()), OneThread());
+    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2 + ranks->rank()), OneThread(3));
     EXPECT_THROW(trainer.Join(ranks), UsageError);
   });
   WithRanks(2, "rates", [&](const std::shared_ptr<const Ranks>& ranks) {
     TrainOptions options = TinyTraining(2);
     options.learning_rate *= 1 + ranks->rank();
-    Trainer trainer(pack, TinyModel("tna"), options, OneThread());
+    Trainer trainer(pack, TinyModel("tna"), options, OneThread(3));
     const std::string text = mvstudio::testing::MessageOf<UsageError>([&] { trainer.Join(ranks); });
     EXPECT_THAT(text,
                 ::testing::AllOf(::testing::HasSubstr("training options"), ::testing::Not(::testing::HasSubstr("pictures"))));
@@ -193,7 +187,7 @@ TEST(Ranks, ThoseThatDifferAndPlacesThatCannotBeAreRefused) {
   other.images = pack.images.clone();
   other.images[3][1][8][8] += 1;
   WithRanks(2, "pictures", [&](const std::shared_ptr<const Ranks>& ranks) {
-    Trainer trainer(ranks->rank() == 0 ? pack : other, TinyModel("tna"), TinyTraining(2), OneThread());
+    Trainer trainer(ranks->rank() == 0 ? pack : other, TinyModel("tna"), TinyTraining(2), OneThread(3));
     EXPECT_THAT(mvstudio::testing::MessageOf<UsageError>([&] { trainer.Join(ranks); }),
                 ::testing::HasSubstr("differ in pictures:"));
   });
@@ -203,18 +197,18 @@ TEST(Ranks, GoOnWithAsManyImagesAStepAsBefore) {
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   TensorFile file;
   WithRanks(2, "before", [&](const std::shared_ptr<const Ranks>& ranks) {
-    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2), OneThread());
+    Trainer trainer(pack, TinyModel("tna"), TinyTraining(2), OneThread(3));
     trainer.Join(ranks);
     trainer.Run(nullptr, nullptr, 5);
     if (ranks->rank() == 0) file = trainer.Checkpoint();
   });
   EXPECT_EQ(RanksFrom(file, "x"), 2);
   TrainOptions options = TrainOptionsFrom(file, "x");
-  Trainer alone(pack, file, "x", options, OneThread());
+  Trainer alone(pack, file, "x", options, OneThread(3));
   EXPECT_THAT(mvstudio::testing::MessageOf<UsageError>([&] { alone.Run(nullptr, nullptr); }),
               ::testing::HasSubstr("option 'ranks' as before, 2"));
   options.batch = 4;
-  EXPECT_EQ(Trainer(pack, file, "x", options, OneThread()).Run(nullptr, nullptr).steps_done, 5) << "the same pictures";
+  EXPECT_EQ(Trainer(pack, file, "x", options, OneThread(3)).Run(nullptr, nullptr).steps_done, 5) << "the same pictures";
 }
 
 }  // namespace

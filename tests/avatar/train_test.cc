@@ -1,6 +1,5 @@
 #include "avatar/train/train.h"
 
-#include <gtest/gtest.h>
 #include <torch/torch.h>
 
 #include <cmath>
@@ -9,6 +8,8 @@
 #include "avatar/train/batch.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
+#include "tests/support/one_thread.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -24,12 +25,6 @@ TrainOptions TinyTraining(int init_steps, int steps) {
   TrainOptions o;
   o.init_steps = init_steps, o.steps = steps, o.batch = 4, o.learning_rate = 3e-3, o.report_every = 10, o.validate_images = 0;
   return o;
-}
-
-RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1;
-  return run;
 }
 
 TEST(Generator, PublishedNetworksHaveThePublishedNumberOfParameters) {

@@ -1,4 +1,3 @@
-#include <gtest/gtest.h>
 #include <torch/torch.h>
 
 #include <cmath>
@@ -7,6 +6,8 @@
 #include "avatar/train/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
+#include "tests/support/one_thread.h"
+#include "tests/support/test.h"
 
 /// Which weights a training hands out (averages, best check), texels that stay as they are, and transfer to another person.
 namespace mvstudio::avatar {
@@ -27,12 +28,6 @@ TrainOptions TinyTraining(int init_steps, int steps) {
   return o;
 }
 
-RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1, run.seed = 3;
-  return run;
-}
-
 void ExpectSameFile(const TensorFile& a, const TensorFile& b, const std::string& what) {
   EXPECT_EQ(a.metadata, b.metadata) << what;
   ASSERT_EQ(a.tensors.size(), b.tensors.size()) << what;
@@ -43,7 +38,7 @@ TEST(Ema, IsTheRecursionOverTheWeightsOfEachStep) {
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   TrainOptions options = TinyTraining(2, 6);
   options.ema = 0.6;
-  Trainer trainer(pack, TinyModel(), options, OneThread());
+  Trainer trainer(pack, TinyModel(), options, OneThread(3));
   std::vector<at::Tensor> weights, textures;
   trainer.Run(nullptr, [&](int64_t, const HistoryRow*) {
     weights.push_back(trainer.model().generator->parameters()[0].detach().clone());
@@ -77,14 +72,14 @@ TEST(Handed, ResumingWithAveragesAndBestWeightsIsBitExact) {
       TrainOptions options = TinyTraining(2, 6);
       options.ema = averages ? 0.9 : 0, options.patience = patience, options.learning_rate = 0.05;
       const auto train = [&](Trainer& trainer, int64_t until) { trainer.Run(&validation, nullptr, until); };
-      Trainer whole(pack, TinyModel(), options, OneThread());
+      Trainer whole(pack, TinyModel(), options, OneThread(3));
       train(whole, -1);
       for (const int64_t interruption : {1, 6}) {
-        Trainer first(pack, TinyModel(), options, OneThread());
+        Trainer first(pack, TinyModel(), options, OneThread(3));
         train(first, interruption);
         WriteTensorFile(first.Checkpoint(), path);
         const TensorFile file = ReadTensorFile(path);
-        Trainer second(pack, file, path, TrainOptionsFrom(file, path), OneThread());
+        Trainer second(pack, file, path, TrainOptionsFrom(file, path), OneThread(3));
         ExpectSameFile(first.Checkpoint(), second.Checkpoint(), "at once");
         train(second, -1);
         ExpectSameFile(whole.Checkpoint(), second.Checkpoint(), "interrupted at " + std::to_string(interruption));
@@ -99,13 +94,13 @@ TEST(Patience, EndsEarlyAndHandsOutTheWeightsOfTheBestCheck) {
   for (const char* method : {"tna", "v2v"}) {
     TrainOptions options = TinyTraining(2, 200);
     options.patience = 3, options.learning_rate = 0.3, options.clip_norm = 0;  // soon ruins the network
-    Trainer trainer(pack, TinyModel(method), options, OneThread());
+    Trainer trainer(pack, TinyModel(method), options, OneThread(3));
     const TrainReport report = trainer.Run(&validation, nullptr);
     ASSERT_TRUE(report.ended_early) << method;
     EXPECT_EQ(report.steps_done, report.best_step + 3 * options.save_every) << method;
     EXPECT_NE(report.message.find("step " + std::to_string(report.best_step) + " are kept"), std::string::npos)
         << report.message;
-    Trainer again(pack, TinyModel(method), options, OneThread());
+    Trainer again(pack, TinyModel(method), options, OneThread(3));
     again.Run(&validation, nullptr, report.best_step);
     const AvatarModel handed = ModelFromTensors(trainer.Checkpoint(), "x");
     const std::vector<at::Tensor> a = handed.generator->parameters(), b = again.model().generator->parameters();
@@ -130,7 +125,7 @@ TEST(Patience, AScoreThatIsNotFiniteIsNeverTheBest) {
   options.patience = 3;
   ModelOptions model = TinyModel("direct");
   model.norm = NormLayer::kBatch;
-  Trainer trainer(pack, model, options, OneThread());
+  Trainer trainer(pack, model, options, OneThread(3));
   const auto fill = [&](double value) {  // the running statistics, which training steps do not look at
     torch::NoGradGuard no_grad;
     for (const at::Tensor& buffer : trainer.model().generator->buffers()) {
@@ -148,12 +143,12 @@ TEST(Patience, AScoreThatIsNotFiniteIsNeverTheBest) {
   EXPECT_NE(report.message.find("no check had a finite one"), std::string::npos) << report.message;
   fill(1);
   const TensorFile file = trainer.Checkpoint();
-  EXPECT_TRUE(Trainer(pack, file, "x", TrainOptionsFrom(file, "x"), OneThread()).Run(&validation, nullptr).ended_early);
+  EXPECT_TRUE(Trainer(pack, file, "x", TrainOptionsFrom(file, "x"), OneThread(3)).Run(&validation, nullptr).ended_early);
 }
 
 TEST(Textures, AreThereWhenTheInitialisationEnds) {
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
-  Trainer trainer(pack, TinyModel(), TinyTraining(4, 6), OneThread());
+  Trainer trainer(pack, TinyModel(), TinyTraining(4, 6), OneThread(3));
   std::vector<double> spread;
   trainer.Run(nullptr, [&](int64_t, const HistoryRow*) {
     spread.push_back(trainer.model().textures.detach().std().item<double>());
@@ -168,7 +163,7 @@ TEST(Freeze, TexelsThatNoImageShowsKeepTheirBytes) {
   TrainOptions options = TinyTraining(30, 20);
   for (const bool freeze : {true, false}) {
     options.freeze_unseen = freeze;
-    Trainer trainer(pack, TinyModel(), options, OneThread());
+    Trainer trainer(pack, TinyModel(), options, OneThread(3));
     trainer.Run(nullptr, nullptr, 31);
     const at::Tensor first = trainer.model().textures.detach().clone();
     const at::Tensor unseen = (trainer.model().seen == 0).unsqueeze(1).expand({24, 3, 16, 16});
@@ -186,7 +181,7 @@ TEST(Textures, PartsThatTheNetworkDoesNotKnowYetHaveTheColoursOfTheFirstGuess) {
   const AvatarPack pack = MakeSyntheticPack(4, 16, 4);
   TrainOptions options = TinyTraining(1, 1);
   options.learning_rate = options.texture_learning_rate = 0;
-  Trainer trainer(pack, TinyModel(), options, OneThread());
+  Trainer trainer(pack, TinyModel(), options, OneThread(3));
   trainer.Run(nullptr, nullptr);
   for (int64_t part = 1; part <= 24; ++part) {
     const bool shown = (pack.part == part).any().item<bool>();
@@ -197,12 +192,12 @@ TEST(Textures, PartsThatTheNetworkDoesNotKnowYetHaveTheColoursOfTheFirstGuess) {
 TEST(Transfer, KeepsTheNetworkAndAveragesNewTextures) {
   const AvatarPack first = MakeSyntheticPack(6, 16, 4), second = MakeSyntheticPack(5, 32, 8);
   AvatarModel from;
-  TrainTna(first, nullptr, TinyModel(), TinyTraining(30, 10), OneThread(), nullptr, &from);
+  TrainTna(first, nullptr, TinyModel(), TinyTraining(30, 10), OneThread(3), nullptr, &from);
   TrainOptions options = TinyTraining(-1, 3);
   options.learning_rate = options.texture_learning_rate = 0;
   ModelOptions to = from.options;
   to.texture_px = 12;
-  Trainer trainer(second, StartFrom(from, to, second.size_px, 1), options, OneThread());
+  Trainer trainer(second, StartFrom(from, to, second.size_px, 1), options, OneThread(3));
   EXPECT_EQ(trainer.model().step, 0);
   const TrainReport report = trainer.Run(nullptr, nullptr);
   EXPECT_EQ(report.steps_done, 3) << "no initialisation";
@@ -213,7 +208,7 @@ TEST(Transfer, KeepsTheNetworkAndAveragesNewTextures) {
   EXPECT_GT((trainer.model().seen > 0).sum().item<int64_t>(), 50);
   EXPECT_GT(trainer.model().textures.detach().std().item<double>(), 0.05) << "colours, not grey";
   const TensorFile checkpoint = trainer.Checkpoint();
-  Trainer resumed(second, checkpoint, "x", TrainOptionsFrom(checkpoint, "x"), OneThread());
+  Trainer resumed(second, checkpoint, "x", TrainOptionsFrom(checkpoint, "x"), OneThread(3));
   ExpectSameFile(checkpoint, resumed.Checkpoint(), "transfer");
 }
 
@@ -221,9 +216,9 @@ TEST(Device, WhatTheMachineHasNotIsSaid) {
   const AvatarPack pack = MakeSyntheticPack(2, 16, 4);
   TrainOptions options = TinyTraining(1, 1);
   options.amp = true;
-  EXPECT_THROW(Trainer(pack, TinyModel(), options, OneThread()), UsageError);
+  EXPECT_THROW(Trainer(pack, TinyModel(), options, OneThread(3)), UsageError);
   options.amp = false, options.device = "tpu";
-  EXPECT_THROW(Trainer(pack, TinyModel(), options, OneThread()), UsageError);
+  EXPECT_THROW(Trainer(pack, TinyModel(), options, OneThread(3)), UsageError);
   EXPECT_EQ(ResolveDevice("cpu"), "cpu");
   if (torch::cuda::is_available()) {
     EXPECT_EQ(ResolveDevice("auto"), "cuda");
@@ -232,7 +227,7 @@ TEST(Device, WhatTheMachineHasNotIsSaid) {
     EXPECT_THROW(ResolveDevice("cuda"), MissingToolError);
   }
   options.device = "auto";
-  Trainer trainer(pack, TinyModel(), options, OneThread());
+  Trainer trainer(pack, TinyModel(), options, OneThread(3));
   EXPECT_EQ(TrainOptionsFrom(trainer.Checkpoint(), "x").device, "auto") << "another machine may have what this one has not";
 }
 

@@ -1,26 +1,20 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <filesystem>
 
 #include "avatar/nets/sequence.h"
 #include "avatar/run/pack/frame_runs.h"
 #include "avatar/run/pack/iuv.h"
-#include "avatar/run/pack/training_set.h"
 #include "avatar/run/pack/run_config.h"
 #include "avatar/run/pack/split_side.h"
+#include "avatar/run/pack/training_set.h"
 #include "core/error.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 class TrainingSetTest : public ::testing::Test {
  protected:

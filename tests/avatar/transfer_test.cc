@@ -1,20 +1,18 @@
 #include "avatar/nets/transfer.h"
 
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include "avatar/maps/template_maps.h"
 #include "avatar/train/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
+#include "tests/support/test.h"
 
 /// Networks that begin with the weights of another, of the same method or not.
 namespace mvstudio::avatar {
 namespace {
 
 using ::testing::Contains;
-using ::testing::IsEmpty;
 using ::testing::UnorderedElementsAre;
 
 ModelOptions Tiny(Method method, Prior prior = Prior::kNone) {

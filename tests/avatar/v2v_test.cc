@@ -1,5 +1,4 @@
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 #include <torch/torch.h>
 
 #include <cmath>
@@ -11,16 +10,12 @@
 #include "avatar/train/train.h"
 #include "core/error.h"
 #include "tests/avatar/synthetic_pack.h"
+#include "tests/support/one_thread.h"
+#include "tests/support/test.h"
 
 /// The video-to-video baseline: memory, flow, discriminators; and the perceptual loss.
 namespace mvstudio::avatar {
 namespace {
-
-RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1, run.seed = 7;
-  return run;
-}
 
 ModelOptions TinyVideo() {
   ModelOptions o;
@@ -117,13 +112,13 @@ TEST(Video, ResumingIsBitExact) {
   AvatarPack pack = MakeSyntheticPack(6, 16, 4);
   const std::string path = (std::filesystem::temp_directory_path() / "mvstudio_video_resume_test.safetensors").string();
   const TrainOptions options = TinyTraining(5);
-  Trainer whole(pack, TinyVideo(), options, OneThread());
+  Trainer whole(pack, TinyVideo(), options, OneThread(7));
   ASSERT_EQ(whole.Run(nullptr, nullptr).status, Status::kOk);
-  Trainer first(pack, TinyVideo(), options, OneThread());
+  Trainer first(pack, TinyVideo(), options, OneThread(7));
   first.Run(nullptr, nullptr, 2);
   WriteTensorFile(first.Checkpoint(), path);
   const TensorFile file = ReadTensorFile(path);
-  Trainer second(pack, file, path, TrainOptionsFrom(file, path), OneThread());
+  Trainer second(pack, file, path, TrainOptionsFrom(file, path), OneThread(7));
   second.Run(nullptr, nullptr);
   const TensorFile a = whole.Checkpoint(), b = second.Checkpoint();
   ASSERT_EQ(a.tensors.size(), b.tensors.size());
@@ -136,7 +131,7 @@ TEST(Video, LearnsAFewImagesByHeartAndTrainsItsCritic) {
   TrainOptions options = TinyTraining(220);
   options.learning_rate = 3e-3;
   options.jitter_scale = options.jitter_shift = options.jitter_roll_deg = 0;
-  Trainer trainer(pack, TinyVideo(), options, OneThread());
+  Trainer trainer(pack, TinyVideo(), options, OneThread(7));
   const TensorFile before = trainer.Checkpoint();
   const TrainReport report = trainer.Run(nullptr, nullptr);
   ASSERT_EQ(report.status, Status::kOk) << report.message;
@@ -156,7 +151,7 @@ TEST(Train, NoLearningRateLeavesEveryByte) {
     FromString(method, &model.method);
     TrainOptions options = TinyTraining(3);
     options.learning_rate = options.texture_learning_rate = 0;
-    Trainer trainer(pack, model, options, OneThread());
+    Trainer trainer(pack, model, options, OneThread(7));
     trainer.Run(nullptr, nullptr, 1);
     const TensorFile before = ModelToTensors(trainer.model());
     trainer.Run(nullptr, nullptr);
@@ -201,13 +196,13 @@ TEST(Perceptual, ActivationsWeighAsThePixelsBelowThem) {
 
 TEST(Perceptual, ARunGoesOnWithItsOwnNet) {
   const AvatarPack pack = MakeSyntheticPack(6, 16, 4);
-  Trainer trainer(pack, TinyVideo(), TinyTraining(2), OneThread(), std::make_shared<SquareNet>());
+  Trainer trainer(pack, TinyVideo(), TinyTraining(2), OneThread(7), std::make_shared<SquareNet>());
   const TrainReport report = trainer.Run(nullptr, nullptr);
   EXPECT_GT(report.history.back()["perceptual"], 0);
   const TensorFile file = trainer.Checkpoint();
-  EXPECT_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread()), UsageError);
-  EXPECT_NO_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread(), std::make_shared<SquareNet>()));
-  EXPECT_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread(), std::make_shared<SquareNet>("other weights")),
+  EXPECT_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread(7)), UsageError);
+  EXPECT_NO_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread(7), std::make_shared<SquareNet>()));
+  EXPECT_THROW(Trainer(pack, file, "x", TinyTraining(3), OneThread(7), std::make_shared<SquareNet>("other weights")),
                UsageError);
 }
 

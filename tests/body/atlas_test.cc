@@ -1,12 +1,11 @@
 #include "avatar/body/files/atlas.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <set>
 
 #include "core/error.h"
 #include "tests/body/posed.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

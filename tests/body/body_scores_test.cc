@@ -1,7 +1,5 @@
 #include "avatar/body/measure/body_scores.h"
 
-#include <gmock/gmock.h>
-
 #include <cmath>
 #include <limits>
 
@@ -13,12 +11,11 @@
 #include "tests/body/posed.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
 using Members = std::vector<std::pair<std::string, std::string>>;
 
 TexturedPerson Dancer(int num_frames) {

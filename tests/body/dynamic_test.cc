@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <cmath>
 
@@ -8,18 +5,11 @@
 #include "core/error.h"
 #include "tests/body/swelling_take.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// A surface that moves with the pose beyond skinning.
 namespace mvstudio::body {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
-using testing::OneThread;
-using testing::Small;
-using testing::Swell;
-using testing::SwellingTake;
-using testing::SwingingPose;
 
 DynamicFit Fit(const SwellingTake& take, bool always = false) {
   const TakeOutlines outlines = TakeOutlinesOf(take.person, take.steps, {}, OneThread());

@@ -1,24 +1,20 @@
 #include "avatar/body/fit/fit_body.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "avatar/body/fit/pose_by_images.h"
-#include "avatar/body/fit/rim.h"
 #include "avatar/body/surface_nets.h"
 #include "avatar/body/texture/bake.h"
 #include "avatar/body/texture/texel_map.h"
 #include "core/random.h"
 #include "core/statistics.h"
 #include "tests/body/fit_studio.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {
 
 using Eigen::Vector3d;
-using testing::CameraAt;
-using testing::Studio;
 
 constexpr int kSizePx = Studio::kSizePx;
 

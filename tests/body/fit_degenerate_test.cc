@@ -1,18 +1,13 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "avatar/body/fit/fit_body.h"
 #include "core/random.h"
 #include "core/statistics.h"
 #include "tests/body/fit_studio.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {
 
 using Eigen::Vector3d;
-using testing::Studio;
-using testing::StudioOptions;
 
 Vector3d FaceNormal(const BodyTemplate& body, Eigen::Index f) {
   const Vector3d a = body.vertices.col(body.faces(0, f)).cast<double>();

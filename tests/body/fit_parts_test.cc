@@ -1,8 +1,5 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <cmath>
-#include <limits>
 
 #include "avatar/body/fit/mask_outline.h"
 #include "avatar/body/fit/offsets.h"
@@ -13,6 +10,7 @@
 #include "avatar/body/fit/rotation_prior.h"
 #include "avatar/body/texture/surface_image.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {
@@ -20,7 +18,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-const BodyTemplate& Small() {
+const BodyTemplate& SmallBody() {
   static const BodyTemplate body = MakeMannequin(1.75, 0.5);
   return body;
 }
@@ -80,9 +78,9 @@ TEST(MaskOutline, NothingFarAwayOutsideOrAcross) {
 
 TEST(FindRim, RunsAlongTheBodysOwnSilhouette) {
   const geometry::RigCamera camera = FrontCamera(300);
-  const Eigen::Matrix3Xf vertices = Small().vertices;
-  const MaskOutline outline(RasterizeCover(Small().faces, vertices, camera));
-  const std::vector<RimPoint> rim = FindRim(Small().faces, vertices, camera);
+  const Eigen::Matrix3Xf vertices = SmallBody().vertices;
+  const MaskOutline outline(RasterizeCover(SmallBody().faces, vertices, camera));
+  const std::vector<RimPoint> rim = FindRim(SmallBody().faces, vertices, camera);
   ASSERT_GT(rim.size(), 100u);
   int far = 0;
   for (const RimPoint& point : rim) {
@@ -95,8 +93,8 @@ TEST(FindRim, RunsAlongTheBodysOwnSilhouette) {
 TEST(FindRim, TheDerivativeIsThatOfTheProjection) {
   const geometry::RigCamera camera = FrontCamera(300);
   const geometry::Projector projector(camera.camera);
-  for (const RimPoint& point : FindRim(Small().faces, Small().vertices, camera)) {
-    const Vector3d x = Small().vertices.col(point.vertex).cast<double>();
+  for (const RimPoint& point : FindRim(SmallBody().faces, SmallBody().vertices, camera)) {
+    const Vector3d x = SmallBody().vertices.col(point.vertex).cast<double>();
     for (int k = 0; k < 3; ++k) {
       const Vector3d step = 1e-5 * Vector3d::Unit(k);
       const Vector2d change =
@@ -108,8 +106,8 @@ TEST(FindRim, TheDerivativeIsThatOfTheProjection) {
 
 TEST(ArticulatedPose, GoesThroughBodyPoseUnchanged) {
   Rng rng(3);
-  const ArticulatedPose pose = RandomPose(Small(), 0.4, rng);
-  const ArticulatedPose back = FromBodyPose(Small(), ToBodyPose(Small(), pose));
+  const ArticulatedPose pose = RandomPose(SmallBody(), 0.4, rng);
+  const ArticulatedPose back = FromBodyPose(SmallBody(), ToBodyPose(SmallBody(), pose));
   EXPECT_LT((back.shift - pose.shift).norm(), 1e-12);
   for (size_t b = 0; b < pose.local_rotations.size(); ++b)
     EXPECT_LT(geometry::RotationAngle(back.local_rotations[b], pose.local_rotations[b]), 1e-7);
@@ -117,15 +115,15 @@ TEST(ArticulatedPose, GoesThroughBodyPoseUnchanged) {
 
 TEST(PosedBones, VerticesAreThoseOfSkinning) {
   Rng rng(4);
-  const ArticulatedPose pose = RandomPose(Small(), 0.4, rng);
-  const PosedBones bones(Small(), pose);
-  const Eigen::Matrix3Xf skinned = SkinVertices(Small(), bones.pose());
+  const ArticulatedPose pose = RandomPose(SmallBody(), 0.4, rng);
+  const PosedBones bones(SmallBody(), pose);
+  const Eigen::Matrix3Xf skinned = SkinVertices(SmallBody(), bones.pose());
   for (int v = 0; v < skinned.cols(); v += 17) EXPECT_LT((bones.Vertex(v) - skinned.col(v).cast<double>()).norm(), 1e-6);
 }
 
 TEST(PosedBones, DerivativesAgreeWithDifferences) {
   Rng rng(5);
-  const BodyTemplate& body = Small();
+  const BodyTemplate& body = SmallBody();
   const ArticulatedPose pose = RandomPose(body, 0.5, rng);
   const PosedBones bones(body, pose);
   const auto size = static_cast<Eigen::Index>(3 * body.bone_names.size() + 3);
@@ -152,36 +150,36 @@ JointObservation Observed(const BodyTemplate& body, const ArticulatedPose& pose,
 TEST(SolvePose, FindsTheJointsOfABody) {
   Rng rng(6);
   for (int k = 0; k < 20; ++k) {
-    const ArticulatedPose truth = RandomPose(Small(), 0.25, rng);
-    PoseProblemInput input{Observed(Small(), truth, 0.003), {AnatomicalPrior(Small())}, {}};
-    const PoseSolution found = SolvePose(Small(), input, RandomPose(Small(), 0, rng), 60);
+    const ArticulatedPose truth = RandomPose(SmallBody(), 0.25, rng);
+    PoseProblemInput input{Observed(SmallBody(), truth, 0.003), {AnatomicalPrior(SmallBody())}, {}};
+    const PoseSolution found = SolvePose(SmallBody(), input, RandomPose(SmallBody(), 0, rng), 60);
     const double error =
-        (PosedCoco19(Small(), ToBodyPose(Small(), found.pose)) - input.joints.x_in_world).colwise().norm().maxCoeff();
+        (PosedCoco19(SmallBody(), ToBodyPose(SmallBody(), found.pose)) - input.joints.x_in_world).colwise().norm().maxCoeff();
     EXPECT_LT(error, 0.01) << k;
   }
 }
 
 TEST(SolvePose, AJointFarAwayIsDoubted) {
   Rng rng(7);
-  const ArticulatedPose truth = RandomPose(Small(), 0.1, rng);
-  PoseProblemInput input{Observed(Small(), truth, 0.005), {AnatomicalPrior(Small())}, {}};
+  const ArticulatedPose truth = RandomPose(SmallBody(), 0.1, rng);
+  PoseProblemInput input{Observed(SmallBody(), truth, 0.005), {AnatomicalPrior(SmallBody())}, {}};
   const Eigen::Matrix3Xd right = input.joints.x_in_world;
   input.joints.x_in_world.col(5) += Vector3d(0.8, 0.5, 0.3);
-  const PoseSolution found = SolvePose(Small(), input, RandomPose(Small(), 0, rng), 60);
-  Eigen::Matrix3Xd posed = PosedCoco19(Small(), ToBodyPose(Small(), found.pose));
+  const PoseSolution found = SolvePose(SmallBody(), input, RandomPose(SmallBody(), 0, rng), 60);
+  Eigen::Matrix3Xd posed = PosedCoco19(SmallBody(), ToBodyPose(SmallBody(), found.pose));
   posed.col(5) = right.col(5);
   EXPECT_LT((posed - right).colwise().norm().maxCoeff(), 0.02);
 }
 
 TEST(UmbrellaLaplacian, IsZeroForConstantsAndNotForSpikes) {
-  const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
+  const auto laplacian = UmbrellaLaplacian(SmallBody().vertices, SmallBody().faces);
   EXPECT_LT((laplacian * Eigen::VectorXd::Ones(laplacian.cols())).cwiseAbs().maxCoeff(), 1e-9);
   EXPECT_NEAR((laplacian * Eigen::VectorXd::Unit(laplacian.cols(), 7))[7], 1, 1e-12);
 }
 
 TEST(StepOffsets, FollowsWhatIsSeenAndDoubtsOneThatDisagrees) {
-  const Eigen::Index count = Small().vertices.cols();
-  const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
+  const Eigen::Index count = SmallBody().vertices.cols();
+  const auto laplacian = UmbrellaLaplacian(SmallBody().vertices, SmallBody().faces);
   std::vector<OffsetObservation> seen;
   for (int v = 0; v < count; v += 3) seen.push_back({v, 200, 2, 0.5});
   seen.push_back({30, 200, 400, 0.5});
@@ -196,8 +194,8 @@ TEST(StepOffsets, FollowsWhatIsSeenAndDoubtsOneThatDisagrees) {
 }
 
 TEST(OffsetSigma, IsThatOfTheDenseInverseAndLeavesWhatNobodySawOpen) {
-  const Eigen::Index count = Small().vertices.cols();
-  const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
+  const Eigen::Index count = SmallBody().vertices.cols();
+  const auto laplacian = UmbrellaLaplacian(SmallBody().vertices, SmallBody().faces);
   std::vector<OffsetObservation> seen;
   for (int v = 0; v < count / 3; v += 2) seen.push_back({v, 200, 0, 0.5});
   const Eigen::VectorXd sigma = OffsetSigma(laplacian, {seen}, {1e-3, 0.1});
@@ -244,8 +242,8 @@ TEST(OffsetSigma, OfAWideSmoothnessIsThatOfThePriorWhereNobodySaw) {
 /// All that one time step sees lies off by the same amount: a thousand such vertices say no more than one.
 TEST(OffsetSigma, CoversErrorsThatATimeStepHasInCommon) {
   constexpr int kSteps = 20, kTrials = 60;
-  const auto laplacian = UmbrellaLaplacian(Small().vertices, Small().faces);
-  const Eigen::Index count = Small().vertices.cols();
+  const auto laplacian = UmbrellaLaplacian(SmallBody().vertices, SmallBody().faces);
+  const Eigen::Index count = SmallBody().vertices.cols();
   Rng rng(5);
   double error = 0, variance = 0;
   for (int trial = 0; trial < kTrials; ++trial) {
@@ -269,7 +267,7 @@ TEST(OffsetSigma, CoversErrorsThatATimeStepHasInCommon) {
 }
 
 TEST(SurfaceImage, ShowsTheFrontFromTheFront) {
-  const BodyTemplate& body = Small();
+  const BodyTemplate& body = SmallBody();
   Eigen::VectorXd values(body.vertices.cols());
   for (Eigen::Index v = 0; v < values.size(); ++v) values[v] = body.vertices(1, v) < 0 ? 1 : -1;  // the person faces -y
   const Image page = SurfaceImage(body, values, {-1, 1}, 160);
@@ -294,7 +292,7 @@ TEST(SurfaceImage, ShowsTheFrontFromTheFront) {
 }
 
 TEST(TexelMap, ValuesOfVerticesBetweenTheCornersOfAFace) {
-  const BodyTemplate& body = Small();
+  const BodyTemplate& body = SmallBody();
   const TexelMap map = MapTexels(body, 32);
   Eigen::Matrix3Xf values(3, body.vertices.cols());
   values << 2 * body.vertices.row(2), body.vertices.row(0) - body.vertices.row(1),
@@ -332,7 +330,7 @@ TEST(LearnedRotationPrior, LearnsWhatFollowsTheJointsAndNothingElse) {
   std::vector<ArticulatedPose> by_joints, seen;
   const int hand = 8, forearm = 7, head = 4;
   for (int i = 0; i < 80; ++i) {
-    ArticulatedPose pose = RandomPose(Small(), 0.3, rng);
+    ArticulatedPose pose = RandomPose(SmallBody(), 0.3, rng);
     by_joints.push_back(pose);
     const Vector3d bend = geometry::RotationLog(pose.local_rotations[forearm]);
     pose.local_rotations[hand] = pose.local_rotations[hand] * geometry::RotationExp(0.5 * bend + Vector3d(0.2, 0, 0));
@@ -340,14 +338,15 @@ TEST(LearnedRotationPrior, LearnsWhatFollowsTheJointsAndNothingElse) {
         pose.local_rotations[head] * geometry::RotationExp(0.1 * Vector3d(rng.Normal(), rng.Normal(), rng.Normal()));
     seen.push_back(pose);
   }
-  const LearnedRotationPrior priors = LearnedRotationPrior::Learn(Small(), by_joints, seen);
-  ASSERT_EQ(priors.bones.size(), Small().bone_names.size());
+  const LearnedRotationPrior priors = LearnedRotationPrior::Learn(SmallBody(), by_joints, seen);
+  ASSERT_EQ(priors.bones.size(), SmallBody().bone_names.size());
   EXPECT_LT(priors.bones[hand].sigma_rad, 0.05);
   EXPECT_EQ(priors.bones[head].weights.size(), 0) << "noise is no habit";
-  const RotationPrior expected = priors.Expect(Small(), by_joints[3]);
+  const RotationPrior expected = priors.Expect(SmallBody(), by_joints[3]);
   EXPECT_LT(geometry::RotationAngle(expected.mean[hand], seen[3].local_rotations[hand]), 0.05);
-  EXPECT_TRUE(LearnedRotationPrior::Learn(Small(), {by_joints.begin(), by_joints.begin() + 5}, {seen.begin(), seen.begin() + 5})
-                  .bones.empty());
+  EXPECT_TRUE(
+      LearnedRotationPrior::Learn(SmallBody(), {by_joints.begin(), by_joints.begin() + 5}, {seen.begin(), seen.begin() + 5})
+          .bones.empty());
 }
 
 }  // namespace

@@ -102,3 +102,7 @@ struct Studio {
 };
 
 }  // namespace mvstudio::body::testing
+
+namespace mvstudio::body {
+using namespace testing;
+}

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
@@ -9,6 +7,7 @@
 #include "avatar/body/makehuman/read.h"
 #include "tests/body/glb_document.h"
 #include "tests/body/posed.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 /// What the glTF 2.0 specification asks of skinned, animated files beyond the sizes that GlbDocument reads by; the numbers in

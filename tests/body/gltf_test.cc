@@ -1,7 +1,5 @@
 #include "avatar/body/files/gltf.h"
 
-#include <gtest/gtest.h>
-
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -10,6 +8,7 @@
 #include "tests/body/glb_document.h"
 #include "tests/body/posed.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// What the files say is read back here with the format's formulas alone. Khronos' validator 2.0 finds no error and no warning
 /// in fitted mannequins and MakeHuman bodies (`npm install gltf-validator`; one note, that the atlas is no power of two).
@@ -18,7 +17,6 @@
 namespace mvstudio::body {
 namespace {
 
-using mvstudio::testing::TempDir;
 using Json = nlohmann::json;
 
 Eigen::Isometry3d LocalOf(const Json& node) {

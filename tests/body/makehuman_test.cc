@@ -1,7 +1,4 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
-#include <limits>
 
 #include "avatar/body/makehuman/obj.h"
 #include "avatar/body/makehuman/read.h"
@@ -11,6 +8,7 @@
 #include "core/random.h"
 #include "tests/body/surface_checks.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::body {

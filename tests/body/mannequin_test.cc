@@ -1,11 +1,10 @@
-#include <gtest/gtest.h>
-
 #include <map>
 #include <set>
 
 #include "avatar/body/body_template.h"
 #include "avatar/body/role_bones.h"
 #include "core/error.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

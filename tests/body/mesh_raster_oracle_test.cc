@@ -1,11 +1,10 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "avatar/body/fit/rim.h"
 #include "avatar/body/mesh_raster.h"
 #include "core/random.h"
 #include "tests/body/plain_z_buffer.h"
+#include "tests/support/test.h"
 
 /// RasterizeBody and RasterizeCover beside a plain z-buffer, beside whole numbers, and where rounding would leave gaps.
 namespace mvstudio::body {

@@ -1,8 +1,8 @@
 #include "avatar/body/mesh_raster.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
+
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

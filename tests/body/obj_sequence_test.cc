@@ -1,8 +1,5 @@
 #include "avatar/body/files/obj_sequence.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <array>
 #include <map>
@@ -12,13 +9,10 @@
 #include "core/error.h"
 #include "tests/body/posed.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {
-
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 /// What a reader of OBJ makes of a file: one row of numbers per line, by the line's first word.
 std::map<std::string, std::vector<std::vector<float>>> Lines(const std::string& obj) {

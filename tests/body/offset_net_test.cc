@@ -1,8 +1,5 @@
 #include "avatar/body/offset_net/offset_net.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
@@ -13,15 +10,11 @@
 #include "dataset/arrays/npz.h"
 #include "tests/body/swelling_take.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Offsets of a network, and their file.
 namespace mvstudio::body {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
-using testing::Small;
-using testing::SwingingPose;
 
 const OffsetNetSizes kSizes{2, 3, 4, 6};
 

@@ -1,10 +1,9 @@
 #include "dataset/arrays/pickle.h"
 
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "tests/body/pickle_bytes.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

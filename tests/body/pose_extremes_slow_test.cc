@@ -1,10 +1,9 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "avatar/body/fit/person_body.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

@@ -1,10 +1,9 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <limits>
 
 #include "avatar/body/body_template.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 
 #include "avatar/body/smpl/read.h"
@@ -11,6 +9,7 @@
 #include "tests/body/surface_checks.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

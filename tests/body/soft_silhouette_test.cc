@@ -1,7 +1,5 @@
 #include "avatar/body/soft/soft_silhouette.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
@@ -9,6 +7,7 @@
 #include "avatar/body/soft/mesh_outline.h"
 #include "core/random.h"
 #include "tests/body/fit_studio.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

@@ -1,7 +1,5 @@
 #include "avatar/body/measure/surface_error.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
@@ -9,6 +7,7 @@
 #include "core/random.h"
 #include "core/units.h"
 #include "geometry/rigid/rigid3.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

@@ -1,10 +1,10 @@
 #include "avatar/body/surface_nets.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <map>
+
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

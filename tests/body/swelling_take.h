@@ -6,18 +6,13 @@
 
 #include "avatar/body/dynamic/take_outlines.h"
 #include "tests/body/fit_studio.h"
+#include "tests/support/one_thread.h"
 
 namespace mvstudio::body::testing {
 
 inline const BodyTemplate& Small() {
   static const BodyTemplate body = MakeMannequin(1.75, 0.4);
   return body;
-}
-
-inline RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1;
-  return run;
 }
 
 inline int BoneWithRole(BoneRole role) {

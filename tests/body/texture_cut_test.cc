@@ -1,12 +1,10 @@
-#include <gmock/gmock.h>
-
 #include <algorithm>
-#include <numeric>
 
 #include "avatar/body/texture/labelling.h"
 #include "avatar/body/texture/max_flow.h"
 #include "avatar/body/texture/weighted_median.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {

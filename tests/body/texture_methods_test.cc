@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-
 #include <cmath>
 #include <limits>
 
@@ -12,11 +10,10 @@
 #include "core/random.h"
 #include "tests/body/fit_studio.h"
 #include "tests/body/posed.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {
-
-using testing::CameraAt;
 
 constexpr int kChartPx = 32;
 

@@ -1,21 +1,15 @@
 #include "avatar/body/files/textured_person.h"
 
-#include <gmock/gmock.h>
-
 #include "avatar/body/files/person_file.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::body {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using testing::MessageOf;
-using testing::TempDir;
 
 TexturedPerson Person() {
   TexturedPerson person;

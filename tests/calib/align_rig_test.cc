@@ -1,8 +1,5 @@
 #include "calib/points/align_rig.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "calib/board/floor.h"
@@ -10,17 +7,17 @@
 #include "geometry/rig/rig_covariance.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
 
 using geometry::Rig;
 using geometry::Rigid3;
-using ::testing::HasSubstr;
 
 const Rigid3 kElsewhere{geometry::RotationExp(Eigen::Vector3d(0.3, -0.5, 1)), Eigen::Vector3d(4, -2, 1)};
 
-testing::Scene MakeScene(double noise_px) {
+testing::Scene MakeAlignScene(double noise_px) {
   testing::SceneOptions options;
   options.num_cameras = 3, options.num_frames = 12, options.noise_px = noise_px, options.model = geometry::LensModel::kBrown2;
   return testing::MakeScene(options);
@@ -37,7 +34,7 @@ double LargestPoseDifference(const Rig& a, const Rig& b) {
 }
 
 TEST(AlignToBoard, WithoutNoiseTheBoardIsTheWorld) {
-  const testing::Scene scene = MakeScene(0);
+  const testing::Scene scene = MakeAlignScene(0);
   const Rig truth = testing::TruthRig(scene);
   const int64_t frame = scene.truth.frames[4];
   const RigAlignment found = AlignToBoard(geometry::InWorld(truth, kElsewhere), testing::ToInput(scene), frame);
@@ -50,7 +47,7 @@ TEST(AlignToBoard, WithoutNoiseTheBoardIsTheWorld) {
 }
 
 TEST(AlignToBoard, UncertaintyIsThatOfACalibrationInTheBoardsWorld) {
-  const testing::Scene scene = MakeScene(0.3);
+  const testing::Scene scene = MakeAlignScene(0.3);
   CalibrateOptions options = testing::PlainOptions();
   options.motions = false;
   const CalibrateInput input = testing::ToInput(scene);
@@ -72,7 +69,7 @@ TEST(AlignToBoard, UncertaintyIsThatOfACalibrationInTheBoardsWorld) {
 
 /// The rig moved elsewhere, solved again there with one pose held: the covariances are those that were carried.
 TEST(InWorld, CarriedCovarianceIsThatOfASolutionInTheNewWorld) {
-  const testing::Scene scene = MakeScene(0.3);
+  const testing::Scene scene = MakeAlignScene(0.3);
   CalibrateOptions options = testing::PlainOptions();
   options.motions = false;
   CalibrateInput input = testing::ToInput(scene);
@@ -92,7 +89,7 @@ TEST(InWorld, CarriedCovarianceIsThatOfASolutionInTheNewWorld) {
 }
 
 TEST(AlignToBoard, ABoardThatNobodySawIsRefused) {
-  const testing::Scene scene = MakeScene(0);
+  const testing::Scene scene = MakeAlignScene(0);
   EXPECT_THROW(AlignToBoard(testing::TruthRig(scene), testing::ToInput(scene), 2), UsageError);
 }
 
@@ -112,7 +109,7 @@ PlacePairs Pairs(int count, double scale, double noise_m) {
 }
 
 TEST(AlignToPlaces, MotionAndScaleAreFound) {
-  const Rig rig = testing::TruthRig(MakeScene(0));
+  const Rig rig = testing::TruthRig(MakeAlignScene(0));
   const RigAlignment rigid = AlignToPlaces(rig, Pairs(8, 1, 0), false);
   ASSERT_EQ(rigid.status, Status::kOk);
   EXPECT_LT(LargestPoseDifference(rigid.rig, geometry::InWorld(rig, kElsewhere)), 1e-9);
@@ -124,7 +121,7 @@ TEST(AlignToPlaces, MotionAndScaleAreFound) {
 }
 
 TEST(AlignToPlaces, WhatDetermineNothingIsRefused) {
-  const Rig rig = testing::TruthRig(MakeScene(0));
+  const Rig rig = testing::TruthRig(MakeAlignScene(0));
   EXPECT_EQ(AlignToPlaces(rig, Pairs(2, 1, 0), false).status, Status::kTooFewViews);
   PlacePairs line = Pairs(6, 1, 0);
   for (int i = 0; i < 6; ++i) line.x_in_old.col(i) = Eigen::Vector3d(i, i, i), line.x_in_new.col(i) = Eigen::Vector3d(i, -i, i);
@@ -139,13 +136,13 @@ TEST(AlignToPlaces, WhatDetermineNothingIsRefused) {
 TEST(AlignToPlaces, APointFarOffIsNamed) {
   PlacePairs pairs = Pairs(12, 1, 1e-3);
   pairs.x_in_new(1, 5) += 0.3;
-  const RigAlignment found = AlignToPlaces(testing::TruthRig(MakeScene(0)), pairs, false);
+  const RigAlignment found = AlignToPlaces(testing::TruthRig(MakeAlignScene(0)), pairs, false);
   ASSERT_EQ(found.gross.size(), 1u);
   EXPECT_THAT(found.gross[0], HasSubstr("p5: "));
 }
 
 TEST(AlignToClicks, ScaleComesFromTriangulatedPoints) {
-  const testing::Scene scene = MakeScene(0);
+  const testing::Scene scene = MakeAlignScene(0);
   const Rig truth = testing::TruthRig(scene);
   ScenePoints points;
   points.x_in_world.resize(3, 8);

@@ -1,10 +1,9 @@
 #include "calib/board/apriltag.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "calib/board/board.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,11 +1,9 @@
 #include "calib/rig/bending.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
-#include "calib/bundle/bundle.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -16,7 +14,7 @@ struct Recording {
 };
 
 /// Boards at their true places; in every time step bent by `bend_m` times a normal number.
-Recording Film(double noise_px, double bend_m, uint64_t seed) {
+Recording FilmBent(double noise_px, double bend_m, uint64_t seed) {
   testing::SceneOptions options;
   options.seed = seed;
   testing::Scene scene = testing::MakeScene(options);
@@ -42,7 +40,7 @@ TEST(Bending, NoiseAloneIsNoBending) {
   double sum = 0, squares = 0;
   constexpr int kSeeds = 20;
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
-    const Recording recording = Film(0.3, 0, seed);
+    const Recording recording = FilmBent(0.3, 0, seed);
     const BoardBending bending = EstimateBending(recording.views, recording.state, 0.3);
     EXPECT_GE(bending.num_frames, 6);
     sum += bending.sigmas, squares += bending.sigmas * bending.sigmas;
@@ -54,14 +52,14 @@ TEST(Bending, NoiseAloneIsNoBending) {
 TEST(Bending, ALimpBoardIsMeasured) {
   const double size = testing::MakeScene({}).board.square_m * testing::MakeScene({}).board.cols;
   const double bend_m = 0.01 * size;
-  const Recording recording = Film(0.1, bend_m, 3);
+  const Recording recording = FilmBent(0.1, bend_m, 3);
   const BoardBending bending = EstimateBending(recording.views, recording.state, 0.1);
   EXPECT_GT(bending.sigmas, 10);
   EXPECT_NEAR(bending.rms_m / (std::sqrt(2.0) * bend_m), 1, 0.35);
 }
 
 TEST(Bending, FewBoardsSayNothing) {
-  Recording recording = Film(0.3, 0, 1);
+  Recording recording = FilmBent(0.3, 0, 1);
   recording.views.resize(2);
   EXPECT_EQ(EstimateBending(recording.views, recording.state, 0.3).variance_ratio, 1);
 }

@@ -1,17 +1,13 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 
 #include "calib/board/guess.h"
 #include "calib/detect/board_check.h"
 #include "calib/detect/detect_board.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeCamera;
-using testing::RenderBoard;
 
 std::vector<Image> Photos(const std::string& text, bool mirrored = false) {
   const Board board = ParseBoard(text);

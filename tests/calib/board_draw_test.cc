@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -13,11 +11,10 @@
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::mvstudio::testing::MessageOf;
 
 constexpr const char* kBoards[] = {
     "chessboard:6x4:25mm",    "charuco:7x5:25mm:18mm:4x4_50",         "charuco:7x5:25mm:18mm:4x4_50:inverted",

@@ -1,12 +1,11 @@
 #include "calib/covariance/board_errors.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "calib/covariance/uncertainty.h"
 #include "calib/lens/lens_pool.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

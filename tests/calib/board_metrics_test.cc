@@ -1,18 +1,14 @@
 #include "calib/rig/board_metrics.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <map>
 #include <utility>
 
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeScene;
-using testing::SceneOptions;
 
 SceneOptions Three(double noise_px = 0) {
   SceneOptions options;

@@ -1,24 +1,18 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <opencv2/imgproc.hpp>
 
-#include "calib/board/print.h"
 #include "calib/board/propose.h"
 #include "calib/detect/detect_board.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::mvstudio::testing::MessageOf;
-using testing::MakeCamera;
-using testing::RenderBoard;
 
 /// As a camera sees it: blurred by 0.7 px, with noise of 2 grey values.
 Image Filmed(const Image& sharp, Rng* random) {

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -7,12 +5,10 @@
 #include "calib/detect/corner_search.h"
 #include "calib/detect/detect_board.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeCamera;
-using testing::RenderBoard;
 
 /// A large board close to a fisheye camera: no one homography holds over it.
 class LargeBoard : public ::testing::Test {

@@ -1,13 +1,12 @@
 #include "calib/board/board.h"
 
-#include <gtest/gtest.h>
-
 #include "calib/board/charuco_layout.h"
 #include "calib/board/print.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,9 +1,7 @@
 #include "calib/calibrate_options.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/error.h"
+#include "tests/support/test.h"
 
 /// Options of Calibrate and their words.
 namespace mvstudio::calib {

@@ -1,16 +1,12 @@
 #include "calib/calibrate.h"
 
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeScene;
-using testing::SceneOptions;
 
 CalibrateOptions Quick(geometry::LensModel model = geometry::LensModel::kBrown4) {
   CalibrateOptions options;

@@ -1,9 +1,8 @@
 #include "calib/check/camera_motion.h"
 
-#include <gtest/gtest.h>
-
 #include "core/units.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,9 +1,8 @@
 #include "calib/bundle/camera_noise.h"
 
-#include <gtest/gtest.h>
-
 #include "calib/bundle/bundle.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

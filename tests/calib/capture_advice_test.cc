@@ -1,18 +1,13 @@
 #include "calib/verdict/capture_advice.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 std::vector<geometry::Camera> Cameras(int count) {
   std::vector<geometry::Camera> cameras;

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <algorithm>
 
@@ -7,12 +5,10 @@
 #include "calib/detect/circle_refine.h"
 #include "calib/detect/detect_board.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeCamera;
-using testing::RenderBoard;
 
 geometry::Rigid3 PoseAt(const Board& board, const Eigen::Vector3d& rotation, double depth, double aside = 0) {
   geometry::Rigid3 pose;

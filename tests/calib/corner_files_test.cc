@@ -1,9 +1,6 @@
 #include "calib/corners/corner_files.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
-#include <fstream>
 #include <set>
 
 #include "core/disk/files.h"
@@ -11,14 +8,11 @@
 #include "core/random.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using mvstudio::testing::DataRoot;
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
 
 Board Grid(int cols, int rows, double square_m) {
   Board board;

@@ -1,7 +1,5 @@
 #include "calib/detect/corner_refine.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,6 +7,7 @@
 #include "calib/board/charuco_layout.h"
 #include "core/random.h"
 #include "core/statistics.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

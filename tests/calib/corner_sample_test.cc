@@ -1,16 +1,12 @@
-#include <gtest/gtest.h>
-
 #include "calib/corners/corner_files.h"
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
 
 std::string SampleFile(const std::string& board, const std::string& data) {
   return "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\n" + board +

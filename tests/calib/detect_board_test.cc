@@ -1,19 +1,15 @@
 #include "calib/detect/detect_board.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 
 #include "calib/board/sets.h"
 #include "calib/rig/numbering.h"
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeCamera;
-using testing::RenderBoard;
 
 geometry::Rigid3 Pose(const Board& board, const Eigen::Vector3d& rotation, double depth) {
   geometry::Rigid3 pose;

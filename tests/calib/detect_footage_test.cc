@@ -1,26 +1,19 @@
 #include "calib/detect/detect_footage.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <fstream>
 #include <memory>
 
-#include "calib/detect/detection_cache.h"
 #include "core/disk/files.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::mvstudio::testing::MessageOf;
-using ::mvstudio::testing::TempDir;
-using testing::MakeCamera;
-using testing::RenderBoard;
 
 /// Footage of given images; counts how many were asked for.
 Footage FootageOf(const std::string& camera, const std::vector<Image>& images, std::shared_ptr<int> asked = {},

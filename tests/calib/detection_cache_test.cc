@@ -1,17 +1,15 @@
 #include "calib/detect/detection_cache.h"
 
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::mvstudio::testing::TempDir;
 
 StoredFootage Example(int images) {
   StoredFootage footage;

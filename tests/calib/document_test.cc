@@ -1,14 +1,11 @@
 #include "calib/formats/document.h"
 
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib::internal {
 namespace {
-
-using mvstudio::testing::MessageOf;
 
 const std::string kPath = "f";
 

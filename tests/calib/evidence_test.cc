@@ -1,9 +1,9 @@
 #include "calib/lens/evidence.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
+
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

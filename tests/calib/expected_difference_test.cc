@@ -1,12 +1,11 @@
 #include "calib/check/expected_difference.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/random.h"
 #include "geometry/rig/alignment.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 namespace mvstudio::calib {

@@ -1,20 +1,16 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "calib/calibrate.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 /// Footage that does not determine the calibration, or hardly: what is not known is named, never invented.
 namespace mvstudio::calib {
 namespace {
 
 using geometry::LensModel;
-using testing::MakeScene;
-using testing::Scene;
-using testing::SceneOptions;
 
 CalibrateReport Solve(const CalibrateInput& input, LensModel model, const WorldOrigin& world = {}) {
   CalibrateOptions options;

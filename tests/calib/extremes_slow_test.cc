@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <cmath>
 
@@ -7,14 +5,12 @@
 #include "calib/covariance/uncertainty.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
 
 using geometry::LensModel;
-using testing::MakeScene;
-using testing::Scene;
-using testing::SceneOptions;
 
 CalibrateReport Solve(const Scene& scene, LensModel model) {
   CalibrateOptions options;

@@ -1,21 +1,16 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "calib/calibrate.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 /// Calibration at the edges: every case has the truth, or what is known about it, as its oracle.
 namespace mvstudio::calib {
 namespace {
 
 using geometry::LensModel;
-using testing::MakeScene;
-using testing::Scene;
-using testing::SceneOptions;
 
 CalibrateOptions Given(LensModel model) {
   CalibrateOptions options;

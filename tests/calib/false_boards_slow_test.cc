@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <opencv2/core.hpp>
 
@@ -9,12 +7,11 @@
 #include "core/disk/paths.h"
 #include "core/parallel.h"
 #include "dataset/footage/image_io.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::mvstudio::testing::DataRoot;
 
 struct Found {
   bool by_detector = false, by_sectors = false, accepted = false;

@@ -1,7 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "calib/lens/evidence.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

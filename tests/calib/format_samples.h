@@ -77,3 +77,7 @@ inline void ExpectSamePixels(const geometry::Rig& a, const geometry::Rig& b, dou
 }
 
 }  // namespace mvstudio::calib::testing
+
+namespace mvstudio::calib {
+using namespace testing;
+}

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -9,13 +7,11 @@
 #include "calib/rig/frame_drops.h"
 #include "tests/calib/filmed.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 /// Cameras that lost frames, beside cameras that moved, were late or whose clock drifts.
 namespace mvstudio::calib {
 namespace {
-
-using testing::Film;
-using testing::Scene;
 
 CalibrateOptions WithMotions() {
   CalibrateOptions options = testing::PlainOptions();

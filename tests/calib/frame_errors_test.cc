@@ -1,13 +1,12 @@
 #include "calib/covariance/frame_errors.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "calib/bundle/view_clusters.h"
 #include "calib/covariance/board_errors.h"
 #include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,7 +1,5 @@
 #include "calib/rig/frame_offset.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -10,12 +8,12 @@
 #include "calib/formats/formats.h"
 #include "calib/lens/resection.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::calib {
 namespace {
 
-using mvstudio::testing::DataRoot;
 using Kind = FrameOffsets::Kind;
 
 FrameOffsets Find(const std::vector<Board>& boards, const std::vector<geometry::Camera>& cameras,

@@ -1,14 +1,14 @@
 #include "calib/rig/frame_rate.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
+
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
 
 /// The board in camera a at a time in its frames, carried about.
-geometry::Rigid3 Carried(double t) {
+geometry::Rigid3 CarriedAt(double t) {
   geometry::Rigid3 pose;
   pose.rotation = geometry::RotationExp({0.4 * std::sin(0.11 * t), 0.3 * std::sin(0.07 * t + 1), 0.2 * std::sin(0.05 * t)});
   pose.translation = Eigen::Vector3d(0.4 * std::sin(0.13 * t), 0.3 * std::sin(0.09 * t + 2), 1.5 + 0.3 * std::sin(0.08 * t));
@@ -22,8 +22,8 @@ std::optional<FrameRate> Found(double ratio, double offset) {
   b_from_a.translation = Eigen::Vector3d(-0.6, 0.1, 0.2);
   BoardPoses a, b;
   for (int f = 0; f < 120; ++f) {
-    a[{f, 0}] = Carried(f);
-    b[{f, 0}] = b_from_a * Carried(ratio * f + offset);
+    a[{f, 0}] = CarriedAt(f);
+    b[{f, 0}] = b_from_a * CarriedAt(ratio * f + offset);
   }
   return FindFrameRate(a, b);
 }
@@ -54,8 +54,8 @@ TEST(FrameRate, RestsAtTheEndsAreNoRate) {
   BoardPoses a, b;
   for (int f = 0; f < 70; ++f) {
     const bool rests_in_a = f >= 52, rests_in_b = f < 18;
-    a[{f, 0}] = rests_in_a ? Carried(3) : Carried(f);
-    b[{f, 0}] = rests_in_b ? Carried(4) : Carried(500 + 7.3 * f);
+    a[{f, 0}] = rests_in_a ? CarriedAt(3) : CarriedAt(f);
+    b[{f, 0}] = rests_in_b ? CarriedAt(4) : CarriedAt(500 + 7.3 * f);
   }
   EXPECT_FALSE(FindFrameRate(a, b).has_value());
 }

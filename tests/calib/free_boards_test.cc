@@ -1,7 +1,5 @@
 #include "calib/rig/free_boards.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <functional>
 
@@ -9,11 +7,10 @@
 #include "calib/calibrate.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::Scene;
 
 /// Two boards in every frame: the second lies where the first lies in the frame that `of` names, but for `away`.
 CalibrateInput TwoBoards(const std::function<int(int)>& of, const geometry::Rigid3& away) {

@@ -1,8 +1,7 @@
 #include "calib/lens/gross_errors.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

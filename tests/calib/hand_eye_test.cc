@@ -1,11 +1,10 @@
 #include "calib/rig/hand_eye.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -23,8 +22,8 @@ struct HandEyeScene {
 };
 
 /// Body p 1 m in front of a; `axis`: the only one about which the boards turn, zero for all.
-HandEyeScene MakeScene(int num_pairs, uint64_t seed, double rotation_noise, double translation_noise,
-                       const Eigen::Vector3d& axis = Eigen::Vector3d::Zero()) {
+HandEyeScene MakeHandEyeScene(int num_pairs, uint64_t seed, double rotation_noise, double translation_noise,
+                              const Eigen::Vector3d& axis = Eigen::Vector3d::Zero()) {
   Rng rng(seed);
   HandEyeScene scene{RandomPose(&rng, 1, 1), RandomPose(&rng, 0.7, 0.5), {}};
   for (int i = 0; i < num_pairs; ++i) {
@@ -46,7 +45,7 @@ HandEyeScene MakeScene(int num_pairs, uint64_t seed, double rotation_noise, doub
 TEST(HandEye, NoiseFreeToRounding) {
   for (int n : {3, 4, 30}) {
     for (uint64_t seed = 1; seed <= 5; ++seed) {
-      const HandEyeScene scene = MakeScene(n, seed, 0, 0);
+      const HandEyeScene scene = MakeHandEyeScene(n, seed, 0, 0);
       const HandEye found = SolveHandEye(scene.pairs);
       ASSERT_EQ(found.status, Status::kOk) << found.message;
       EXPECT_LT(geometry::RotationAngle(found.a_from_b.rotation, scene.a_from_b.rotation), 1e-12);
@@ -63,7 +62,7 @@ TEST(HandEye, ErrorsAreAsPredicted) {
   constexpr int kSeeds = 60;
   double rotation = 0, translation = 0;
   for (int seed = 1; seed <= kSeeds; ++seed) {
-    const HandEyeScene scene = MakeScene(40, seed, 0.003, 0.003);
+    const HandEyeScene scene = MakeHandEyeScene(40, seed, 0.003, 0.003);
     const HandEye found = SolveHandEye(scene.pairs);
     ASSERT_EQ(found.status, Status::kOk) << found.message;
     const Eigen::Vector3d turn = geometry::RotationLog(found.a_from_b.rotation * scene.a_from_b.rotation.conjugate());
@@ -79,7 +78,7 @@ TEST(HandEye, ErrorsAreAsPredicted) {
 
 TEST(HandEye, WrongPosesDoNotMatter) {
   for (uint64_t seed = 1; seed <= 10; ++seed) {
-    HandEyeScene scene = MakeScene(40, seed, 1e-3, 1e-3);
+    HandEyeScene scene = MakeHandEyeScene(40, seed, 1e-3, 1e-3);
     Rng rng(seed + 50);
     for (size_t i = 0; i < scene.pairs.size(); i += 4) scene.pairs[i].b_from_q = RandomPose(&rng, 1, 1);
     const HandEye found = SolveHandEye(scene.pairs);
@@ -97,7 +96,7 @@ TEST(HandEye, TurnsAboutOneAxisAreRefused) {
   const Eigen::Vector3d axis = Eigen::Vector3d(1, 2, -1).normalized();
   for (double noise : {0.0, 1e-4, 3e-3, 2e-2}) {
     for (uint64_t seed = 1; seed <= 10; ++seed) {
-      const HandEye found = SolveHandEye(MakeScene(25, seed, noise, noise, axis).pairs);
+      const HandEye found = SolveHandEye(MakeHandEyeScene(25, seed, noise, noise, axis).pairs);
       EXPECT_EQ(found.status, Status::kDegenerate)
           << "noise " << noise << " seed " << seed << " sigma " << found.a_from_b_sigma.transpose();
       EXPECT_FALSE(found.message.empty());
@@ -106,7 +105,7 @@ TEST(HandEye, TurnsAboutOneAxisAreRefused) {
 }
 
 TEST(HandEye, NoTurnsAtAllAreRefused) {
-  HandEyeScene scene = MakeScene(10, 3, 0, 0);
+  HandEyeScene scene = MakeHandEyeScene(10, 3, 0, 0);
   for (HandEyePair& pair : scene.pairs) {
     pair.a_from_p.rotation = scene.pairs[0].a_from_p.rotation;
     pair.b_from_q = geometry::Inverse(scene.a_from_b) * pair.a_from_p * geometry::Inverse(scene.q_from_p);
@@ -115,17 +114,17 @@ TEST(HandEye, NoTurnsAtAllAreRefused) {
 }
 
 TEST(HandEye, TooFewAndNotFinite) {
-  HandEyeScene scene = MakeScene(3, 1, 0, 0);
+  HandEyeScene scene = MakeHandEyeScene(3, 1, 0, 0);
   scene.pairs.pop_back();
   EXPECT_EQ(SolveHandEye(scene.pairs).status, Status::kTooFewViews);
   EXPECT_EQ(SolveHandEye({}).status, Status::kTooFewViews);
-  scene = MakeScene(5, 1, 0, 0);
+  scene = MakeHandEyeScene(5, 1, 0, 0);
   scene.pairs[2].a_from_p.translation.y() = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(SolveHandEye(scene.pairs).status, Status::kNonFiniteInput);
 }
 
 TEST(HandEye, OrderOfTheDevicesIsAMatterOfNames) {
-  const HandEyeScene scene = MakeScene(12, 7, 2e-4, 2e-4);
+  const HandEyeScene scene = MakeHandEyeScene(12, 7, 2e-4, 2e-4);
   std::vector<HandEyePair> swapped;
   for (const HandEyePair& pair : scene.pairs) swapped.push_back({pair.b_from_q, pair.a_from_p});
   const HandEye there = SolveHandEye(scene.pairs), back = SolveHandEye(swapped);

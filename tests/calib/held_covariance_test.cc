@@ -1,19 +1,15 @@
 #include "calib/covariance/held_covariance.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include "calib/covariance/projection_uncertainty.h"
 #include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeScene;
-using testing::SceneOptions;
 
 Eigen::MatrixXd RandomMatrix(Eigen::Index rows, Eigen::Index cols, Rng* rng) {
   Eigen::MatrixXd m(rows, cols);

@@ -1,11 +1,10 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 
 #include "calib/calibrate.h"
 #include "calib/lens/smooth_error.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 /// Rigs whose lenses are held and whose poses come from a single view of a board.
 namespace mvstudio::calib {

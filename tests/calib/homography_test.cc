@@ -1,10 +1,9 @@
 #include "calib/board/homography.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,14 +1,10 @@
 #include "calib/lens/intrinsics.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeScene;
-using testing::SceneOptions;
 
 std::vector<View> ViewsOf(const testing::Scene& scene, std::vector<int64_t>* frames) {
   return MakeViews({scene.board}, scene.detections, frames);

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Eigenvalues>
 
 #include "calib/keypoints/bundle.h"
@@ -7,14 +5,10 @@
 #include "calib/keypoints/split.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::FilmPeople;
-using testing::JointsOf;
-using testing::PeopleOptions;
-using testing::PeopleRig;
 
 PeopleOptions Exact() {
   PeopleOptions options;

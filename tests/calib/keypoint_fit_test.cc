@@ -1,13 +1,9 @@
-#include <gtest/gtest.h>
-
 #include "calib/keypoints/fit.h"
 #include "tests/calib/keypoint_support.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::FilmPeople;
-using testing::PeopleRig;
 
 KeypointJoint See(const geometry::Rig& rig, const Eigen::Vector3d& x, int frame = 0, int joint_idx = 0) {
   KeypointJoint joint{frame, 0, joint_idx, {}};

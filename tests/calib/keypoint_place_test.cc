@@ -1,16 +1,10 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "calib/keypoints/place.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::FilmPeople;
-using ::testing::HasSubstr;
-using testing::PeopleRig;
 
 geometry::Rig WithoutPoses(geometry::Rig rig) {
   for (geometry::RigCamera& camera : rig.cameras) camera.cam_from_world = {};

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <map>
@@ -12,14 +10,11 @@
 #include "geometry/rig/alignment.h"
 #include "geometry/skeleton/skeleton.h"
 #include "tests/calib/keypoint_support.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::FilmPeople;
-using testing::PeopleOptions;
-using testing::PeopleRig;
 
 PeopleOptions Take(int num_frames = 40, uint64_t seed = 1) {
   PeopleOptions options;

@@ -1,8 +1,7 @@
-#include <gtest/gtest.h>
-
 #include "calib/keypoints/refine.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

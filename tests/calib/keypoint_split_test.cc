@@ -1,10 +1,8 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
-#include <numeric>
 
 #include "calib/keypoints/split.h"
 #include "core/error.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

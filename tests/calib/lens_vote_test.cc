@@ -1,25 +1,17 @@
 #include "calib/keypoints/lens_vote.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "calib/keypoints/profile.h"
 #include "tests/calib/keypoint_support.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
 
-using testing::FilmPeople;
-using testing::JointsOf;
-using testing::PeopleOptions;
-using testing::PeopleRig;
-
-struct Scene {
+struct VoteScene {
   geometry::Rig rig = PeopleRig(4);
   std::vector<KeypointJoint> joints;
   std::vector<KeypointFit> fits;
 
-  explicit Scene(int num_joints) {
+  explicit VoteScene(int num_joints) {
     PeopleOptions options;
     options.num_joints = num_joints, options.outlier_fraction = 0, options.noise_px = 0.3;
     joints = JointsOf(rig, FilmPeople(rig, options));
@@ -42,7 +34,7 @@ Eigen::Vector3d Similar(const Eigen::Vector3d& x) {
 Eigen::Vector3d Bent(const Eigen::Vector3d& x) { return (x.array() * Eigen::Array3d(1, 1, 1.03)).matrix(); }
 
 TEST(LensVote, UnconnectedPoints) {
-  const Scene scene(1);
+  const VoteScene scene(1);
   const LensVote similar = scene.After(Similar, 0.27, 0.04);
   EXPECT_LT(similar.bend_px, 1e-6);
   EXPECT_EQ(similar.num_distances, 0);
@@ -54,7 +46,7 @@ TEST(LensVote, UnconnectedPoints) {
 }
 
 TEST(LensVote, DistancesThatStayDecide) {
-  const Scene scene(6);
+  const VoteScene scene(6);
   const LensVote bent = scene.After(Bent, 20, 0.3);
   EXPECT_GT(bent.num_distances, 0);
   EXPECT_THAT(bent.refusal, ::testing::HasSubstr("distances that stay the same scatter"));

@@ -1,19 +1,15 @@
 #include "geometry/rig/lenses_only.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "calib/formats/formats.h"
 #include "core/error.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Lenses whose poses no file states are lenses only, in every format; a pose in halves, or of some cameras, is damage.
 namespace mvstudio::calib {
 namespace {
-
-using mvstudio::testing::TempDir;
 
 ImportedRig Read(CalibrationFormat format, const std::string& text) {
   static const TempDir folder;

@@ -1,7 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "calib/lens/model_selection.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <cmath>
@@ -7,12 +5,10 @@
 #include "calib/bundle/bundle.h"
 #include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeScene;
-using testing::SceneOptions;
 
 constexpr int kDraws = 200;
 constexpr double kWithin = 0.10;  // predicted against sampled standard deviation

@@ -1,6 +1,5 @@
 #include "calib/bundle/mrcal_engine.h"
 
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -8,13 +7,12 @@
 #include "core/error.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
 
 using geometry::LensModel;
-using testing::MakeScene;
-using testing::SceneOptions;
 
 /// Views of a scene and a start near the truth.
 struct Problem {

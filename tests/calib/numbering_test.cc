@@ -1,13 +1,12 @@
 #include "calib/rig/numbering.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <functional>
 
 #include "calib/lens/resection.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,7 +1,5 @@
 #include "calib/covariance/omitted_terms.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <cmath>
@@ -9,6 +7,7 @@
 #include "calib/covariance/projection_uncertainty.h"
 #include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

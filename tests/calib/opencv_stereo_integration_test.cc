@@ -1,12 +1,10 @@
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 
 #include "calib/calibrate.h"
 #include "calib/detect/detect_footage.h"
 #include "dataset/footage/frames.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

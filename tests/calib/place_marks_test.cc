@@ -1,15 +1,11 @@
 #include "calib/keypoints/place_marks.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "geometry/rig/alignment.h"
 #include "tests/calib/keypoint_support.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::testing::HasSubstr;
 
 struct Room {
   geometry::Rig truth;

@@ -1,7 +1,5 @@
 #include "calib/points/point_bundle.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "calib/points/from_scene.h"
@@ -9,6 +7,7 @@
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -43,7 +42,7 @@ World MakeWorld(int num_cameras, int num_points, double noise_px, uint64_t seed)
 }
 
 /// A start that is off by degrees and centimetres.
-PointScene Disturbed(const PointScene& truth, uint64_t seed, bool keep_first) {
+PointScene DisturbedScene(const PointScene& truth, uint64_t seed, bool keep_first) {
   PointScene scene = truth;
   Rng rng(seed);
   for (size_t c = keep_first ? 1 : 0; c < scene.cam_from_world.size(); ++c) {
@@ -70,7 +69,7 @@ TEST(PointBundle, RecoversExactly) {
   World world = MakeWorld(4, 60, 0, 1);
   PointBundleOptions options = HeldByDistance(world.scene);
   options.cost_tolerance = 1e-14;
-  PointScene scene = Disturbed(world.scene, 2, true);
+  PointScene scene = DisturbedScene(world.scene, 2, true);
   for (geometry::Camera& lens : scene.lenses) lens.params[0] *= 1.02, lens.params[1] *= 1.02;
   const PointBundleReport report = SolvePointBundle(&scene, &world.observations, options);
   ASSERT_EQ(report.status, Status::kOk) << report.message;
@@ -86,7 +85,7 @@ TEST(PointBundle, BothEliminationsGiveTheSameEquations) {
   options.distance.reset();
   std::vector<double> costs;
   for (const auto blocks : {PointProblem::Blocks::kPoints, PointProblem::Blocks::kCameras}) {
-    PointProblem problem(Disturbed(world.scene, 4, true), world.observations, options, blocks, 0);
+    PointProblem problem(DisturbedScene(world.scene, 4, true), world.observations, options, blocks, 0);
     SchurSystem system;
     problem.AllocateSystem(&system);
     SchurLmOptions lm;
@@ -138,7 +137,7 @@ TEST(PointBundle, GrossErrorsAreRejected) {
     world.observations[i].px += Eigen::Vector2d(rng.Uniform(20, 80), rng.Uniform(-80, -20));
     wrong.push_back(i);
   }
-  PointScene scene = Disturbed(world.scene, 7, true);
+  PointScene scene = DisturbedScene(world.scene, 7, true);
   const PointBundleReport report = SolvePointBundle(&scene, &world.observations, HeldByDistance(world.scene));
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   for (const size_t i : wrong) EXPECT_EQ(world.observations[i].weight, 0) << i;

@@ -1,11 +1,10 @@
 #include "calib/points/point_clusters.h"
 
-#include <gtest/gtest.h>
-
 #include "calib/points/scene_adjustment.h"
 #include "core/random.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 /// Features whose errors are shared by patches of the walls, and cameras whose lenses differ.
 namespace mvstudio::calib {
@@ -47,7 +46,7 @@ Truth MakeTruth(const std::vector<double>& focals) {
 }
 
 /// Errors of `alone_px` of each feature and of `shared_px` of all features of a patch in a camera.
-std::vector<PointObservation> Observe(const Truth& truth, double alone_px, double shared_px, uint64_t seed) {
+std::vector<PointObservation> ObserveTruth(const Truth& truth, double alone_px, double shared_px, uint64_t seed) {
   Rng rng(seed);
   std::vector<PointObservation> observations;
   for (int c = 0; c < kCameras; ++c) {
@@ -85,7 +84,7 @@ Scatter Draw(double alone_px, double shared_px) {
   constexpr int kDraws = 12;
   Scatter scatter;
   for (uint64_t seed = 1; seed <= kDraws; ++seed) {
-    std::vector<PointObservation> observations = Observe(truth, alone_px, shared_px, seed);
+    std::vector<PointObservation> observations = ObserveTruth(truth, alone_px, shared_px, seed);
     PointScene scene = truth.scene;
     const PointBundleOptions options = HeldByADistance(truth);
     const PointBundleReport report = SolvePointBundle(&scene, &observations, options);
@@ -122,7 +121,7 @@ TEST(InflationByClusters, SharedErrorsAreFoundAndTheCovarianceIsHonest) {
 
 TEST(InflationByClusters, TooFewPointsSayNothing) {
   const Truth truth = MakeTruth(std::vector<double>(kCameras, 700));
-  std::vector<PointObservation> observations = Observe(truth, 0.2, 0, 1);
+  std::vector<PointObservation> observations = ObserveTruth(truth, 0.2, 0, 1);
   for (PointObservation& o : observations) o.weight = 0;
   EXPECT_EQ(InflationByClusters(truth.scene, observations, HeldByADistance(truth), 1).factor, 1);
 }
@@ -144,7 +143,7 @@ TEST(OwnLensesPay, OnlyWhereTheLensesDiffer) {
       images.push_back({camera.camera.name, "", camera.camera, false});
     }
     scene.points = truth.scene.points;
-    for (const PointObservation& o : Observe(truth, 0.1, 0, 2)) scene.tracks.push_back({o.camera_idx, o.point_idx, o.px});
+    for (const PointObservation& o : ObserveTruth(truth, 0.1, 0, 2)) scene.tracks.push_back({o.camera_idx, o.point_idx, o.px});
     EXPECT_EQ(OwnLensesPay(scene, images, {}, 0.2, 2), differ);
     SceneScale scale;
     const auto centre = [&](size_t c) { return geometry::Inverse(truth.scene.cam_from_world[c]).translation; };

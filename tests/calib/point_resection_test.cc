@@ -1,19 +1,16 @@
 #include "calib/points/point_resection.h"
 
-#include <gtest/gtest.h>
-
 #include "calib/points/scene_points.h"
 #include "core/disk/files.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
 
 using geometry::LensModel;
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
 
 /// Points in a room and cameras around it that look at its middle.
 struct Room {

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 #include <map>
@@ -9,6 +7,7 @@
 #include "calib/covariance/projection_uncertainty.h"
 #include "calib/lens/intrinsics.h"
 #include "calib/rig/board_metrics.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 /// Against figures that mrcal 2.2 gave for the same corner files. Its solution rejects other corners and estimates its noise

@@ -1,7 +1,5 @@
 #include "calib/covariance/projection_uncertainty.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <cmath>
 #include <limits>
@@ -10,12 +8,10 @@
 #include "calib/bundle/schur_lm.h"
 #include "calib/covariance/uncertainty.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeScene;
-using testing::SceneOptions;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -39,7 +35,7 @@ SceneOptions Small(int cameras = 2, int frames = 10) {
 }
 
 /// Where the boards take a point that is at `x_in_world` while they are as in `before`: the mean over all frames.
-Eigen::Vector3d Carried(const RigState& before, const RigState& after, const Eigen::Vector3d& x_in_world) {
+Eigen::Vector3d CarriedPoint(const RigState& before, const RigState& after, const Eigen::Vector3d& x_in_world) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (size_t f = 0; f < before.world_from_board.size(); ++f)
     sum += after.world_from_board[f] * (geometry::Inverse(before.world_from_board[f]) * x_in_world);
@@ -93,9 +89,9 @@ TEST(ProjectionUncertainty, IsTheDenseCovarianceOfTheDefinition) {
         moved.Try(delta.head(n), boards);
         moved.AcceptTrial();
         const RigState& state = moved.state();
-        side[k] =
-            geometry::Project(state.cameras[camera], state.cam_from_world[camera] * Carried(solved.state, state, x_in_world))
-                .px;
+        side[k] = geometry::Project(state.cameras[camera],
+                                    state.cam_from_world[camera] * CarriedPoint(solved.state, state, x_in_world))
+                      .px;
       }
       gradient.col(i) = (side[1] - side[0]) / (2 * step);
     }
@@ -131,7 +127,7 @@ TEST(ProjectionUncertainty, PredictsTheScatterOfSolutions) {
     ASSERT_EQ(SolveBundle(&views, &state, options).status, Status::kOk);
     for (size_t q = 0; q < queries.size(); ++q) {
       const Query& query = queries[q];
-      const Eigen::Vector3d x = Carried(solved.state, state, At(solved.state, query.camera, query.px, query.range_m));
+      const Eigen::Vector3d x = CarriedPoint(solved.state, state, At(solved.state, query.camera, query.px, query.range_m));
       const Eigen::Vector2d d =
           geometry::Project(state.cameras[query.camera], state.cam_from_world[query.camera] * x).px - query.px;
       sampled[q] += d * d.transpose() / kDraws;
@@ -235,7 +231,7 @@ TEST(ProjectionUncertainty, PointsScatterAsPredicted) {
       }
       x -= h.ldlt().solve(g);
     }
-    const Eigen::Vector3d error = x - Carried(solved.state, state, target);
+    const Eigen::Vector3d error = x - CarriedPoint(solved.state, state, target);
     sampled += error * error.transpose() / kDraws;
   }
   // the mean of 300 squares of variance 1: 1 +- 0.082; 3.5 of these

@@ -1,11 +1,10 @@
 #include "calib/rig/readout.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "calib/bundle/bundle.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <fstream>
 #include <sstream>
@@ -11,12 +9,11 @@
 #include "core/disk/paths.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::mvstudio::testing::DataRoot;
 
 struct ExpectedTag {
   int id = 0;

@@ -1,7 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "calib/calibrate.h"
 #include "calib/corners/corner_files.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 /// Corners of real recordings, calibrated with nothing but their board: the figures that peers reach on them, or the best that

@@ -1,16 +1,12 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 
 #include "calib/check/rig_check.h"
 #include "geometry/rig/rig_covariance.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::testing::ElementsAre;
 
 /// The truth with camera 2 turned by 0.4 degrees, and a covariance of everything.
 geometry::Rig MakeGiven(const testing::Scene& scene) {

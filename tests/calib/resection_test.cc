@@ -1,13 +1,10 @@
 #include "calib/lens/resection.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeCamera;
 
 View MakeExactView(const geometry::Camera& camera, const geometry::Rigid3& pose, double noise_px, uint64_t seed) {
   const Board board = ParseBoard("chessboard:9x6:30mm");

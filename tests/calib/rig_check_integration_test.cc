@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "calib/check/rig_check.h"
@@ -9,16 +6,10 @@
 #include "geometry/rigid/rigid3.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using testing::MakeScene;
-using testing::Scene;
-using testing::SceneOptions;
 
 /// Cameras of known truth around waved boards.
 Scene MakeCheckScene(int num_cameras, double noise_px = 0.2, uint64_t seed = 1, int num_frames = 20) {
@@ -38,7 +29,7 @@ geometry::Rig BeforeBump(const Scene& scene, int camera, const geometry::Rigid3&
   return rig;
 }
 
-geometry::Rigid3 Bump(double deg, double mm, uint64_t seed) {
+geometry::Rigid3 BumpOf(double deg, double mm, uint64_t seed) {
   Rng rng(seed);
   geometry::Rigid3 bump;
   const Eigen::Vector3d axis(rng.Normal(), rng.Normal(), rng.Normal()), way(rng.Normal(), rng.Normal(), rng.Normal());
@@ -71,7 +62,7 @@ TEST(RigCheck, NamesAndMeasuresTheOneThatMoved) {
   for (const int num_cameras : {3, 4, 7}) {
     const Scene scene = MakeCheckScene(num_cameras, 0.2, 3);
     for (int camera = 0; camera < num_cameras; ++camera) {
-      const geometry::Rig before = BeforeBump(scene, camera, Bump(0.2, 3, 10 + static_cast<uint64_t>(camera)));
+      const geometry::Rig before = BeforeBump(scene, camera, BumpOf(0.2, 3, 10 + static_cast<uint64_t>(camera)));
       const RigCheck check = Check(before, scene);
       SCOPED_TRACE(std::to_string(num_cameras) + " cameras, moved " + std::to_string(camera));
       ASSERT_THAT(check.moved, ElementsAre("cam" + std::to_string(camera)));
@@ -101,7 +92,7 @@ TEST(RigCheck, SigmasAreHonest) {
   constexpr int kSeeds = 40;
   for (int seed = 0; seed < kSeeds; ++seed) {
     const Scene scene = MakeCheckScene(4, 0.3, 100 + static_cast<uint64_t>(seed), 12);
-    const RigCheck check = Check(BeforeBump(scene, 2, Bump(0.3, 5, static_cast<uint64_t>(seed))), scene);
+    const RigCheck check = Check(BeforeBump(scene, 2, BumpOf(0.3, 5, static_cast<uint64_t>(seed))), scene);
     ASSERT_THAT(check.moved, ElementsAre("cam2")) << seed;
     const CameraCheck& moved = check.cameras[2];
     rotation += std::pow((moved.rotation_rad - DegToRad(0.3)) / moved.rotation_sigma_rad, 2) / kSeeds;
@@ -162,7 +153,7 @@ TEST(RigCheck, BoardLengths) {
 
 TEST(RigCheck, BumpBesideAWrongScale) {
   const Scene scene = MakeCheckScene(4);
-  geometry::Rig rig = BeforeBump(scene, 2, Bump(0.2, 3, 3));
+  geometry::Rig rig = BeforeBump(scene, 2, BumpOf(0.2, 3, 3));
   for (auto& camera : rig.cameras) camera.cam_from_world.translation *= 1.01;
   const RigCheck check = Check(rig, scene);
   EXPECT_THAT(check.moved, ElementsAre("cam2"));
@@ -184,7 +175,7 @@ TEST(RigCheck, LateFramesAreNamed) {
 
 TEST(RigCheck, ExactWithoutNoise) {
   const Scene scene = MakeCheckScene(4, 0);
-  const RigCheck check = Check(BeforeBump(scene, 1, Bump(1, 20, 5)), scene);
+  const RigCheck check = Check(BeforeBump(scene, 1, BumpOf(1, 20, 5)), scene);
   ASSERT_THAT(check.moved, ElementsAre("cam1"));
   EXPECT_NEAR(RadToDeg(check.cameras[1].rotation_rad), 1, 1e-5);
   EXPECT_NEAR(1e3 * check.cameras[1].translation_m, 20, 1e-4);
@@ -193,7 +184,7 @@ TEST(RigCheck, ExactWithoutNoise) {
 
 TEST(RigCheck, TwoCamerasCannotTellWhich) {
   const Scene scene = MakeCheckScene(2);
-  const RigCheck check = Check(BeforeBump(scene, 1, Bump(0.2, 3, 1)), scene);
+  const RigCheck check = Check(BeforeBump(scene, 1, BumpOf(0.2, 3, 1)), scene);
   EXPECT_TRUE(check.moved.empty());
   EXPECT_THAT(check.undecided, ElementsAre("cam0", "cam1"));
   EXPECT_EQ(check.verdict.outcome(), Outcome::kFail);
@@ -202,8 +193,8 @@ TEST(RigCheck, TwoCamerasCannotTellWhich) {
 
 TEST(RigCheck, TwoOfSixMoved) {
   const Scene scene = MakeCheckScene(6);
-  geometry::Rig rig = BeforeBump(scene, 4, Bump(0.3, 4, 7));
-  rig.cameras[1].cam_from_world = Inverse(Bump(0.4, 2, 8)) * rig.cameras[1].cam_from_world;
+  geometry::Rig rig = BeforeBump(scene, 4, BumpOf(0.3, 4, 7));
+  rig.cameras[1].cam_from_world = Inverse(BumpOf(0.4, 2, 8)) * rig.cameras[1].cam_from_world;
   const RigCheck check = Check(rig, scene);
   EXPECT_THAT(check.moved, ElementsAre("cam1", "cam4"));
   EXPECT_NEAR(RadToDeg(check.cameras[1].rotation_rad), 0.4, 4 * RadToDeg(check.cameras[1].rotation_sigma_rad));
@@ -213,8 +204,8 @@ TEST(RigCheck, TwoOfSixMoved) {
 /// One camera alone cannot vouch for itself: which two of three moved is not known.
 TEST(RigCheck, TwoOfThreeMovedIsUndecided) {
   const Scene scene = MakeCheckScene(3);
-  geometry::Rig rig = BeforeBump(scene, 0, Bump(0.5, 6, 7));
-  rig.cameras[1].cam_from_world = Inverse(Bump(0.6, 8, 8)) * rig.cameras[1].cam_from_world;
+  geometry::Rig rig = BeforeBump(scene, 0, BumpOf(0.5, 6, 7));
+  rig.cameras[1].cam_from_world = Inverse(BumpOf(0.6, 8, 8)) * rig.cameras[1].cam_from_world;
   const RigCheck check = Check(rig, scene);
   EXPECT_TRUE(check.moved.empty());
   EXPECT_THAT(check.undecided, ElementsAre("cam0", "cam1", "cam2"));
@@ -223,7 +214,7 @@ TEST(RigCheck, TwoOfThreeMovedIsUndecided) {
 
 TEST(RigCheck, KnockedFarAway) {
   const Scene scene = MakeCheckScene(4);
-  const RigCheck check = Check(BeforeBump(scene, 3, Bump(25, 400, 9)), scene);
+  const RigCheck check = Check(BeforeBump(scene, 3, BumpOf(25, 400, 9)), scene);
   ASSERT_THAT(check.moved, ElementsAre("cam3"));
   EXPECT_NEAR(RadToDeg(check.cameras[3].rotation_rad), 25, 0.1);
   EXPECT_NEAR(check.cameras[3].translation_m, 0.4, 2e-3);
@@ -239,7 +230,7 @@ TEST(RigCheck, GrossCornersDoNotMatter) {
     }
   }
   EXPECT_EQ(Check(testing::TruthRig(scene), scene).verdict.outcome(), Outcome::kPass);
-  const RigCheck check = Check(BeforeBump(scene, 2, Bump(0.2, 3, 3)), scene);
+  const RigCheck check = Check(BeforeBump(scene, 2, BumpOf(0.2, 3, 3)), scene);
   EXPECT_THAT(check.moved, ElementsAre("cam2"));
   EXPECT_GT(check.cameras[2].num_rejected, 50);
 }
@@ -250,7 +241,7 @@ TEST(RigCheck, LonelyCamera) {
   for (Detection& detection : scene.detections) {
     if (detection.camera_idx == 0) detection.frame_idx += 1000;  // farther than frame numbers are searched
   }
-  const RigCheck check = Check(BeforeBump(scene, 2, Bump(0.3, 3, 3)), scene);
+  const RigCheck check = Check(BeforeBump(scene, 2, BumpOf(0.3, 3, 3)), scene);
   EXPECT_THAT(check.moved, ElementsAre("cam2"));
   EXPECT_EQ(check.cameras[0].status, Status::kTooFewViews);
   EXPECT_EQ(check.cameras[0].num_views, 0);
@@ -274,7 +265,7 @@ TEST(RigCheck, AZoomIsNotPassed) {
 
 TEST(RigCheck, TheWorldIsAnybodys) {
   const Scene scene = MakeCheckScene(4);
-  geometry::Rig rig = BeforeBump(scene, 2, Bump(0.2, 3, 3));
+  geometry::Rig rig = BeforeBump(scene, 2, BumpOf(0.2, 3, 3));
   const RigCheck check = Check(rig, scene);
   geometry::Rigid3 other_from_world;
   other_from_world.rotation = geometry::RotationExp(Eigen::Vector3d(1, -2, 0.5));

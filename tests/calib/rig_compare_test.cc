@@ -1,12 +1,10 @@
 #include "calib/check/rig_compare.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/error.h"
-#include "core/units.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,9 +1,6 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "calib/bundle/bundle.h"
 #include "calib/covariance/uncertainty.h"
@@ -11,6 +8,7 @@
 #include "calib/rig/init.h"
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,10 +1,9 @@
 #include "calib/bundle/rig_problem.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -42,7 +41,7 @@ Case MakeCase() {
 }
 
 /// Makes the state explain its views exactly.
-void Observe(Case* c) {
+void ObserveCase(Case* c) {
   for (View& view : c->views) {
     View any = view;
     any.px.setZero();
@@ -81,7 +80,7 @@ double Quadratic(const SchurSystem& system, const Moved& step) {
 
 TEST(RigProblem, NormalEquationsPredictTheCostAroundAnExactSolution) {
   Case c = MakeCase();
-  Observe(&c);
+  ObserveCase(&c);
   RigProblem problem(c.views, c.state, c.options);
   EXPECT_EQ(problem.columns().total, 8 + 8 + 2 * 6 + 2 + 6 + 4 + 4);
   SchurSystem system, trial;
@@ -102,7 +101,7 @@ TEST(RigProblem, NormalEquationsPredictTheCostAroundAnExactSolution) {
 
 TEST(RigProblem, GradientAgreesWithFiniteDifferences) {
   Case c = MakeCase();
-  Observe(&c);
+  ObserveCase(&c);
   Rng noise(8);
   for (View& view : c.views) {
     for (Eigen::Index i = 0; i < view.px.size(); ++i) view.px(i % 2, i / 2) += noise.Normal();
@@ -131,7 +130,7 @@ TEST(RigProblem, GradientAgreesWithFiniteDifferences) {
 
 TEST(RigProblem, ThreadsDoNotChangeTheResult) {
   Case c = MakeCase();
-  Observe(&c);
+  ObserveCase(&c);
   for (View& view : c.views) view.px.row(0).array() += 0.5;
   SchurSystem systems[2];
   for (int threads = 1; threads <= 2; ++threads) {
@@ -150,7 +149,7 @@ TEST(SolveBundle, RecoversEverythingThatIsFree) {
   Case c = MakeCase();
   c.state.time_offset_frames.clear();
   c.options.refine_time = false;
-  Observe(&c);
+  ObserveCase(&c);
   RigState start = c.state;
   Rng rng(5);
   start.board_warp_m = {Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};

@@ -1,11 +1,10 @@
 #include "calib/rig/rotation_averaging.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

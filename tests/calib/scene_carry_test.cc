@@ -1,16 +1,12 @@
 #include "calib/points/scene_carry.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "calib/points/point_bundle.h"
 #include "calib/points/scene_points.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::testing::ElementsAre;
 
 /// Cameras around a cloud of marks that all of them see, without noise.
 struct Room {

@@ -1,10 +1,9 @@
 #include "calib/bundle/schur_lm.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Dense>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

@@ -1,14 +1,12 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <functional>
 #include <string>
-#include <vector>
 
 #include "calib/calibrate.h"
 #include "calib/check/rig_check.h"
 #include "calib/corners/corner_files.h"
 #include "tests/calib/filmed.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 /// Many calibrations against the corners that they were made from: whatever is put right in the input, nothing has moved.

@@ -1,7 +1,5 @@
 #include "calib/check/seen_corners.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <functional>
 #include <string>
@@ -11,12 +9,11 @@
 #include "calib/check/rig_check.h"
 #include "calib/check/same_corners.h"
 #include "tests/calib/filmed.h"
+#include "tests/support/test.h"
 
 /// What is found about corners counts for every later step: a calibration agrees with its own corners.
 namespace mvstudio::calib {
 namespace {
-
-using testing::Film;
 
 /// One corner of camera 1 in some frames, at x = x(frame).
 CalibrateInput Moving(const std::vector<int64_t>& frames, const std::function<double(double)>& x) {

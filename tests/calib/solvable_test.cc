@@ -1,19 +1,14 @@
 #include "calib/pipeline/solvable.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 
 #include "calib/pipeline/calibrate_steps.h"
 #include "geometry/rig/alignment.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
 
 testing::Scene FourCameras() {
   testing::SceneOptions options;

@@ -1,11 +1,10 @@
 #include "calib/board/space_points.h"
 
-#include <gtest/gtest.h>
-
 #include "calib/calibrate.h"
 #include "calib/lens/held_out_view.h"
 #include "calib/lens/intrinsics.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {

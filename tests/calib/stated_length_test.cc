@@ -1,15 +1,11 @@
 #include "calib/points/stated_length.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using ::testing::HasSubstr;
 
 std::string Refusal(const std::string& text) {
   try {

@@ -239,3 +239,7 @@ inline CalibrateOptions PlainOptions() {
 }
 
 }  // namespace mvstudio::calib::testing
+
+namespace mvstudio::calib {
+using namespace testing;
+}

@@ -1,20 +1,15 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
-#include <cmath>
 
 #include "calib/calibrate.h"
 #include "calib/covariance/projection_uncertainty.h"
 #include "calib/rig/board_metrics.h"
 #include "tests/calib/filmed.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 /// Cameras whose images of one frame were taken at different time steps of a board that moves.
 namespace mvstudio::calib {
 namespace {
-
-using testing::Film;
-using testing::Scene;
 
 CalibrateOptions Given() {
   CalibrateOptions options;

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <memory>
 
 #include "calib/board/sides.h"
@@ -12,15 +10,13 @@
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Boards with prints on both sides, among cameras all around: two in front of the board, two behind it.
 namespace mvstudio::calib {
 namespace {
 
 using geometry::Rigid3;
-using ::mvstudio::testing::MessageOf;
-using ::mvstudio::testing::TempDir;
-using testing::RenderBoard;
 
 Rigid3 Shift(double x, double y, double z) {
   Rigid3 shift;
@@ -68,8 +64,8 @@ Image DrawnImage(const testing::Scene& scene, int camera, int frame, const std::
   return RenderBoard(sides[0].print, scene.truth.cameras[camera], cam_from_front * sides[0].front_from_print, 3);
 }
 
-std::vector<FootageDetections> Film(const testing::Scene& scene, const std::vector<Board>& boards,
-                                    const std::vector<Side>& front, const std::vector<Side>& back) {
+std::vector<FootageDetections> FilmBoards(const testing::Scene& scene, const std::vector<Board>& boards,
+                                          const std::vector<Side>& front, const std::vector<Side>& back) {
   std::vector<Footage> footage;
   for (int c = 0; c < 4; ++c) {
     Footage camera;
@@ -155,7 +151,7 @@ TEST(TwoSidedBoard, MarksInCommonAreNamed) {
 TEST(TwoSidedBoard, FromFootage) {
   const testing::Scene scene = Studio(10);
   const Board board = ParseBoard("charuco:7x5:60mm:45mm:two-sided=4mm");
-  const auto found = Film(scene, {board}, {{FrontOf(board), {}}}, {{FrontOf(board), Shift(0, 0, 0.004)}});
+  const auto found = FilmBoards(scene, {board}, {{FrontOf(board), {}}}, {{FrontOf(board), Shift(0, 0, 0.004)}});
   for (int c = 0; c < 4; ++c) {
     ASSERT_GT(found[c].detections.size(), 6u) << c;
     for (const Detection& d : found[c].detections) EXPECT_EQ(d.corner_ids[0] >= board.num_side_corners(), c >= 2);
@@ -217,7 +213,7 @@ TEST(TwoSidedBoard, TwoBoardsBackToBackFromFootage) {
   Rigid3 front_from_back = Shift(0.303, 0.002, 0.006);  // turned about the board's vertical axis
   front_from_back.rotation =
       geometry::RotationExp(Eigen::Vector3d(0, 0, 0.03)) * geometry::RotationExp(Eigen::Vector3d(0, kPi, 0));
-  const auto found = Film(scene, boards, {{boards[0], {}}}, {{boards[1], front_from_back}});
+  const auto found = FilmBoards(scene, boards, {{boards[0], {}}}, {{boards[1], front_from_back}});
   const SolvableCalibration solved = Solve(boards, found);
   ASSERT_EQ(solved.report.status, Status::kOk) << solved.report.message;
   ASSERT_TRUE(solved.left_out.empty());
@@ -234,13 +230,13 @@ TEST(TwoSidedBoard, TwoBoardsBackToBackFromFootage) {
 TEST(TwoSidedBoard, APrintOnOneSideLeavesOutTheCamerasBehindIt) {
   const testing::Scene scene = Studio(8);
   const Board board = ParseBoard("charuco:7x5:60mm:45mm");
-  const auto plain = Film(scene, {board}, {{board, {}}}, {});
+  const auto plain = FilmBoards(scene, {board}, {{board, {}}}, {});
   const SolvableCalibration solved = Solve({board}, plain);
   ASSERT_EQ(solved.left_out.size(), 2u);
   EXPECT_EQ(solved.left_out[0].name, "cam2");
   EXPECT_EQ(solved.report.rig.cameras.size(), 2u);
   // Printed through, and not said to be: named with what to say.
-  const auto through = Film(scene, {board}, {{board, {}}}, {{board, Shift(0, 0, 0.002)}});
+  const auto through = FilmBoards(scene, {board}, {{board, {}}}, {{board, Shift(0, 0, 0.002)}});
   EXPECT_NE(through[2].failure.find("two-sided=THICKNESS"), std::string::npos) << through[2].failure;
 }
 

@@ -1,16 +1,12 @@
 #include "calib/covariance/uncertainty.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeScene;
-using testing::SceneOptions;
 
 /// Errors of one solved scene, in the order of RigCovariance::joint for two cameras with camera 0 fixed.
 Eigen::VectorXd Errors(const RigState& found, const RigState& truth) {

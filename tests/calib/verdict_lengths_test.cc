@@ -1,10 +1,9 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 
 #include "calib/calibrate.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 /// Advice names causes before what follows from them.
 namespace mvstudio::calib {

@@ -1,15 +1,11 @@
 #include "calib/bundle/view.h"
 
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::calib {
 namespace {
-
-using testing::MakeScene;
-using testing::SceneOptions;
 
 /// Central difference of the residuals along one left perturbation or parameter.
 template <class Change>

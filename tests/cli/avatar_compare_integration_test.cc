@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -8,16 +5,12 @@
 #include "core/disk/files.h"
 #include "core/hash/sha256.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
 
 using nlohmann::json;
-using testing::CliRun;
-using ::testing::HasSubstr;
-using ::testing::Not;
-using testing::RunCli;
-using testing::TempDir;
 
 constexpr char kBoth[] = "held-out cameras in held-out frames";
 constexpr char kCameras[] = "held-out cameras in training frames";

@@ -1,19 +1,14 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/disk/files.h"
 #include "tests/cli/avatar_body_fixture.h"
+#include "tests/support/test.h"
 
 /// `avatar train --method hf`, `avatar resume`, `avatar eval` and `avatar render` of it, as a program.
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::CliRun;
-using ::testing::HasSubstr;
-using testing::RunCli;
 
 class AvatarHf : public AvatarBodyTest<AvatarHf> {
  protected:

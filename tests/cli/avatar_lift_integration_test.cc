@@ -1,18 +1,15 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::testing {
 namespace {
 
 using Json = nlohmann::json;
-using ::testing::HasSubstr;
 
 /// One frame of OpenPose JSON with or without a person of 25 joints, all at one place.
 void WriteFrame(const std::string& folder, int frame, bool person, const std::string& x = "100") {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -10,13 +7,13 @@
 #include "geometry/rigid/rigid3.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// `avatar mesh` as a program.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 
 /// A mannequin that walks and bends: frames 3, 4 and 17.
 body::TexturedPerson Walker() {

@@ -1,20 +1,15 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `avatar pretrain` as a program, and avatars of two methods that begin with its network.
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::CliRun;
-using ::testing::HasSubstr;
-using testing::RunCli;
 
 class AvatarPretrain : public ::testing::Test {
  protected:

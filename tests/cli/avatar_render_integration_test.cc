@@ -1,12 +1,10 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/disk/files.h"
 #include "dataset/footage/image_io.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `avatar render` as a program: what it writes where, and what it leaves alone. The images themselves are judged in
 /// tests/avatar/render_integration_test.cc.
@@ -14,9 +12,6 @@ namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::CliRun;
-using ::testing::HasSubstr;
-using testing::RunCli;
 
 class AvatarRender : public ::testing::Test {
  protected:

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <array>
 #include <filesystem>
 #include <memory>
@@ -8,13 +5,13 @@
 
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/running_cli.h"
+#include "tests/support/test.h"
 
 /// Commands that run this program again end with all that they have started.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 using Words = std::vector<std::string>;
 
 /// Processes that run one of the two programs on `folder`, which no other test knows; without the first.

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "avatar/body/smpl/read.h"
@@ -8,14 +5,11 @@
 #include "tests/body/pickle_bytes.h"
 #include "tests/body/small_smpl.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio {
 namespace {
-
-using testing::CliRun;
-using ::testing::HasSubstr;
-using testing::TempDir;
 
 /// `avatar template` with these words, its result as JSON.
 struct TemplateRun {

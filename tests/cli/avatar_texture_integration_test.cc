@@ -1,21 +1,16 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "avatar/body/files/atlas.h"
 #include "avatar/body/files/textured_person.h"
 #include "core/disk/files.h"
 #include "tests/cli/avatar_body_fixture.h"
+#include "tests/support/test.h"
 
 /// `avatar texture` and `avatar edit` as a program.
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::CliRun;
-using ::testing::HasSubstr;
-using testing::RunCli;
 
 class AvatarTexture : public AvatarBodyTest<AvatarTexture> {
  protected:

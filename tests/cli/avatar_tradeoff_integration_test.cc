@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <map>
 #include <set>
@@ -8,16 +5,13 @@
 #include "core/disk/files.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `tradeoff avatar` as a program, on a grid of networks that take a second each.
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::CliRun;
-using ::testing::HasSubstr;
-using ::testing::Not;
-using testing::RunCli;
 
 TEST(AvatarTradeoff, MeasuresAGridMarksItsFrontsAndKeepsFinishedRuns) {
   const testing::TempDir folder;

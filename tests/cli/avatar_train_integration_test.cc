@@ -1,21 +1,15 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/disk/files.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `avatar train` as a program: splits, validation, images, transfer, several processes.
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::AllOf;
-using testing::CliRun;
-using ::testing::HasSubstr;
-using testing::RunCli;
 
 class AvatarTrain : public ::testing::Test {
  protected:

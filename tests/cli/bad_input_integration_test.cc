@@ -1,15 +1,12 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 
 /// A tiny session with true calibration and joints; made once, copied by tests that damage it.
 class BadInput : public ::testing::Test {

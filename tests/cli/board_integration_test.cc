@@ -1,8 +1,7 @@
-#include <gtest/gtest.h>
-
 #include "dataset/footage/image_io.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::testing {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "calib/calibrate.h"
@@ -12,12 +9,11 @@
 #include "geometry/rig/rig_io.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// calib align, resize, lenses and calibrate with fewer cameras as a user runs them.
 namespace mvstudio::testing {
 namespace {
-
-using ::testing::HasSubstr;
 
 class MovedRigs : public ::testing::Test {
  protected:

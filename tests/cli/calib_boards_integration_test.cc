@@ -1,21 +1,16 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
-#include <fstream>
 
 #include "core/format.h"
 #include "geometry/rig/alignment.h"
 #include "geometry/rig/rig_io.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// A studio whose board has a print on both sides, calibrated as a user does it, and again.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 class TwoSidedStudio : public ::testing::Test {
  protected:

@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 
 #include <filesystem>
@@ -10,6 +8,7 @@
 #include "tests/support/ask_page.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/running_cli.h"
+#include "tests/support/test.h"
 
 /// calib click as a browser sees it, by bare sockets; and what strangers see of it.
 namespace mvstudio::testing {
@@ -17,8 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using stages::testing::TruePx;
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 /// Processor time so far.
 double CpuSeconds(const Running& run) {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "calib/corners/corner_files.h"
@@ -8,13 +5,13 @@
 #include "geometry/rig/rig_io.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// calib convert, show, compare and eval as a user runs them.
 namespace mvstudio::testing {
 namespace {
 
 using calib::testing::Scene;
-using ::testing::HasSubstr;
 
 Scene SceneWith(int num_cameras, geometry::LensModel model = geometry::LensModel::kBrown5) {
   calib::testing::SceneOptions options;

@@ -1,20 +1,16 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "calib/calibrate.h"
 #include "core/units.h"
 #include "geometry/rig/rig_io.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 /// `calib refine --from-keypoints` as a user runs it.
 namespace mvstudio::testing {
 namespace {
 
-using ::testing::HasSubstr;
-using ::testing::Not;
 using Words = std::vector<std::string>;
 
 Words Refine(const std::string& out) {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "calib/keypoints/bundle.h"
@@ -10,6 +7,7 @@
 #include "tests/calib/keypoint_support.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// `calib refine --points2d`: markers, wands and animals, as a user runs it.
 namespace mvstudio::testing {
@@ -18,7 +16,6 @@ namespace {
 using calib::testing::FilmPeople;
 using calib::testing::PeopleOptions;
 using calib::testing::PeopleRig;
-using ::testing::HasSubstr;
 using Words = std::vector<std::string>;
 
 /// Frame numbers `frame_step` apart; points are called by `name`.

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "core/format.h"
@@ -10,12 +7,11 @@
 #include "geometry/rig/rig_io.h"
 #include "tests/calib/synthetic.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// Calibration without a board, and calib eval on footage, as a user runs them.
 namespace mvstudio::testing {
 namespace {
-
-using ::testing::HasSubstr;
 
 geometry::Rig Truth(int num_cameras) {
   calib::testing::SceneOptions options;

@@ -1,21 +1,17 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <fstream>
 #include <set>
 
 #include "core/format.h"
 #include "dataset/session/session.h"
-#include "dataset/time/sync_file.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// calibrate on a session in which one camera dropped three frames and numbered on, as recorders do.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 
 constexpr int kFrames = 48;
 const std::set<int> kDropped = {9, 22, 35};

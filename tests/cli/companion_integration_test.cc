@@ -1,10 +1,9 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 #include <sstream>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::testing {
 namespace {

@@ -1,7 +1,5 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::testing {
 namespace {

@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <filesystem>
@@ -8,20 +6,13 @@
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// What commands do to files that mvstudio did not write: nothing.
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::CliRun;
-using testing::Entries;
-using ::testing::HasSubstr;
-using testing::Put;
-using testing::RunCli;
-using testing::Slurp;
-using testing::StateOf;
-using testing::TempDir;
 using Words = std::vector<std::string>;
 
 Words operator+(Words words, const Words& more) {

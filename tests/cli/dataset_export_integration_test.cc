@@ -1,10 +1,8 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/disk/paths.h"
 #include "geometry/rig/rig_io.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// dataset export and calib convert to the formats of datasets, as a user runs them.
 namespace mvstudio::testing {
@@ -13,7 +11,6 @@ namespace {
 using exports::testing::MakeDataset;
 using exports::testing::MakeRig;
 using exports::testing::Setting;
-using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
 TEST(DatasetExport, WritesTheFolderAndKeepsTheResultBesideIt) {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/format.h"
@@ -14,6 +11,7 @@
 #include "geometry/rig/rig_io.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `dataset import panoptic`, `dataset verify` and `dataset info` as a user runs them, and a reader that is not ours.
 namespace mvstudio::testing {
@@ -21,7 +19,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-using ::testing::HasSubstr;
 
 constexpr int kFirst = 4, kLast = 11;  // HD frames with joints; the videos begin at 0
 constexpr double kHdMs = 1001.0 / 30, kStartMs = 5000;

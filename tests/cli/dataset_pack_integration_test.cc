@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/mount.h>
 
 #include <filesystem>
@@ -7,6 +5,7 @@
 #include <map>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 /// `mvstudio dataset pack` on the recorded person.
@@ -14,7 +13,6 @@ namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 
 std::map<std::string, std::string> Content(const std::string& folder) {
   std::map<std::string, std::string> content;

@@ -1,18 +1,14 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `dataset verify`, `pack` and `export` of a dataset that does not hold every image.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 /// Three cameras, six frames; camera 00_01 has only frames 0 and 5, camera 00_02 lacks the mask of frame 3.
 class SparseDataset : public ::testing::Test {

@@ -1,6 +1,5 @@
-#include <gtest/gtest.h>
-
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::testing {
 namespace {

@@ -1,10 +1,9 @@
-#include <gtest/gtest.h>
-
 #include <map>
 #include <regex>
 #include <set>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// What a command cannot do in the end it refuses first: before it looks for inputs that are not there, with the words of
 /// docs/cli.md for its arguments. And the example that ends each help can be typed.

@@ -1,6 +1,4 @@
 #include <fcntl.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <fstream>
@@ -11,6 +9,7 @@
 #include "tests/support/hostile_files.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/sanitized.h"
+#include "tests/support/test.h"
 
 /// Hostile files and names at the command line: the right exit code, one clear line, nothing written outside the output,
 /// bounded memory and time. What a reader does with thousands of damaged files is in hostile_readers_integration_test.cc.
@@ -20,7 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::AnyOf;
 using ::testing::Eq;
-using ::testing::HasSubstr;
 
 /// Bounds of every command here: address space (libtorch alone maps 2 GB) and time.
 const std::string kBounds = MemoryBound(6000) + "ulimit -c 0; timeout -s KILL " + (kSanitized ? "200 " : "20 ");

@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <atomic>
@@ -9,6 +7,7 @@
 
 #include "tests/cli/wrong_invocations.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// Every way to call the program wrongly that we could think of: each is answered with its exit code and one line, soon, and
 /// nothing is made or changed.

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <fstream>
 
@@ -11,6 +8,7 @@
 #include "geometry/rig/rig_io.h"
 #include "tests/support/mouse.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 /// `dataset build --pose3d` from files of markers, as `markers` writes them.
@@ -18,8 +16,6 @@ namespace mvstudio::testing {
 namespace {
 
 using ::testing::ElementsAreArray;
-using ::testing::HasSubstr;
-using ::testing::Not;
 using ::testing::UnorderedElementsAreArray;
 
 constexpr int kFrames = 5;

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -9,14 +6,12 @@
 #include "core/random.h"
 #include "dataset/pose/pose3d.h"
 #include "dataset/pose/pose3d_trc.h"
-#include "geometry/skeleton/skeleton.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `markers` as a user runs it.
 namespace mvstudio::testing {
 namespace {
-
-using ::testing::HasSubstr;
 
 /// A mouse of three joints that BODY_25 does not know; `lost` frames have no tail.
 dataset::Pose3d Mouse(int lost_from, int lost_to) {

@@ -1,19 +1,16 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstring>
 
 #include "core/random.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `mvstudio metrics` as a user runs it, beside scikit-image.
 namespace mvstudio::testing {
 namespace {
 
 using nlohmann::json;
-using ::testing::HasSubstr;
 
 class MetricsTest : public ::testing::Test {
  protected:

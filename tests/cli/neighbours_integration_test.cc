@@ -1,17 +1,13 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "geometry/rig/rig_io.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Files of other programs, by their published layouts, through the commands that docs/neighbours.md names.
 namespace mvstudio::testing {
 namespace {
-
-using ::testing::HasSubstr;
 
 /// freemocap's freemocap_anipose.py: aniposelib's cameras in the unit of `charuco_square_size`, mm, and metadata of its own.
 constexpr char kFreeMoCap[] = R"([cam_0]

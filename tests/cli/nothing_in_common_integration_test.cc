@@ -1,11 +1,10 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <fstream>
 #include <regex>
 #include <set>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// Nothing is not a score: inputs that share no camera, frame, joint, person or image, and sets that are empty, end every
 /// command with an exit code that is not 0 and a line that names what does not match. No figure is printed of them.

@@ -1,10 +1,8 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <thread>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// Every option of every command, as its help lists them, with values that its type does not have.
 namespace mvstudio::testing {

@@ -1,11 +1,10 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <fstream>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// What is printed, and what is kept beside the results.
 namespace mvstudio::testing {
@@ -13,8 +12,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 /// Runs a line of shell in which $MVSTUDIO is the program; stdout of the line is `out`.
 CliRun Shell(const std::string& line) {

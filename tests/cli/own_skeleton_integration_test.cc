@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -15,16 +12,14 @@
 #include "geometry/skeleton/skeleton_text.h"
 #include "tests/support/mouse.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 /// A mouse with a skeleton of its own, from 2D points to datasets and their exports.
 namespace mvstudio::testing {
 namespace {
 
-using ::testing::AllOf;
 using ::testing::ElementsAreArray;
-using ::testing::HasSubstr;
-using ::testing::Not;
 namespace fs = std::filesystem;
 
 constexpr int kFrames = 40;

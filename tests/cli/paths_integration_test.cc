@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <filesystem>
@@ -7,10 +5,11 @@
 
 #include "core/error.h"
 #include "core/format.h"
-#include "dataset/panoptic/panoptic.h"
 #include "dataset/session/session.h"
 #include "tests/dataset/clip_writer.h"
+#include "tests/support/folder_state.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// Names that look like patterns, pipes and playlists in the place of files, names of cameras that no line can hold: as a user
 /// meets them.
@@ -18,8 +17,6 @@ namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 /// So that a command that waits for a pipe fails with 124.
 constexpr char kSoon[] = "timeout 60 ";
@@ -27,11 +24,6 @@ constexpr char kSoon[] = "timeout 60 ";
 std::string SeedFile(const std::string& name) {
   const char* source = std::getenv("MVSTUDIO_SOURCE");
   return std::string(source ? source : ".") + "/tests/fuzz/seeds/" + name;
-}
-
-void Put(const std::string& path, const std::string& text) {
-  fs::create_directories(fs::path(path).parent_path());
-  std::ofstream(path, std::ios::binary) << text;
 }
 
 TEST(Paths, BracketsNameTheFolderItself) {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -9,14 +6,13 @@
 #include "dataset/footage/image_io.h"
 #include "tests/detect/joint_onnx.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 // What needs no weights: nets of the user's own, existing key points, and what is said when the weights are not there.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 void WriteText(const std::string& path, const std::string& text) {
   fs::create_directories(fs::path(path).parent_path());

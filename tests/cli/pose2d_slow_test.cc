@@ -1,11 +1,10 @@
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/format.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 // Key points of the installed nets on recordings, triangulated and compared with what is known of them.

@@ -1,19 +1,16 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "dataset/session/session.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// session init on folders as cameras and people leave them; and what it leaves when it fails.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 
 class SessionInit : public ::testing::Test {
  protected:

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -18,6 +15,7 @@
 #include "geometry/skeleton/skeleton.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 /// session, doctor and sync on a session, as a user runs them; and dataset build in step with the timeline.
@@ -25,7 +23,6 @@ namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 
 constexpr int kTimeSteps = 90;
 constexpr double kOffsetB = 4;  // b shows time step i at its tick i + 4

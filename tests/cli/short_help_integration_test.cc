@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <iterator>
 #include <map>
@@ -10,11 +7,10 @@
 #include <vector>
 
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::testing {
 namespace {
-
-using ::testing::ElementsAre;
 
 using Subjects = std::map<std::string, std::set<std::string>>;
 

@@ -1,22 +1,19 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include <chrono>
-#include <functional>
 #include <map>
 #include <thread>
 
 #include "tests/support/running_cli.h"
+#include "tests/support/test.h"
 
 /// SIGINT, SIGTERM and SIGHUP end any command within five seconds, whatever it is doing, and leave nothing behind.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 
 /// Every file below a folder with its content.
 std::map<std::string, std::string> Contents(const std::string& folder) {

@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sched.h>
 #include <signal.h>
 #include <sys/mount.h>
@@ -16,6 +14,7 @@
 
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// `mvstudio jobs` with a real Slurm of one node, which the test starts and ends: Debian's slurm-wlm and munge.
 namespace mvstudio::testing {

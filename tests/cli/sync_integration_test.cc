@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <fstream>
 
@@ -10,13 +7,12 @@
 #include "geometry/rig/rig_io.h"
 #include "tests/support/message_of.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 /// sync as a user runs it, and its file.
 namespace mvstudio::testing {
 namespace {
-
-using ::testing::HasSubstr;
 
 const std::vector<double> kOffsets{0, 12, -7.4};
 

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -10,15 +7,12 @@
 #include "geometry/rig/rig_io.h"
 #include "tests/dataset/c3d_sample.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 /// Animals, from the files that DeepLabCut and SLEAP write to points in space, as a user runs it.
 namespace mvstudio::testing {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 constexpr int kFrames = 40;
 const std::vector<std::string> kJoints = {"nose", "left ear", "right ear", "tail base"};

@@ -1,18 +1,15 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 
 #include "tests/support/folder_state.h"
 #include "tests/support/run_cli.h"
+#include "tests/support/test.h"
 
 /// A command that is run again: nothing to do where nothing changed, --overwrite where its results would be others.
 namespace mvstudio::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::HasSubstr;
 using Words = std::vector<std::string>;
 
 Words operator+(Words words, const Words& more) {

@@ -1,10 +1,9 @@
 #include "core/optimise/adam.h"
 
-#include <gtest/gtest.h>
-
 #include <limits>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

@@ -1,21 +1,16 @@
 #include "core/csv.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/disk/files.h"
 #include "core/disk/pieces.h"
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
 
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using testing::MessageOf;
 using ::testing::StartsWith;
 
 std::vector<std::vector<std::string>> ReadAll(const std::string& text) {

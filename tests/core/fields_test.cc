@@ -1,9 +1,8 @@
 #include "core/fields.h"
 
-#include <gtest/gtest.h>
-
 #include "core/choice/auto_on_off.h"
 #include "core/error.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

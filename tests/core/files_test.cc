@@ -1,7 +1,6 @@
 #include "core/disk/files.h"
 
 #include <fcntl.h>
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -14,15 +13,12 @@
 #include "core/error.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::TempDir;
-
-using testing::Entries;
-using testing::Put;
 
 TEST(ReadFile, ReturnsEveryByteOrThrows) {
   const TempDir folder;

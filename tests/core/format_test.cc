@@ -1,10 +1,9 @@
 #include "core/format.h"
 
-#include <gtest/gtest.h>
-
 #include <string>
 
 #include "core/text/short_numbers.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

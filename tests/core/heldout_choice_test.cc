@@ -1,11 +1,10 @@
 #include "core/choice/heldout_choice.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <vector>
 
 #include "core/error.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

@@ -1,11 +1,11 @@
 #include "core/join.h"
 
-#include <gtest/gtest.h>
-
 #include <map>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

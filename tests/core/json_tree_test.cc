@@ -1,13 +1,12 @@
 #include "core/json_tree.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <functional>
 #include <nlohmann/json.hpp>
 
 #include "tests/support/cpu_time.h"
 #include "tests/support/sanitized.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

@@ -1,15 +1,12 @@
 #include "core/json_view.h"
 
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
-
-using testing::MessageOf;
 
 template <class Json>
 class JsonView : public ::testing::Test {};

@@ -1,18 +1,15 @@
 #include "core/disk/kept.h"
 
-#include <gtest/gtest.h>
-
 #include <cstdlib>
 
 #include "core/disk/files.h"
 #include "core/disk/kept_key.h"
 #include "core/error.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
-
-using ::mvstudio::testing::TempDir;
 
 TEST(KeptResults, WhereTheyLie) {
   const TempDir folder;

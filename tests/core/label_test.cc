@@ -1,6 +1,6 @@
 #include "core/label.h"
 
-#include <gtest/gtest.h>
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

@@ -1,7 +1,5 @@
 #include "core/disk/manifest.h"
 
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -10,12 +8,10 @@
 #include "core/error.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
-
-using testing::Put;
-using testing::TempDir;
 
 const std::string kDigest(64, 'a'), kOther(64, 'b');
 

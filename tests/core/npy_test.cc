@@ -1,13 +1,11 @@
 #include "core/disk/npy.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstring>
 
 #include "core/disk/npy_write.h"
 #include "core/error.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

@@ -1,6 +1,5 @@
 #include "core/disk/output.h"
 
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -16,16 +15,12 @@
 #include "tests/support/message_of.h"
 #include "tests/support/run_in_copy.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::Entries;
-using testing::Put;
-using testing::RunInCopy;
-using testing::StateOf;
-using testing::TempDir;
 using Names = std::set<std::string>;
 
 int steps_left = 0;  // before the fault

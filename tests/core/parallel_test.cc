@@ -1,6 +1,5 @@
 #include "core/parallel.h"
 
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -11,6 +10,7 @@
 #include <vector>
 
 #include "tests/support/run_in_copy.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

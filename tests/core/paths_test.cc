@@ -1,6 +1,5 @@
 #include "core/disk/paths.h"
 
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -10,23 +9,22 @@
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
 using Paths = std::vector<std::string>;
 
-void Put(const std::string& path) {
+void Touch(const std::string& path) {
   fs::create_directories(fs::path(path).parent_path());
   std::ofstream(path) << "x";
 }
 
 TEST(FilesIn, OrdinaryFilesSorted) {
   const TempDir folder;
-  for (const char* name : {"b.png", "a.png", ".hidden", "sub/c.png"}) Put(folder / name);
+  for (const char* name : {"b.png", "a.png", ".hidden", "sub/c.png"}) Touch(folder / name);
   ASSERT_EQ(mkfifo((folder / "pipe.png").c_str(), 0600), 0);
   fs::create_symlink(folder / "sub/c.png", folder / "link.png");
   fs::create_symlink(folder / "nowhere", folder / "broken.png");
@@ -38,7 +36,7 @@ TEST(FilesIn, OrdinaryFilesSorted) {
 TEST(FilesIn, SaysWhenAFolderCannotBeListed) {
   if (geteuid() == 0) GTEST_SKIP() << "root may list everything";
   const TempDir folder;
-  Put(folder / "shut/a.png");
+  Touch(folder / "shut/a.png");
   fs::permissions(folder / "shut", fs::perms::none);
   EXPECT_THROW(FilesIn(folder / "shut"), IoError);
   fs::permissions(folder / "shut", fs::perms::owner_all);
@@ -47,7 +45,7 @@ TEST(FilesIn, SaysWhenAFolderCannotBeListed) {
 TEST(FilesNamed, ByBothEnds) {
   const TempDir folder;
   for (const char* name : {"shard-0.h5", "shard-1.h5", "shard-.h", "x-shard-2.h5", ".shard-3.h5", "shard-h5/x"})
-    Put(folder / name);
+    Touch(folder / name);
   EXPECT_EQ(FilesNamed(folder.path(), "shard-", ".h5"), (Paths{folder / "shard-0.h5", folder / "shard-1.h5"}));
   EXPECT_EQ(FilesNamed(folder.path(), ".shard-", ""), (Paths{folder / ".shard-3.h5"}));
   EXPECT_TRUE(FilesNamed(folder.path(), "shard-0.h", "h5").empty()) << "begin and end do not overlap";
@@ -57,9 +55,9 @@ TEST(FilesNamed, ByBothEnds) {
 TEST(FilesNamed, BracketsOfAFolderAreNoPattern) {
   const TempDir root;
   for (const std::string name : {"take[1]", "take?", "take*"}) {
-    Put(root / (name + "/right.json"));
+    Touch(root / (name + "/right.json"));
   }
-  Put(root / "take1/wrong.json");
+  Touch(root / "take1/wrong.json");
   for (const std::string name : {"take[1]", "take?", "take*"}) {
     const Paths right = {root / (name + "/right.json")};
     EXPECT_EQ(FilesNamed(root / name, "", ".json"), right);
@@ -72,7 +70,7 @@ TEST(FilesNamed, BracketsOfAFolderAreNoPattern) {
 
 TEST(FilesMatching, SortsAndFindsNothingQuietly) {
   const TempDir folder;
-  for (const char* name : {"cam2/b.png", "cam1/b.png", "cam1/a.png", "cam1/a.txt", "other/a.png"}) Put(folder / name);
+  for (const char* name : {"cam2/b.png", "cam1/b.png", "cam1/a.png", "cam1/a.txt", "other/a.png"}) Touch(folder / name);
   EXPECT_EQ(FilesMatching(folder / "cam?/*.png"), (Paths{folder / "cam1/a.png", folder / "cam1/b.png", folder / "cam2/b.png"}));
   EXPECT_TRUE(FilesMatching(folder / "*.jpg").empty());
   EXPECT_EQ(FilesMatching(folder / "cam1"), (Paths{folder / "cam1/a.png", folder / "cam1/a.txt", folder / "cam1/b.png"}));
@@ -86,7 +84,7 @@ TEST(FilesMatching, SortsAndFindsNothingQuietly) {
 
 TEST(FilesMatching, WhatExistsIsTakenByItsName) {
   const TempDir folder;
-  for (const char* name : {"a*.png", "ab.png", "d?/x.png", "de/x.png", "[ab].png"}) Put(folder / name);
+  for (const char* name : {"a*.png", "ab.png", "d?/x.png", "de/x.png", "[ab].png"}) Touch(folder / name);
   EXPECT_EQ(FilesMatching(folder / "a*.png"), (Paths{folder / "a*.png"}));
   EXPECT_EQ(FilesMatching(folder / "d?/*.png"), (Paths{folder / "d?/x.png"}));
   EXPECT_EQ(FilesMatching(folder / "d*/x.png"), (Paths{folder / "d?/x.png", folder / "de/x.png"}));
@@ -100,21 +98,21 @@ TEST(FilesMatching, WhatExistsIsTakenByItsName) {
 
 TEST(FilesMatching, StarsCharactersAndHiddenNames) {
   const TempDir folder;
-  for (const char* name : {"aXbXc", "abc", "ac", "é", ".a", "..b"}) Put(folder / name);
+  for (const char* name : {"aXbXc", "abc", "ac", "é", ".a", "..b"}) Touch(folder / name);
   EXPECT_EQ(FilesMatching(folder / "a*b*c"), (Paths{folder / "aXbXc", folder / "abc"}));
   EXPECT_EQ(FilesMatching(folder / "a**c"), (Paths{folder / "aXbXc", folder / "abc", folder / "ac"}));
   EXPECT_EQ(FilesMatching(folder / "?"), (Paths{folder / "é"})) << "one character of two bytes";
   EXPECT_EQ(FilesMatching(folder / ".*"), (Paths{folder / "..b", folder / ".a"}));
   std::string hard, name(200, 'a');
   for (int i = 0; i < 60; ++i) hard += "*a";
-  Put(folder / name);
+  Touch(folder / name);
   EXPECT_TRUE(FilesMatching(folder / (hard + "*b")).empty());
   EXPECT_EQ(FilesMatching(folder / (hard + "*")), (Paths{folder / name}));
 }
 
 TEST(FilesMatching, SetsAndAlternatives) {
   const TempDir folder;
-  for (const char* name : {"f1.png", "f2.png", "f12.png", "fa.png", "fé.png", "left.jpg", "right.jpg"}) Put(folder / name);
+  for (const char* name : {"f1.png", "f2.png", "f12.png", "fa.png", "fé.png", "left.jpg", "right.jpg"}) Touch(folder / name);
   EXPECT_EQ(FilesMatching(folder / "f[0-9].png"), (Paths{folder / "f1.png", folder / "f2.png"}));
   EXPECT_EQ(FilesMatching(folder / "f[0-9]*.png"), (Paths{folder / "f1.png", folder / "f12.png", folder / "f2.png"}));
   EXPECT_EQ(FilesMatching(folder / "f[!0-9].png"), (Paths{folder / "fa.png", folder / "fé.png"}));
@@ -145,7 +143,7 @@ TEST(WildSpans, AreWhatTheWildcardsStandFor) {
 
 TEST(RequireRegularFile, RefusesWhatWouldHang) {
   const TempDir folder;
-  Put(folder / "file");
+  Touch(folder / "file");
   ASSERT_EQ(mkfifo((folder / "pipe").c_str(), 0600), 0);
   fs::create_symlink(folder / "pipe", folder / "link");
   fs::create_symlink(folder / "loop", folder / "loop");

@@ -1,6 +1,5 @@
 #include "core/disk/place.h"
 
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -13,15 +12,12 @@
 #include "tests/support/folder_state.h"
 #include "tests/support/run_in_copy.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::Put;
-using testing::RunInCopy;
-using testing::StateOf;
-using testing::TempDir;
 
 /// `here` is the current folder, `latest` in it a link to ../other/today, `file` a file, `gone` a link that leads nowhere.
 class Place : public ::testing::Test {

@@ -1,7 +1,5 @@
 #include "core/process.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <signal.h>
 #include <unistd.h>
 
@@ -14,11 +12,10 @@
 #include "core/error.h"
 #include "tests/support/run_in_copy.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
-
-using testing::TempDir;
 
 TEST(RunProcess, ReturnsStatusAndKeepsBothStreamsApart) {
   const TempDir folder;

@@ -1,8 +1,8 @@
 #include "core/random.h"
 
-#include <gtest/gtest.h>
-
 #include <vector>
+
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

@@ -1,7 +1,5 @@
 #include "core/disk/replace.h"
 
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "core/disk/files.h"
@@ -10,12 +8,10 @@
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
-
-using testing::MessageOf;
-using testing::TempDir;
 
 TEST(ReplaceScope, KeepsWhatAnEarlierRunWrote) {
   const TempDir folder;

@@ -1,15 +1,11 @@
 #include "core/text/row_times.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
+
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 TEST(RowTimes, GapsStayGapsAndRoundingDoesNotAddUp) {
   std::string why;

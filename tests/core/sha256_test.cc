@@ -1,7 +1,5 @@
 #include "core/hash/sha256.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <string>
 
@@ -10,6 +8,7 @@
 #include "core/hash/sha256_blocks.h"
 #include "core/random.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

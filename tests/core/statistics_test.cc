@@ -1,9 +1,9 @@
 #include "core/statistics.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <vector>
+
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

@@ -1,12 +1,11 @@
 #include "core/status.h"
 
-#include <gtest/gtest.h>
-
 #include <set>
 #include <string>
 
 #include "core/check.h"
 #include "core/units.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

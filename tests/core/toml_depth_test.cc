@@ -1,10 +1,9 @@
 #include "core/toml_depth.h"
 
-#include <gtest/gtest.h>
-
 #include <string>
 
 #include "core/error.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {

@@ -1,18 +1,16 @@
 #include "core/disk/trace.h"
 
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio {
 namespace {
 
 using Paths = std::set<std::string>;
-using testing::TempDir;
 
 TEST(DiskTrace, SeesWhatIsReadAndWhatAppears) {
   const TempDir folder;

@@ -1,9 +1,5 @@
 #include "dataset/footage/chapters.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <filesystem>
 
 #include "core/error.h"
@@ -12,16 +8,10 @@
 #include "tests/dataset/clip_writer.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
-
-using mvstudio::testing::ClipOptions;
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::ReadCode;
-using mvstudio::testing::TempDir;
-using mvstudio::testing::WriteClip;
-using ::testing::HasSubstr;
 
 TEST(Chapters, GoProsNames) {
   const auto text = [](const char* path) {

@@ -1,8 +1,8 @@
 #include "dataset/colour/colour_space.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
+
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset::internal {
 namespace {

@@ -1,13 +1,9 @@
 #include "dataset/pose/cuts.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::IsEmpty;
 
 /// Everything known, the body centre at x metres.
 Coco19Pose At(double x) {

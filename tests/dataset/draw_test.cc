@@ -1,12 +1,11 @@
 #include "dataset/views/draw.h"
 
-#include <gtest/gtest.h>
-
 #include <array>
 #include <cmath>
 #include <limits>
 
 #include "core/error.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -1,12 +1,11 @@
 #include "dataset/panoptic/exchanged.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <map>
 
 #include "dataset/panoptic/panoptic.h"
 #include "tests/dataset/dataset_test_util.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {

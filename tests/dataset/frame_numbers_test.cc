@@ -1,13 +1,12 @@
 #include "dataset/footage/frame_numbers.h"
 
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <fstream>
 #include <limits>
 
 #include "core/disk/paths.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -1,14 +1,12 @@
 #include "dataset/footage/image_io.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "core/error.h"
 #include "dataset/footage/frames.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {

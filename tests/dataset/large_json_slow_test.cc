@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <fstream>
 #include <functional>
 
@@ -16,12 +14,12 @@
 #include "geometry/skeleton/skeleton.h"
 #include "tests/support/cpu_time.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Files of 10 MB that a reader of quadratic time chews on for minutes to days.
 namespace mvstudio::dataset {
 namespace {
 
-using mvstudio::testing::TempDir;
 using Item = std::function<std::string(int)>;
 
 constexpr size_t kBytes = 10u << 20;

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "core/disk/files.h"
@@ -8,13 +5,10 @@
 #include "dataset/pose/markers.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::MessageOf;
-using testing::TempDir;
 
 /// Joint j of person `id` at (j, id, 0.5); joint 3 was not seen.
 std::string Person(int id, int count) {

@@ -1,21 +1,15 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "core/error.h"
 #include "dataset/pose/markers.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Tables that the programs of motion capture studios export. The numbers are the oracle: each file holds the same two points,
 /// whose places in the world are written out here.
 namespace mvstudio::dataset {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using testing::MessageOf;
 
 class StudioTables : public ::testing::Test {
  protected:

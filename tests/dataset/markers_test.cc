@@ -1,26 +1,17 @@
 #include "dataset/pose/markers.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <filesystem>
 #include <fstream>
 
 #include "core/error.h"
 #include "core/random.h"
-#include "dataset/pose/pose3d_c3d.h"
 #include "tests/dataset/c3d_sample.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Files of 3D markers: C3D and TRC.
 namespace mvstudio::dataset {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using testing::MessageOf;
-using testing::TempDir;
 
 class Markers : public ::testing::Test {
  protected:

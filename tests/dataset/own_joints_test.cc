@@ -1,8 +1,5 @@
 #include "dataset/panoptic/own_joints.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <fstream>
 
@@ -11,13 +8,11 @@
 #include "tests/support/message_of.h"
 #include "tests/support/mouse.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
 OwnJoints Mice() {

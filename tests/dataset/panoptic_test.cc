@@ -1,7 +1,5 @@
 #include "dataset/panoptic/panoptic.h"
 
-#include <gmock/gmock.h>
-
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -15,14 +13,12 @@
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
 using nlohmann::json;
-using ::testing::HasSubstr;
 
 namespace fs = std::filesystem;
 

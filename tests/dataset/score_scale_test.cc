@@ -1,8 +1,8 @@
 #include "dataset/pose/score_scale.h"
 
-#include <gtest/gtest.h>
-
 #include <vector>
+
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -1,21 +1,15 @@
 #include "dataset/session/session_layout.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
 
-using mvstudio::testing::MessageOf;
 using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 /// "TAKE:CAMERA=PATH", in order.
 std::vector<std::string> Rows(const ScannedSession& scanned) {

@@ -1,22 +1,15 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
-#include <numeric>
 
 #include "core/error.h"
 #include "dataset/pose/pose2d.h"
 #include "geometry/skeleton/skeleton_text.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Files of 2D poses that name their joints: the names decide, not the number of joints.
 namespace mvstudio::dataset {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 /// PoseTrack's 17 joints, as many as COCO's.
 const std::vector<std::string> kPoseTrack = {"nose",          "head_bottom",    "head_top",   "left_ear",    "right_ear",

@@ -1,19 +1,14 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <fstream>
 
 #include "core/error.h"
 #include "dataset/session/timeline_source.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Tables of times whose columns do not say all: the unit, or dates for numbers.
 namespace mvstudio::dataset {
 namespace {
-
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 struct ReadTimes {
   std::vector<double> time_s;

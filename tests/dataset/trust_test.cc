@@ -1,6 +1,5 @@
 #include "dataset/session/trust.h"
 
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <cstdlib>
@@ -11,6 +10,7 @@
 #include "dataset/session/session.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Which sessions may read outside their folders without being asked again.
 namespace mvstudio::dataset {

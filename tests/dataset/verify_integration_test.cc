@@ -1,7 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "dataset/verify/verify.h"
 #include "tests/dataset/dataset_test_util.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {

@@ -1,8 +1,3 @@
-#include <gmock/gmock.h>
-
-#include <filesystem>
-#include <fstream>
-
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/random.h"
@@ -12,16 +7,10 @@
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/dataset/decoded.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
-
-using mvstudio::testing::ClipOptions;
-using mvstudio::testing::DecodeAll;
-using mvstudio::testing::Decoded;
-using mvstudio::testing::Regular;
-using mvstudio::testing::TempDir;
-using mvstudio::testing::WriteClip;
 
 /// A video cut anywhere: every frame that is returned is the right one under the right number, the others are all listed.
 void ExpectSoundAndListed(const std::string& path, int total, bool counts, int* returned) {

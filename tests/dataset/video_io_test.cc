@@ -1,6 +1,5 @@
 #include "dataset/footage/video_io.h"
 
-#include <gmock/gmock.h>
 #include <sys/stat.h>
 
 #include <filesystem>
@@ -13,15 +12,10 @@
 #include "tests/dataset/clip_writer.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
-
-using mvstudio::testing::ClipOptions;
-using mvstudio::testing::ReadCode;
-using mvstudio::testing::Regular;
-using mvstudio::testing::TempDir;
-using mvstudio::testing::WriteClip;
 
 void WriteVideo(const std::string& path, int width, int height, int frames, int crf, bool full_chroma) {
   VideoWriter writer(path, width, height, 30, crf, full_chroma);

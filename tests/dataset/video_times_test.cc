@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-
-#include <filesystem>
 #include <fstream>
 
 #include "core/disk/files.h"
@@ -10,16 +7,10 @@
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/dataset/decoded.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
-
-using mvstudio::testing::ClipOptions;
-using mvstudio::testing::DecodeAll;
-using mvstudio::testing::Decoded;
-using mvstudio::testing::Regular;
-using mvstudio::testing::TempDir;
-using mvstudio::testing::WriteClip;
 
 /// Decoded and merely read time stamps agree with those written, and each image stands at its own time.
 void ExpectTimes(const std::string& path, const std::vector<int64_t>& pts, double unit_s, double tolerance_s = 1e-9) {

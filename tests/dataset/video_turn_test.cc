@@ -1,22 +1,13 @@
-#include <gmock/gmock.h>
-
-#include <filesystem>
-#include <fstream>
-
 #include "core/error.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/video_io.h"
 #include "tests/dataset/clip_writer.h"
 #include "tests/dataset/dataset_test_util.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
-
-using mvstudio::testing::ClipOptions;
-using mvstudio::testing::Regular;
-using mvstudio::testing::TempDir;
-using mvstudio::testing::WriteClip;
 
 TEST(VideoIo, RotationIsApplied) {
   const TempDir folder;

@@ -1,12 +1,11 @@
 #include "dataset/masks/visual_hull.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "core/error.h"
 #include "tests/dataset/dataset_test_util.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {

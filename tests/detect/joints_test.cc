@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/disk/files.h"
@@ -11,16 +8,13 @@
 #include "tests/detect/joint_onnx.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::detect {
 namespace {
 
 using dataset::Keypoint2d;
 using dataset::Person2d;
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using mvstudio::testing::TinyOnnx;
-using ::testing::HasSubstr;
 
 /// One Gaussian bump a joint.
 JointMaps Bumps(const std::vector<Keypoint2d>& at, int size, double stride, double sigma_px) {

@@ -1,9 +1,5 @@
 #include "dataset/detect/models/models.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <array>
 #include <cstdio>
 #include <filesystem>
 
@@ -14,14 +10,12 @@
 #include "dataset/detect/models/sha512.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::detect {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 std::string TarEntry(const std::string& name, const std::string& content, char type = '0', const std::string& link = "") {
   std::string header(512, '\0');

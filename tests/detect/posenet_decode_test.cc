@@ -1,9 +1,8 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/random.h"
 #include "dataset/detect/joints/posenet.h"
+#include "tests/support/test.h"
 
 /// PoseNet's maps as people with known joints would make them, and what is decoded from them.
 namespace mvstudio::detect::internal {

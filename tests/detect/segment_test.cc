@@ -1,8 +1,5 @@
 #include "dataset/detect/segment/segment.h"
 
-#include <gtest/gtest.h>
-
-#include <cmath>
 #include <cstring>
 #include <fstream>
 
@@ -10,11 +7,10 @@
 #include "dataset/detect/models/models.h"
 #include "tests/detect/tiny_onnx.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::detect {
 namespace {
-
-using mvstudio::testing::WriteOnnx;
 
 /// A red square on blue.
 Image RedSquare(int width, int height, const ImageBox& box) {

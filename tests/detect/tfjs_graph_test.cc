@@ -1,8 +1,5 @@
 #include "dataset/detect/tfjs/tfjs_graph.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -13,14 +10,13 @@
 #include "core/error.h"
 #include "dataset/detect/models/models.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::detect {
 namespace {
 
 using nlohmann::json;
 using Shape = std::vector<int64_t>;
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
 
 size_t Count(const Shape& shape) {
   size_t count = 1;

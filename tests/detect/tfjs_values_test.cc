@@ -1,18 +1,13 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "dataset/detect/tfjs/json_parse.h"
 #include "dataset/detect/tfjs/weights.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::detect::internal {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
 
 /// IEEE 754-2008, binary16: sign, 5 bits of exponent with bias 15, 10 bits of fraction.
 double HalfByDefinition(int bits) {

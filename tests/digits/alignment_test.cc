@@ -1,7 +1,5 @@
 #include "geometry/rig/alignment.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/SVD>
 #include <cmath>
 #include <limits>
@@ -11,15 +9,12 @@
 #include "geometry/rigid/decompositions.h"
 #include "tests/support/digits.h"
 #include "tests/support/mp.h"
+#include "tests/support/test.h"
 
 /// Digits of the least-squares transform between points, against Umeyama's solution of the same numbers in MPFR.
 namespace mvstudio::geometry {
 namespace {
 
-using testing::DigitsCase;
-using testing::Mp;
-using testing::RecordDigits;
-using testing::RecordStatus;
 using Matrix3mp = Eigen::Matrix<Mp, 3, 3>;
 using Vector3mp = Eigen::Matrix<Mp, 3, 1>;
 using Points = Eigen::Matrix3Xd;

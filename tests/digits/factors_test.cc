@@ -1,27 +1,17 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <cmath>
-#include <limits>
 
 #include "core/format.h"
 #include "core/random.h"
 #include "geometry/solve/block_cholesky.h"
 #include "tests/digits/exact_squares.h"
 #include "tests/support/digits.h"
+#include "tests/support/test.h"
 
 /// Digits of the equations that refine a take: a chain in time, and lengths that all its positions share.
 namespace mvstudio::geometry {
 namespace {
-
-using testing::DigitsCase;
-using testing::MatrixXmp;
-using testing::Mp;
-using testing::RecordDigits;
-using testing::RecordStatus;
-using testing::VectorXmp;
-using testing::WorstError;
 
 constexpr int kPositions = 20, kLengths = 2, kRows = 3 * kPositions + kLengths;
 

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,17 +7,13 @@
 #include "tests/splats/scenes.h"
 #include "tests/support/digits.h"
 #include "tests/support/mp.h"
+#include "tests/support/test.h"
 
 /// Digits of drawn bodies (float) and of drawn Gaussians (float and double).
 namespace mvstudio {
 namespace {
 
 using splats::Splat;
-using testing::DigitsCase;
-using testing::Mp;
-using testing::RecordDigits;
-using testing::RecordStatus;
-using testing::WorstError;
 using Vector3mp = Eigen::Matrix<Mp, 3, 1>;
 
 const char* const kMpfr = "MPFR, 120 digits";

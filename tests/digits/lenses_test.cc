@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
@@ -9,17 +7,12 @@
 #include "geometry/rigid/rigid3.h"
 #include "tests/geometry/exact_lens.h"
 #include "tests/support/digits.h"
+#include "tests/support/test.h"
 
 /// Digits of every lens, both ways, and of rotations.
 namespace mvstudio::geometry {
 namespace {
 
-using mvstudio::testing::DigitsCase;
-using mvstudio::testing::Mp;
-using mvstudio::testing::RecordDigits;
-using mvstudio::testing::RecordStatus;
-using mvstudio::testing::WorstError;
-using testing::Vector2mp;
 using testing::Vector3mp;
 
 constexpr int kDirections = 24;

@@ -1,10 +1,9 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "core/format.h"
 #include "tests/support/digits.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/oracle.h"
 #include "tests/triangulate/support.h"
 #include "triangulate/batch/batch.h"
@@ -16,10 +15,6 @@ namespace mvstudio::triangulate {
 namespace {
 
 using oracle::Mp;
-using testing::DigitsCase;
-using testing::RecordDigits;
-using testing::RecordStatus;
-using testing::WorstError;
 
 const char* const kOptimum = "most likely point, MPFR, 120 digits";
 

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "calib/bundle/bundle.h"
@@ -14,6 +12,7 @@
 #include "tests/digits/exact_squares.h"
 #include "tests/geometry/exact_lens.h"
 #include "tests/support/digits.h"
+#include "tests/support/test.h"
 
 /// Digits of poses: from points, from a board, hand and eye, between two cameras, and of the adjustments.
 namespace mvstudio::calib {
@@ -22,13 +21,7 @@ namespace {
 using geometry::Rigid3;
 using geometry::testing::Vector2mp;
 using geometry::testing::Vector3mp;
-using mvstudio::testing::DigitsCase;
 using mvstudio::testing::ExactSquares;
-using mvstudio::testing::Mp;
-using mvstudio::testing::RecordDigits;
-using mvstudio::testing::RecordStatus;
-using mvstudio::testing::VectorXmp;
-using mvstudio::testing::WorstError;
 
 const char* const kTruth = "the pose itself";
 const char* const kOptimum = "Gauss-Newton in MPFR, 120 digits";

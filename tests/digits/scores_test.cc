@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
@@ -11,15 +9,11 @@
 #include "core/sum.h"
 #include "tests/support/digits.h"
 #include "tests/support/mp.h"
+#include "tests/support/test.h"
 
 /// Digits of scores between images, and of sums of many terms.
 namespace mvstudio::metrics {
 namespace {
-
-using testing::DigitsCase;
-using testing::Mp;
-using testing::RecordDigits;
-using testing::RecordStatus;
 
 constexpr int kMany = 10'000'000;
 const char* const kMpfr = "definition in MPFR, 120 digits";

@@ -1,6 +1,5 @@
 // Digits of distances between sets of features.
 #include <ATen/ATen.h>
-#include <gtest/gtest.h>
 
 #include <Eigen/SVD>
 #include <cmath>
@@ -13,14 +12,11 @@
 #include "core/random.h"
 #include "tests/support/digits.h"
 #include "tests/support/mp.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::avatar {
 namespace {
 
-using testing::DigitsCase;
-using testing::Mp;
-using testing::RecordDigits;
-using testing::RecordStatus;
 using MpMatrix = Eigen::Matrix<Mp, Eigen::Dynamic, Eigen::Dynamic>;
 using MpRow = Eigen::Matrix<Mp, 1, Eigen::Dynamic>;
 

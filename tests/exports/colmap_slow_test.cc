@@ -1,19 +1,14 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <regex>
 
 #include "core/disk/paths.h"
 #include "tests/exports/fixture.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 /// The program `colmap` itself opens the export, triangulates its own features with our cameras and undistorts our images.
 namespace mvstudio::exports::testing {
 namespace {
 
-using mvstudio::testing::DataRoot;
-using mvstudio::testing::ShellQuote;
-using mvstudio::testing::Slurp;
 namespace fs = std::filesystem;
 
 #define MVS_NEEDS_COLMAP() \

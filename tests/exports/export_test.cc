@@ -1,8 +1,5 @@
 #include "dataset/exports/export.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <iterator>
 #include <optional>
@@ -10,19 +7,16 @@
 #include <sstream>
 
 #include "core/error.h"
-#include "dataset/exports/ply.h"
 #include "dataset/exports/take.h"
 #include "dataset/markers/bvh.h"
 #include "dataset/pose/pose3d_trc.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::exports::testing {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
 TEST(SafeNames, HostileNamesBecomeDifferentPlainOnes) {

@@ -1,7 +1,5 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/exports/fixture.h"
+#include "tests/support/test.h"
 
 /// The exports opened by the programs that they are for: by the readers' own code, from checkouts in the folder
 /// MVSTUDIO_READERS, and by Blender.

@@ -1,21 +1,17 @@
 #include "dataset/exports/read/layout_read.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "calib/formats/formats.h"
 #include "core/disk/npy_write.h"
 #include "dataset/exports/pickle.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Every export that holds cameras is read back; so are the datasets in whose layouts they are.
 namespace mvstudio::exports::testing {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
 
 constexpr double kSame = 1e-9;
 

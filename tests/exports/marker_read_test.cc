@@ -1,15 +1,12 @@
-#include <gtest/gtest.h>
-
 #include "dataset/exports/export.h"
 #include "dataset/pose/markers.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// What is exported as markers is read back as the same joints.
 namespace mvstudio::exports::testing {
 namespace {
-
-using mvstudio::testing::TempDir;
 
 TEST(Markers, C3dRoundTripsThroughOurReader) {
   const TempDir folder;

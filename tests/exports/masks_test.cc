@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/error.h"
@@ -8,13 +5,12 @@
 #include "dataset/footage/image_io.h"
 #include "tests/exports/fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Masks as files, as an alpha channel, or not at all; images for loaders that know ideal pinholes only.
 namespace mvstudio::exports::testing {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
 namespace fs = std::filesystem;
 
 #define MVS_NEEDS_PYTHON() \

@@ -1,7 +1,5 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "tests/exports/fixture.h"
+#include "tests/support/test.h"
 
 /// Every format read back by tests/clients/export_readers.py, which knows only the public rules of the formats, and compared
 /// with the dataset by projecting the joints.

@@ -1,7 +1,5 @@
 #include "geometry/rig/alignment.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -9,7 +7,7 @@
 
 #include "core/error.h"
 #include "core/random.h"
-#include "core/units.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

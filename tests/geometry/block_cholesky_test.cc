@@ -1,11 +1,10 @@
 #include "geometry/solve/block_cholesky.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 /// Held against Eigen's dense factor.
 namespace mvstudio::geometry {

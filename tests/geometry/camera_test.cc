@@ -1,11 +1,10 @@
 #include "geometry/lens/camera.h"
 
-#include <gtest/gtest.h>
-
 #include <limits>
 
 #include "core/error.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -1,13 +1,11 @@
 #include "geometry/rigid/decompositions.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <Eigen/LU>
-#include <cmath>
 
 #include "core/random.h"
 #include "geometry/rigid/rigid3.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

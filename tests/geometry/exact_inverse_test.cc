@@ -1,22 +1,14 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "core/random.h"
 #include "core/units.h"
 #include "tests/geometry/exact_lens.h"
+#include "tests/support/test.h"
 
 /// Every lens's inverse against Newton's method in numbers of 60 digits.
 namespace mvstudio::geometry {
 namespace {
-
-using testing::Direction;
-using testing::ExactRay;
-using testing::MakeLens;
-using testing::Mp;
-using testing::Radial;
-using testing::Vector2mp;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 

@@ -1,7 +1,6 @@
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "geometry/rig/rig_io.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -1,7 +1,5 @@
 #include "geometry/solve/least_squares.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <Eigen/QR>
@@ -12,6 +10,7 @@
 #include "core/random.h"
 #include "geometry/rigid/cross_matrix.h"
 #include "geometry/rigid/rigid3.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -1,17 +1,14 @@
 #include "geometry/lens/lens_derivatives.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/random.h"
 #include "core/units.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {
-
-using testing::Direction;
 
 std::vector<Camera> AllLenses() {
   std::vector<Camera> lenses = testing::OrdinaryLenses();

@@ -1,17 +1,14 @@
 #include "geometry/lens/lens_fit.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/error.h"
 #include "core/units.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {
-
-using testing::MakeLens;
 
 const Camera& Ordinary(LensModel model) {
   static const std::vector<Camera> lenses = testing::OrdinaryLenses();

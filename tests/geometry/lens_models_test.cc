@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <set>
 
@@ -11,12 +9,11 @@
 #include "geometry/lens/models.h"
 #include "geometry/lens/plane_distortion.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 /// What models.h asks of every struct of its list, so that a new one is tested as soon as it stands there.
 namespace mvstudio::geometry {
 namespace {
-
-using testing::Direction;
 
 std::vector<LensModel> ModelsWithoutGrid() { return {std::begin(kAllLensModels), std::end(kAllLensModels) - 1}; }
 

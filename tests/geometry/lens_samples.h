@@ -111,3 +111,7 @@ inline double Reach(const Camera& camera) {
 }
 
 }  // namespace mvstudio::geometry::testing
+
+namespace mvstudio::geometry {
+using namespace testing;
+}

@@ -1,8 +1,5 @@
 #include "geometry/rig/meeting.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <iostream>
 #include <random>
@@ -10,6 +7,7 @@
 #include "core/units.h"
 #include "geometry/rig/plausible.h"
 #include "geometry/rigid/rigid3.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <string>
 #include <vector>
@@ -10,6 +8,7 @@
 #include "geometry/lens/lens_derivatives.h"
 #include "geometry/lens/models/spline_grid.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 extern "C" {
 #include <mrcal/mrcal.h>

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/ccalib/omnidir.hpp>
@@ -8,6 +6,7 @@
 #include "core/random.h"
 #include "core/units.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 /// OpenCV projects the same points through the same parameters.
 namespace mvstudio::geometry {

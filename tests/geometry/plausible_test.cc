@@ -1,20 +1,13 @@
 #include "geometry/rig/plausible.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/units.h"
 #include "geometry/rigid/rigid3.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using ::testing::Not;
 
 /// Four cameras on a ring of 3 m with an ordinary lens.
 Rig Ordinary() {

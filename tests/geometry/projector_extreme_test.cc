@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <cmath>
 #include <limits>
@@ -8,23 +6,16 @@
 #include "core/units.h"
 #include "tests/geometry/exact_lens.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {
-
-using testing::Direction;
-using testing::MakeLens;
-using testing::Mp;
-using testing::ProjectExactly;
-using testing::Radial;
-using testing::Root;
-using testing::Vector2mp;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 /// The largest distorted radius: infinity where the radial function ends at a pole.
-Mp Reach(const Camera& camera, double fold) {
+Mp FoldReach(const Camera& camera, double fold) {
   if (std::isinf(fold)) return kInfinity;
   const Mp before = Radial<Mp>(camera, fold * (1 - Mp("1e-10"))), at = Radial<Mp>(camera, fold);
   return before > 1e4 ? Mp(kInfinity) : before > at ? before : at;
@@ -156,7 +147,7 @@ TEST(Projector, InvertsExtremeLensesOrSaysWhyNot) {
     const Projector projector(camera);
     const bool radial_only = testing::IsRadial(camera);
     const double fold = projector.valid_radius();
-    const Mp reach = Reach(camera, fold);
+    const Mp reach = FoldReach(camera, fold);
     int solved = 0;
     for (double v = -700; v < 1700; v += 47) {
       for (double u = -900; u < 2200; u += 53) {

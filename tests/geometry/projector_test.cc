@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <cmath>
@@ -8,16 +6,10 @@
 #include "core/units.h"
 #include "tests/geometry/exact_lens.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {
-
-using testing::Direction;
-using testing::Mp;
-using testing::ProjectExactly;
-using testing::Vector2mp;
-using testing::Vector3mp;
-using testing::VectorXmp;
 
 TEST(Projector, AgreesWithTheFormulaInSixtyDigits) {
   Rng rng(1);

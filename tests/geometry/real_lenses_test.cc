@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstdlib>
 #include <regex>
@@ -10,6 +8,7 @@
 #include "geometry/lens/lens_fit.h"
 #include "tests/geometry/exact_lens.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 /// Lenses that mrcal calibrated from real boards.

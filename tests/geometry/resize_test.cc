@@ -1,11 +1,9 @@
 #include "geometry/rig/resize.h"
 
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "core/random.h"
-#include "geometry/rig/rig_covariance.h"
 #include "tests/geometry/lens_samples.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -1,19 +1,12 @@
 #include "geometry/rig/rig_covariance.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <functional>
-
 #include "core/error.h"
 #include "core/random.h"
 #include "geometry/rig/rig_io.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 /// Cameras with pinhole lenses and a full joint covariance.
 Rig MakeRig(int num_cameras, uint64_t seed = 1) {

@@ -1,17 +1,14 @@
 #include "geometry/rig/rig_gauge.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <vector>
 
 #include "geometry/rig/rig_io.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {
 
 using Kind = RigGauge::Kind;
-using ::testing::HasSubstr;
 
 struct Case {
   RigGauge gauge;

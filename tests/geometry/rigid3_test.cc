@@ -1,13 +1,12 @@
 #include "geometry/rigid/rigid3.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "core/error.h"
 #include "core/random.h"
 #include "core/units.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

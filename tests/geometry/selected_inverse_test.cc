@@ -1,11 +1,10 @@
 #include "geometry/solve/selected_inverse.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/LU>
 #include <vector>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -1,11 +1,10 @@
 #include "geometry/solve/signed_area.h"
 
-#include <gtest/gtest.h>
-
 #include <boost/multiprecision/mpfr.hpp>
 #include <cmath>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {

@@ -1,8 +1,5 @@
 #include "geometry/skeleton/skeleton.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
@@ -11,14 +8,11 @@
 #include <sstream>
 
 #include "core/error.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::geometry {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 TEST(Skeleton, SizesAreThoseOfTheFormats) {
   const std::pair<const char*, size_t> sizes[] = {{"body25", 25},       {"body25b", 25},       {"body135", 135},

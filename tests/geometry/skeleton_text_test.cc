@@ -1,9 +1,5 @@
 #include "geometry/skeleton/skeleton_text.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <filesystem>
 #include <fstream>
 
 #include "core/error.h"
@@ -11,16 +7,10 @@
 #include "tests/support/message_of.h"
 #include "tests/support/mouse.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::geometry {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::MouseToml;
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 /// Joints, bones, pairs and parts in one line.
 std::string Content(const Skeleton& skeleton) {

@@ -1,17 +1,13 @@
 #include "dataset/markers/bvh.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <sstream>
 
 #include "geometry/skeleton/skeleton_text.h"
 #include "tests/support/mouse.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::markers {
 namespace {
-
-using ::testing::HasSubstr;
 
 MarkerTake MouseTake(int frames) {
   MarkerTake take;

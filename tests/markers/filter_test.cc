@@ -1,12 +1,11 @@
 #include "dataset/markers/filter.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Dense>
 #include <cmath>
 
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::markers {
 namespace {

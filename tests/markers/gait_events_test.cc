@@ -1,20 +1,17 @@
 #include "dataset/markers/gait_events.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/random.h"
 #include "core/units.h"
 #include "dataset/pose/markers.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::markers {
 namespace {
 
 using Eigen::Vector3d;
-using ::testing::HasSubstr;
 
 constexpr double kStride = 1.1, kStance = 0.62;  // seconds; share of a stride on the ground
 

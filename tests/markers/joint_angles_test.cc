@@ -1,21 +1,18 @@
 #include "dataset/markers/joint_angles.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <map>
 
 #include "core/random.h"
 #include "core/units.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::markers {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using ::testing::HasSubstr;
 
 Matrix3d R(double deg, const Vector3d& axis) { return Eigen::AngleAxisd(DegToRad(deg), axis).toRotationMatrix(); }
 Matrix3d Rz(double deg) { return R(deg, Vector3d::UnitZ()); }

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -11,13 +8,11 @@
 #include "dataset/markers/marker_files.h"
 #include "dataset/pose/markers.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// What one format writes, another command reads.
 namespace mvstudio::markers {
 namespace {
-
-using ::testing::HasSubstr;
-using testing::TempDir;
 
 MarkerTake SomeTake() {
   MarkerTake take;

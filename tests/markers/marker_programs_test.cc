@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
@@ -11,6 +8,7 @@
 #include "dataset/pose/markers.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/trackers/support.h"
 
 /// 3D joints in the layouts of FreeMoCap (data_saver.py, split_and_save.py, skellyforge's actor.py) and of DeepLabCut's
@@ -18,11 +16,7 @@
 namespace mvstudio::dataset {
 namespace {
 
-using ::testing::AllOf;
 using ::testing::Contains;
-using ::testing::HasSubstr;
-using testing::MessageOf;
-using testing::TempDir;
 
 constexpr int kFrames = 3;
 const std::vector<std::string> kNames = {"nose", "left_hip", "left_hand_0003"};

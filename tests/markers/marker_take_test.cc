@@ -1,20 +1,15 @@
 #include "dataset/markers/marker_take.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/error.h"
 #include "dataset/markers/fill.h"
 #include "dataset/markers/filter.h"
 #include "dataset/markers/marker_files.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::markers {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 dataset::JointRow Row(int frame, int person, const std::string& joint, const Eigen::Vector3d& x, int views = 3) {
   dataset::JointRow row;

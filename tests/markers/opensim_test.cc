@@ -1,25 +1,16 @@
 #include "dataset/markers/opensim.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstdlib>
-#include <filesystem>
 
 #include "core/disk/files.h"
 #include "dataset/markers/marker_files.h"
 #include "tests/support/run_cli.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::markers {
 namespace {
-
-using mvstudio::testing::ShellQuote;
-using mvstudio::testing::Slurp;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 const std::vector<std::string>& BodyJoints() {
   static const std::vector<std::string> names = {"Nose",   "Neck",    "RShoulder", "RElbow", "RWrist", "LShoulder", "LElbow",

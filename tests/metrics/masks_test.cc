@@ -1,10 +1,9 @@
 #include "avatar/metrics/masks.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::metrics {
 namespace {

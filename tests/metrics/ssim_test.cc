@@ -1,7 +1,5 @@
 #include "avatar/metrics/ssim.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
@@ -9,6 +7,7 @@
 #include "avatar/metrics/ssim_window.h"
 #include "core/error.h"
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::metrics {
 namespace {

@@ -1,7 +1,5 @@
 #include "avatar/splats/bend.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
@@ -11,6 +9,7 @@
 #include "avatar/splats/train/loss.h"
 #include "core/error.h"
 #include "tests/splats/scenes.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::splats {
 namespace {

@@ -1,8 +1,5 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 
 #include "avatar/splats/colour.h"
 #include "avatar/splats/files/cloud_file.h"
@@ -12,6 +9,7 @@
 #include "core/error.h"
 #include "tests/splats/scenes.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::splats {
 namespace {

@@ -1,20 +1,15 @@
 #include "avatar/splats/gradients.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "avatar/metrics/ssim.h"
 #include "avatar/splats/colour.h"
 #include "avatar/splats/train/loss.h"
 #include "tests/splats/scenes.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::splats {
 namespace {
-
-using testing::Draw;
-using testing::RandomScene;
-using testing::Scene;
 
 Truth<double> RandomTruth(int width, int height, uint64_t seed) {
   Rng rng(seed);

@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -9,6 +7,7 @@
 #include "avatar/splats/place.h"
 #include "avatar/splats/train/initial.h"
 #include "core/error.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::splats {
 namespace {

@@ -1,7 +1,5 @@
 #include "avatar/splats/raster.h"
 
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -10,14 +8,10 @@
 #include "avatar/splats/render.h"
 #include "core/error.h"
 #include "tests/splats/scenes.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::splats {
 namespace {
-
-using testing::Draw;
-using testing::FacingScene;
-using testing::RandomScene;
-using testing::Scene;
 
 constexpr double kPi = 3.14159265358979323846;
 const double kNan = std::numeric_limits<double>::quiet_NaN();

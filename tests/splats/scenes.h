@@ -101,3 +101,7 @@ inline Drawn<double> Draw(const Scene& scene, const RenderSettings& settings = {
 }
 
 }  // namespace mvstudio::splats::testing
+
+namespace mvstudio::splats {
+using namespace testing;
+}

@@ -1,17 +1,14 @@
 #include "avatar/splats/train/train.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
 #include "avatar/body/texture/bake.h"
-#include "avatar/metrics/masks.h"
-#include "avatar/splats/render.h"
 #include "avatar/splats/train/initial.h"
 #include "avatar/splats/train/train_step.h"
 #include "core/error.h"
 #include "tests/splats/scenes.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::splats {
 namespace {

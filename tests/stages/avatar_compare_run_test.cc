@@ -1,15 +1,11 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "stages/avatar_compare/describe.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::HasSubstr;
 
 TEST(AvatarCompareStage, WhatSaysLittleIsWarnedOfInItsOrder) {
   AvatarCompareReport report;

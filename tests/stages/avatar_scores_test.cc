@@ -1,23 +1,17 @@
 #include "stages/study/avatar_scores.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/error.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
 using report::Value;
-using ::testing::HasSubstr;
 
 /// SHA-256 of {"crop":{"fill":0.97,"size_px":128},"name":"x"}, by Python's hashlib.
 constexpr char kDigest[] = "9829c5110b4f14946a71f93676eb77159b9f954af96c0561d923b36a91115ad6";

@@ -1,20 +1,16 @@
 #include "stages/study/avatar_table.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <sstream>
 
+#include "tests/support/test.h"
+
 namespace mvstudio::stages {
 namespace {
 
 using report::Value;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 constexpr char kBoth[] = "held-out cameras in held-out frames", kMotion[] = "training cameras in held-out frames";
 

@@ -1,18 +1,13 @@
 #include "stages/input/board_footage.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "dataset/footage/image_io.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 void WriteImages(const std::string& folder, const std::vector<std::string>& names, int width) {
   std::filesystem::create_directories(folder);

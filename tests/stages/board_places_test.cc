@@ -1,17 +1,13 @@
 #include "stages/calib/board_places.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "calib/board/sides.h"
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::HasSubstr;
 
 /// Two cameras before the board and two behind it, which moves; each sees one side.
 calib::CalibrateInput Studio(double thickness_m, uint64_t seed) {

@@ -1,12 +1,9 @@
 #include "stages/calib/board_poses.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::HasSubstr;
 
 void See(int camera, int64_t frame, int board, bool rejected, calib::CalibrateReport* report) {
   calib::CornerResidual corner;

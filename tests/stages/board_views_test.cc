@@ -1,19 +1,13 @@
 #include "stages/calib/board_views.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include <cmath>
-
 #include "core/disk/files.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::TempDir;
 
 /// Adds a view of `count` corners whose residuals (projected minus observed) are (error_px, 0).
 void AddView(int camera, int64_t frame, int count, double error_px, calib::CalibrateReport* report) {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 
@@ -11,13 +8,11 @@
 #include "stages/pipeline/split_budget.h"
 #include "stages/tradeoff/predictions.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Words into budgets, timings into predictions, a front into a choice.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 

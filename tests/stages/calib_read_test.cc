@@ -1,8 +1,5 @@
 #include "stages/input/calib_read.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -14,13 +11,11 @@
 #include "geometry/rig/rig_io.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/support/test_data.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
 
 TEST(CalibRead, FieldOfViewOfAPinhole) {
   const geometry::Camera centred = geometry::MakePinhole("a", 640, 480, 500);

@@ -1,16 +1,12 @@
 #include "stages/calib/calibrate_result.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::HasSubstr;
 
 TEST(CalibrateResult, AVerdictAsJson) {
   EXPECT_EQ(VerdictJson({}).dump(), R"({"status":"pass","reasons":[]})");

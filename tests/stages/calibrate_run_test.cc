@@ -1,9 +1,5 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
-#include "core/disk/files.h"
 #include "core/error.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/calibrate/describe.h"
@@ -11,16 +7,11 @@
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 const calib::testing::Scene& Boards() {
   static const calib::testing::Scene scene = [] {

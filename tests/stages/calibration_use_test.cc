@@ -1,21 +1,13 @@
 #include "stages/calib/calibration_use.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <tuple>
 
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
-#include "triangulate/sync/sync.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using ::testing::Not;
 
 /// Cameras a, b and c, of which nothing is known.
 geometry::Rig Unknown() {

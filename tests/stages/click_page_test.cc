@@ -1,22 +1,16 @@
 #include "stages/click/click_page.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
 #include "core/disk/files.h"
 #include "tests/stages/click_setup.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// The page in a browser: a script that turns the wheel and clicks takes the place of the user, and another one that of the
 /// server.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
-using testing::TruePx;
 
 std::string Replaced(std::string text, const std::string& from, const std::string& to) {
   const size_t at = text.find(from);

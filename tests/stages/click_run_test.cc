@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/disk/files.h"
@@ -10,15 +7,11 @@
 #include "tests/stages/click_setup.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program: the browser is a function.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 ClickOptions OneCamera(const TempDir& folder) {
   dataset::WriteImage(testing::DotsImage(), folder / "a.png");

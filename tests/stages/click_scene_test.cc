@@ -1,8 +1,5 @@
 #include "stages/click/click_scene.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
@@ -11,18 +8,10 @@
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using testing::TruePx;
-using testing::WallScene;
 
 std::string ClickJson(int camera, int point, double x, double y) {
   return nlohmann::json{{"camera", camera}, {"point", point}, {"x", x}, {"y", y}}.dump();

@@ -62,3 +62,7 @@ inline ClickScene WallScene() {
 }
 
 }  // namespace mvstudio::stages::testing
+
+namespace mvstudio::stages {
+using namespace testing;
+}

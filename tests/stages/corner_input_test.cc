@@ -1,8 +1,5 @@
 #include "stages/input/corner_input.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
@@ -10,14 +7,10 @@
 #include "stages/result.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 /// Blank images 0003.png and 0010.png; the word for the option.
 NamedPath PutFootage(const TempDir& folder, const std::string& camera) {

@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/stat.h>
 
 #include <atomic>
@@ -15,13 +13,13 @@
 #include "stages/dataset_build/run.h"
 #include "stages/dataset_verify/run.h"
 #include "tests/pack/pack_test_util.h"
+#include "tests/support/test.h"
 
 /// A build of a dataset that was cut goes on by cameras and blocks of time.
 namespace mvstudio::stages {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::TempDir;
 
 constexpr int kLong = 315;  // more than a block of 300 frames
 

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 
@@ -13,18 +10,13 @@
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
 using ::testing::Contains;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 constexpr int kSteps = 4;
 

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <filesystem>
 
@@ -9,16 +6,11 @@
 #include "stages/dataset_export/run.h"
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 /// The joints of frames 6 and 7 as a table; the dataset has two cameras and the frames 5 to 8.
 DatasetExportOptions StudioToExport(const TempDir& folder) {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/error.h"
@@ -8,16 +5,13 @@
 #include "stages/dataset_pack/run.h"
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
 using ::testing::Contains;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 /// Two cameras and four frames, from frame 5.
 DatasetPackOptions StudioToPack(const TempDir& folder) {

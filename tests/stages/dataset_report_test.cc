@@ -1,21 +1,14 @@
 #include "stages/dataset/dataset_report.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 TEST(DatasetReport, FindingsBecomeErrorsWarningsMetricsAndText) {
   using Severity = dataset::Finding::Severity;

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/error.h"
@@ -8,16 +5,11 @@
 #include "stages/dataset_split/run.h"
 #include "tests/pack/pack_test_util.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 /// Four cameras and the frames 5 to 16, of which the last four and the last camera test.
 DatasetSplitOptions StudioToSplit(const TempDir& folder) {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <fstream>
 
@@ -11,15 +8,12 @@
 #include "stages/error_budget/describe.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 /// Files in, shares out, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 /// Four cameras of a ring, 25 joints that move, exact 3D joints beside noisy 2D joints; cam_2's stated pose is `deg` off.
 ErrorBudgetOptions MakeTake(const TempDir& folder, double deg) {

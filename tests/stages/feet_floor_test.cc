@@ -1,18 +1,15 @@
 #include "stages/people/feet_floor.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/random.h"
 #include "core/units.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
 
 using Eigen::Vector3d;
-using ::testing::HasSubstr;
 
 const geometry::Rigid3 kWorldFromFloor{geometry::RotationExp(Vector3d(1.9, 0.3, -0.4)), Vector3d(0.5, 1.6, 3)};
 

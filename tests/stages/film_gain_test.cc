@@ -1,8 +1,7 @@
 #include "stages/calib/film_gain.h"
 
-#include <gtest/gtest.h>
-
 #include "tests/calib/synthetic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {

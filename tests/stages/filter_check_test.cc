@@ -1,8 +1,8 @@
 #include "stages/triangulate/filter_check.h"
 
-#include <gtest/gtest.h>
-
 #include <limits>
+
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {

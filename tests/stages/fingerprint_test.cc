@@ -1,18 +1,15 @@
 #include "stages/input/fingerprint.h"
 
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "tests/support/folder_state.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
 
 namespace fs = std::filesystem;
-using testing::Put;
-using testing::TempDir;
 
 /// Same bytes, and other times.
 void Touch(const std::string& path) { fs::last_write_time(path, fs::last_write_time(path) + std::chrono::seconds(5)); }

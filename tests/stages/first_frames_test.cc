@@ -1,17 +1,13 @@
 #include "stages/input/first_frames.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 /// Whose frames are 1 to N beside frames 0 to N - 1: a program that counts from 1, or each missed one end of the take.
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::HasSubstr;
 
 constexpr int kFrames = 120, kJoints = 5;
 

@@ -1,8 +1,5 @@
 #include "stages/input/frame_images.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -15,15 +12,13 @@
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
 using ::testing::EndsWith;
-using ::testing::IsEmpty;
 
 Image Noise(int width, int height) {
   Image image(width, height, 3);

@@ -1,19 +1,17 @@
 #include "stages/view/frame_store.h"
 
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::TempDir;
 
 /// Image n is grey of brightness 20 n.
 void WriteGreys(const std::string& folder, int count) {

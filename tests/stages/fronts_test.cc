@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -10,18 +7,13 @@
 #include "stages/fronts/run.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// What stages cost and how far off they are, on commands that are only pretended.
 namespace mvstudio::stages {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using ::testing::Not;
 
 FrontWay WayOf(const std::string& name, double cpu_s, double rss_mb, double error) {
   FrontWay way;

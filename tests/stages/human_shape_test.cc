@@ -1,20 +1,12 @@
 #include "stages/people/human_shape.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
-#include <cmath>
 
 #include "core/random.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 /// Joints of a person of 1.75 m who stands at the origin, by name, metres, z up.
 Eigen::Vector3d JointOf(const std::string& name) {

@@ -1,17 +1,13 @@
 #include "stages/triangulate/joint_views.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/statistics.h"
 #include "dataset/footage/image_io.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::TempDir;
 
 constexpr int kNumJoints = 3;
 

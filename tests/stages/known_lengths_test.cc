@@ -1,6 +1,6 @@
 #include "stages/people/known_lengths.h"
 
-#include <gtest/gtest.h>
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {

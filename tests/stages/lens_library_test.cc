@@ -1,19 +1,14 @@
 #include "stages/calib/lens_library.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "calib/calibrate.h"
 #include "core/error.h"
 #include "geometry/rig/rig_io.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 geometry::RigCamera CameraOf(double focal_px) {
   geometry::RigCamera camera;

@@ -1,7 +1,6 @@
 #include "stages/people/likely_cause.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {

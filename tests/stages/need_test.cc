@@ -1,6 +1,6 @@
 #include "stages/pipeline/need.h"
 
-#include <gtest/gtest.h>
+#include "tests/support/test.h"
 
 /// What stages are foretold to need, against peaks that `/usr/bin/time -v` measured of `mvstudio task` on synthetic studios.
 namespace mvstudio::stages {

@@ -1,21 +1,13 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/choice/frame_choice.h"
 #include "core/error.h"
 #include "dataset/views/split.h"
 #include "stages/nets/avatar_train_data.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
 
 /// Cameras 00_00, 00_01 ("left") and 00_02; person 0 has a pose in frames 0, 1, 3 and 4, person 7 in frame 2.
 dataset::PanopticDataset Data() {

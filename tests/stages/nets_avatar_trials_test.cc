@@ -1,22 +1,15 @@
-#include "stages/nets/trials/trials.h"
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <set>
 #include <tuple>
 
 #include "core/error.h"
+#include "stages/nets/trials/trials.h"
 #include "stages/report_fields.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 const std::vector<std::string> kCameras = {"d", "b", "c", "a"};
 

@@ -1,20 +1,13 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "stages/nets/lift/describe.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
-using ::testing::SizeIs;
 
 TEST(LiftStage, ALifterIsLearnedFromAllButTheLastFrames) {
   const TempDir folder;

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/choice/frame_choice.h"
@@ -9,13 +6,10 @@
 #include "stages/nets/mask/input.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 /// Foreground where columns lie in [x0, x1) and rows in [y0, y1).
 Image Mask(int width, int height, int x0, int x1, int y0, int y1) {

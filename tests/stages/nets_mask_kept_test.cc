@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <filesystem>
 #include <map>
@@ -12,13 +9,13 @@
 #include "stages/nets/mask/kept.h"
 #include "stages/nets/mask/run.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// A run of mask that was cut goes on by cameras and blocks of time.
 namespace mvstudio::stages {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::TempDir;
 
 constexpr int kWalkWidth = 48, kWalkHeight = 32, kWalkFrames = static_cast<int>(kKeptBlock) + 20;
 

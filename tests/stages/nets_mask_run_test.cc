@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -10,19 +7,14 @@
 #include "stages/nets/mask/describe.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Masks of a take, without the program.
 namespace mvstudio::stages {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
 using ::testing::Contains;
-using ::testing::ElementsAre;
 using ::testing::Field;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using ::testing::SizeIs;
 
 constexpr int kBlockFrames = 12;
 

@@ -1,6 +1,4 @@
 #include <ATen/ATen.h>
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 
 #include <cmath>
 
@@ -11,15 +9,12 @@
 #include "stages/scores/describe.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
+#include "tests/support/one_thread.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 using Rows = std::vector<std::vector<double>>;
 
@@ -59,14 +54,8 @@ double Mmd(const Rows& x, const Rows& y) {
   return sum;
 }
 
-RunContext OneThread() {
-  RunContext run;
-  run.num_threads = 1;
-  return run;
-}
-
 DistanceResult Compare(const TempDir& folder, const std::string& a, const std::string& b) {
-  return CompareFeatureFiles(folder / a, folder / b, OneThread());
+  return CompareSides({folder / a, {}}, {folder / b, {}}, "", {}, OneThread());
 }
 
 std::string Refused(const TempDir& folder, const std::string& a, const std::string& b) {

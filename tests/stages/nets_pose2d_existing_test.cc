@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/error.h"
@@ -9,15 +6,10 @@
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 struct Joint {
   double x = 0, y = 0, score = 0;

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <atomic>
 #include <set>
 #include <stdexcept>
@@ -9,12 +6,11 @@
 #include "geometry/skeleton/skeleton.h"
 #include "stages/nets/pose2d/kept.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// A run of pose2d that was cut goes on by cameras and blocks of time.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::TempDir;
 
 /// Finds its joints in the middle of every image, and ends the run at images as bright as `fatal`.
 class MiddleNet : public detect::JointNet {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/choice/frame_choice.h"
@@ -11,18 +8,11 @@
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Keypoints of a take, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using ::testing::SizeIs;
 
 std::vector<std::string> PoseCodes(const std::vector<Notice>& notices) {
   std::vector<std::string> codes;
@@ -80,7 +70,8 @@ TEST(Pose2dStage, ACalibrationOfOtherCamerasIsRefused) {
   rig.cameras[0].camera = geometry::MakePinhole("cam_a", 100, 80, 90);
   geometry::WriteRig(rig, folder / "rig.json");
   options.calib = folder / "rig.json";
-  EXPECT_THAT(MessageOf<FormatError>([&] { RunPose2d(options); }), HasSubstr("has cam_a, the footage or its keypoints a: none is in both"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { RunPose2d(options); }),
+              HasSubstr("has cam_a, the footage or its keypoints a: none is in both"));
   options.take.images.clear();
   EXPECT_THAT(MessageOf<FormatError>([&] { RunPose2d(options); }), HasSubstr("none is in both"));
   EXPECT_FALSE(std::filesystem::exists(folder / "out"));

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/error.h"
@@ -9,17 +6,11 @@
 #include "stages/nets/render/describe.h"
 #include "tests/stages/small_avatar.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// A small avatar rendered and scored, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using ::testing::SizeIs;
 
 std::vector<std::string> CodesSaid(const CommandResult& result) {
   std::vector<std::string> codes;

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <atomic>
 #include <filesystem>
@@ -14,16 +11,15 @@
 #include "stages/tradeoff/predictions.h"
 #include "tests/avatar/panoptic_fixture.h"
 #include "tests/support/message_of.h"
+#include "tests/support/one_thread.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// `avatar train` with a budget or a target, on a small synthetic person.
 namespace mvstudio::stages {
 namespace {
 
 namespace fs = std::filesystem;
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 class AvatarBudget : public ::testing::Test {
  protected:
@@ -42,11 +38,6 @@ class AvatarBudget : public ::testing::Test {
     options.train.device = "cpu", options.train.steps = 120;
     options.given = {"steps"};
     return options;
-  }
-  static RunContext OneThread() {
-    RunContext run;
-    run.num_threads = 1;
-    return run;
   }
 
   static std::unique_ptr<TempDir> folder_;

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "avatar/run/pack/run_config.h"
@@ -9,16 +6,11 @@
 #include "stages/nets/train/run.h"
 #include "tests/stages/small_avatar.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::SizeIs;
 
 TEST(AvatarTrainStage, ANetworkIsTrainedAndGoesOn) {
   const TempDir folder;

@@ -1,9 +1,8 @@
-#include <gtest/gtest.h>
-
 #include <array>
 #include <cmath>
 
 #include "stages/overlay/draw_view.h"
+#include "tests/support/test.h"
 
 /// A joint of known place must be coloured where the lens's own formula, written out here, puts it.
 namespace mvstudio::stages {

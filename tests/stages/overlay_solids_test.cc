@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 
@@ -13,14 +10,11 @@
 #include "stages/view/outline.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Bodies and boards over footage, where numbers written out here put them.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 template <class T>
 void Add(const std::vector<T>& values, std::string* out) {

@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -8,13 +5,10 @@
 #include "core/error.h"
 #include "stages/report/describe.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::TempDir;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 void SaveCalibrate(const std::string& run, double rms_px) {
   const nlohmann::json result = {{"schema", "mvstudio.result/1"},

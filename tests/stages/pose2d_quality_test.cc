@@ -1,11 +1,9 @@
 #include "stages/people/pose2d_quality.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/units.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/people.h"
 
 namespace mvstudio::stages {

@@ -1,23 +1,14 @@
 #include "stages/input/pose3d_input.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "dataset/panoptic/panoptic.h"
-#include "geometry/skeleton/skeleton.h"
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::AllOf;
-using ::testing::HasSubstr;
 
 /// Neck and nose in frame 4, by their places in Panoptic's list.
 constexpr int kNeck = 0, kNose = 1;

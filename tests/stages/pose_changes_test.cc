@@ -1,17 +1,12 @@
 #include "stages/input/pose_changes.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "tests/support/message_of.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
 
 constexpr int kWidth = 1920, kHeight = 1080;
 

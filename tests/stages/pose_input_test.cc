@@ -1,8 +1,5 @@
 #include "stages/input/pose_input.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <numeric>
 
 #include "core/error.h"
@@ -10,17 +7,12 @@
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 namespace mvstudio::stages {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 using triangulate::DetectedFrame;
 
 /// Pinhole cameras in a row that look at the origin.

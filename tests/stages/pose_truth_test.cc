@@ -1,8 +1,5 @@
 #include "stages/people/pose_truth.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <map>
 
 #include "core/error.h"
@@ -12,14 +9,10 @@
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 /// Where joint k of a frame is: not in one plane.
 Eigen::Vector3d Place(int frame, int k) { return {0.1 * k, 0.01 * k * k, 0.3 * frame + 0.002 * k * k * k}; }

@@ -1,13 +1,12 @@
 #include "stages/report_fields.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <limits>
 #include <vector>
 
 #include "calib/calibrate.h"
 #include "calib/check/lens_check.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {

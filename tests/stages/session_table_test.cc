@@ -1,13 +1,9 @@
 #include "stages/dataset/session_table.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::HasSubstr;
-using ::testing::Not;
 
 dataset::InspectedFootage Footage(const std::string& camera, bool sound, bool video) {
   dataset::InspectedFootage footage;

@@ -1,9 +1,8 @@
 #include "stages/dataset/studio_names.h"
 
-#include <gtest/gtest.h>
-
 #include "core/disk/files.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {

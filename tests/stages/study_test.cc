@@ -1,8 +1,5 @@
 #include "stages/study/study.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/disk/files.h"
@@ -13,15 +10,12 @@
 #include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
 
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::Put;
-using mvstudio::testing::TempDir;
 using report::Value;
-using ::testing::HasSubstr;
 
 /// Folders truth, a and b with images p0.png … of their own grey.
 void PutImages(const TempDir& folder, int count) {

@@ -1,16 +1,12 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "core/error.h"
 #include "core/random.h"
 #include "stages/surface/describe.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using ::testing::HasSubstr;
 
 body::BodyScore Frame(int frame, bool fitted, double to_m, double from_m) {
   body::BodyScore score;

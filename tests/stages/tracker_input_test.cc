@@ -1,37 +1,25 @@
 #include "stages/input/tracker_input.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 
 #include "core/error.h"
 #include "stages/input/project_input.h"
+#include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Projects of anipose and caliscope as whole folders, and cameras whose files differ.
 namespace mvstudio::stages {
 namespace {
 
 namespace fs = std::filesystem;
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using testing::MessageOf;
-using testing::TempDir;
 
 std::string Seed(const std::string& name) {
   const char* source = std::getenv("MVSTUDIO_SOURCE");
   return std::string(source ? source : ".") + "/tests/fuzz/seeds/" + name;
-}
-
-void Put(const std::string& path, const std::string& text) {
-  fs::create_directories(fs::path(path).parent_path());
-  std::ofstream(path) << text;
 }
 
 std::string CalibrationToml(const std::vector<std::string>& names) {

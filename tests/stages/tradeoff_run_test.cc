@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <cmath>
 #include <filesystem>
 
@@ -11,15 +8,12 @@
 #include "tests/calib/synthetic.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/triangulate/support.h"
 
 /// Options in, report out, without the program.
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using mvstudio::testing::TempDir;
-using ::testing::HasSubstr;
 
 /// Held-out residuals of the lens that filmed are the noise of the corners.
 TEST(TradeoffStage, TheLensThatFilmedLeavesTheNoise) {

@@ -1,7 +1,5 @@
 #include "stages/words.h"
 
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
 #include <sys/resource.h>
 
 #include <algorithm>
@@ -15,12 +13,10 @@
 #include "core/random.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using mvstudio::testing::MessageOf;
-using ::testing::HasSubstr;
 
 TEST(Words, TheFirstEqualsSignEndsTheName) {
   const auto [name, path] = SplitNamePath("option 'video'", "cam 1=a=b.mp4");

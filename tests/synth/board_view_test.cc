@@ -1,12 +1,11 @@
 #include "synth/board_view.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Dense>
 #include <cmath>
 
 #include "synth/motion.h"
 #include "synth/studio.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {

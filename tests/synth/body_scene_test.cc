@@ -1,12 +1,11 @@
 #include "synth/body_scene.h"
 
-#include <gtest/gtest.h>
-
 #include <cmath>
 
 #include "synth/detections.h"
 #include "synth/motion.h"
 #include "synth/studio.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {

@@ -1,9 +1,6 @@
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
-#include <map>
 
 #include "avatar/body/role_bones.h"
 #include "core/error.h"
@@ -11,6 +8,7 @@
 #include "synth/cloth/cloth_subject.h"
 #include "synth/cloth/nearest_vertex.h"
 #include "synth/motion.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {

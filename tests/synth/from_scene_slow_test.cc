@@ -1,5 +1,3 @@
-#include <gtest/gtest.h>
-
 #include <cstdio>
 #include <cstdlib>
 
@@ -11,12 +9,12 @@
 #include "synth/plate.h"
 #include "synth/textured_room.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {
 
 using geometry::Rig;
-using mvstudio::testing::TempDir;
 
 /// Eight cameras around a room that look across it, the lens bent as a cheap one is.
 Rig MakeRig() {

@@ -1,9 +1,9 @@
 #include "synth/motion.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
+
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {

@@ -1,11 +1,10 @@
 #include "synth/cloth/muscles.h"
 
-#include <gtest/gtest.h>
-
 #include <Eigen/Geometry>
 #include <cmath>
 
 #include "avatar/body/role_bones.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {

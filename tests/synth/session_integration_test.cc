@@ -1,4 +1,3 @@
-#include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -15,6 +14,7 @@
 #include "dataset/pose/pose3d.h"
 #include "geometry/rig/rig_io.h"
 #include "synth/session.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {

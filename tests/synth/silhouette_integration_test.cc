@@ -1,11 +1,10 @@
-#include <gtest/gtest.h>
-
 #include <cstdlib>
 #include <filesystem>
 
 #include "avatar/body/mesh_raster.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/panoptic/panoptic.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {

@@ -1,10 +1,9 @@
 #include "synth/studio.h"
 
-#include <gtest/gtest.h>
-
 #include "core/error.h"
 #include "core/random.h"
 #include "synth/lens_rays.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::synth {
 namespace {

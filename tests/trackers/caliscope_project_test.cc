@@ -1,6 +1,3 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 
 #include "core/disk/files.h"
@@ -8,28 +5,23 @@
 #include "dataset/trackers/tracked_project.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 /// Folders as caliscope's docs/reconstruction.md describes them.
 namespace mvstudio::dataset {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::HasSubstr;
-using testing::MessageOf;
-using ::testing::Not;
-using testing::TempDir;
-
-void Put(const std::string& path) {
+void PutEmpty(const std::string& path) {
   std::filesystem::create_directories(std::filesystem::path(path).parent_path());
   WriteFileAtomic(path, "");
 }
 
 TEST(CaliscopeProject, ARecordingIsOfTheCamerasThatItWasProcessedWith) {
   const TempDir folder;
-  Put(folder / "camera_array.toml");
-  Put(folder / "recordings/old/POSE/xy_POSE.csv");
-  Put(folder / "recordings/walk/ONNX_rtmpose_t_halpe26/xy_ONNX_rtmpose_t_halpe26.csv");
-  Put(folder / "recordings/walk/ONNX_rtmpose_t_halpe26/camera_array.toml");
+  PutEmpty(folder / "camera_array.toml");
+  PutEmpty(folder / "recordings/old/POSE/xy_POSE.csv");
+  PutEmpty(folder / "recordings/walk/ONNX_rtmpose_t_halpe26/xy_ONNX_rtmpose_t_halpe26.csv");
+  PutEmpty(folder / "recordings/walk/ONNX_rtmpose_t_halpe26/camera_array.toml");
   const TrackedProject project = ReadTrackedProject(folder.path());
   ASSERT_EQ(project.takes.size(), 2u);
   EXPECT_EQ(project.takes[0].name, "old/POSE");
@@ -39,11 +31,11 @@ TEST(CaliscopeProject, ARecordingIsOfTheCamerasThatItWasProcessedWith) {
 
 TEST(CaliscopeProject, SnapshotsAloneAreEnoughAndTakesWithoutCamerasAreNamed) {
   const TempDir folder;
-  Put(folder / "recordings/old/POSE/xy_POSE.csv");
+  PutEmpty(folder / "recordings/old/POSE/xy_POSE.csv");
   EXPECT_THAT(MessageOf<FormatError>([&] { ReadTrackedProject(folder.path()); }),
               HasSubstr("xy_POSE.csv: no camera_array.toml beside it or in the project"));
-  Put(folder / "recordings/walk/POSE/xy_POSE.csv");
-  Put(folder / "recordings/walk/POSE/camera_array.toml");
+  PutEmpty(folder / "recordings/walk/POSE/xy_POSE.csv");
+  PutEmpty(folder / "recordings/walk/POSE/camera_array.toml");
   const TrackedProject project = ReadTrackedProject(folder.path());
   ASSERT_EQ(project.takes.size(), 1u);
   EXPECT_EQ(project.takes[0].name, "walk/POSE");
@@ -55,11 +47,11 @@ TEST(CaliscopeProject, SnapshotsAloneAreEnoughAndTakesWithoutCamerasAreNamed) {
 TEST(TrackedProject, FreeMoCapAndDeepLabCutAreNamed) {
   const auto refused = [](const TempDir& folder) { return MessageOf<FormatError>([&] { ReadTrackedProject(folder.path()); }); };
   const TempDir recording, calibration_alone, stereo, one, other;
-  Put(recording / "walk_camera_calibration.toml");
-  Put(recording / "output_data/raw_data/mediapipe2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy");
+  PutEmpty(recording / "walk_camera_calibration.toml");
+  PutEmpty(recording / "output_data/raw_data/mediapipe2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy");
   EXPECT_THAT(refused(recording), AllOf(HasSubstr("FreeMoCap"), HasSubstr("_pixelXY.npy is not read"),
                                         HasSubstr("option 'calib' " + (recording / "walk_camera_calibration.toml"))));
-  Put(calibration_alone / "walk_camera_calibration.toml");
+  PutEmpty(calibration_alone / "walk_camera_calibration.toml");
   EXPECT_THAT(refused(calibration_alone), HasSubstr("its array of 2D points is not read"));
   WriteFileAtomic(stereo / "config.yaml", "camera_names:\n- camera-1\nscorername_3d: DLC\n");
   EXPECT_THAT(refused(stereo), AllOf(HasSubstr("DeepLabCut"), HasSubstr(".pickle")));

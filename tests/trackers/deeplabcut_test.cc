@@ -1,5 +1,3 @@
-#include <gmock/gmock.h>
-
 #include <fstream>
 
 #include "core/disk/files.h"
@@ -7,18 +5,13 @@
 #include "dataset/arrays/pickled_names.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/trackers/support.h"
 
 /// DeepLabCut's tables. The HDF5 files and their CSV twins were written by pandas 1.5.3 with PyTables 3.7.0.
 namespace mvstudio::dataset {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using testing::MessageOf;
-using testing::TempDir;
 using namespace std::string_literals;
 
 class DeepLabCut : public ::testing::Test {

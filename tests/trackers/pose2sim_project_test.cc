@@ -1,28 +1,19 @@
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
 #include <filesystem>
 #include <fstream>
 
 #include "core/error.h"
 #include "dataset/trackers/project_world.h"
 #include "dataset/trackers/tracked_project.h"
+#include "tests/support/folder_state.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 
 namespace mvstudio::dataset {
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::Contains;
-using ::testing::HasSubstr;
-using testing::MessageOf;
-using testing::TempDir;
-
-void Put(const std::string& path, const std::string& text) {
-  fs::create_directories(fs::path(path).parent_path());
-  std::ofstream(path) << text;
-}
 
 /// Two trials below one Config.toml, which the second trial's own overrides in part.
 class Pose2Sim : public ::testing::Test {

@@ -1,10 +1,8 @@
 #include <fcntl.h>
-#include <gmock/gmock.h>
 #include <hdf5.h>
 #include <sys/file.h>
 #include <unistd.h>
 
-#include <cmath>
 #include <fstream>
 
 #include "core/disk/files.h"
@@ -13,19 +11,14 @@
 #include "dataset/arrays/hdf5_writer.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/trackers/support.h"
 
 /// SLEAP's analysis files. The samples follow write_tracking_h5.py and analysis_h5.py, written by h5py.
 namespace mvstudio::dataset {
 namespace {
 
-using ::testing::AllOf;
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
-using ::testing::IsEmpty;
-using testing::MessageOf;
 using ::testing::Pair;
-using testing::TempDir;
 
 TEST(Sleap, TracksBecomePeopleAndEdgesBones) {
   const TrackedPoints points = ReadTrackerFile(Sample("tracker_hdf5/sleap.h5"), "top");

@@ -1,18 +1,14 @@
-#include <gmock/gmock.h>
-
 #include <fstream>
 
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
+#include "tests/support/test.h"
 #include "tests/trackers/support.h"
 
 /// Tables with a row a frame, as people write them with pandas from MediaPipe and others.
 namespace mvstudio::dataset {
 namespace {
-
-using ::testing::ElementsAre;
-using ::testing::HasSubstr;
 
 class WideCsv : public ::testing::Test {
  protected:

@@ -35,16 +35,6 @@ TEST(Linear, MidpointMinimizesItsOwnCost) {
   }
 }
 
-TEST(Linear, TwoViewMidpointIsTheMidpointOfTwo) {
-  const geometry::Rig rig = TwoCameras(DegToRad(40));
-  const PreparedRig prepared = Prepare(rig);
-  Rng rng(5);
-  for (int trial = 0; trial < 20; ++trial) {
-    const std::vector<View> views = Views(prepared, Observe(rig, RandomPoint(&rng, 0.2), 5, &rng));
-    EXPECT_LT((TwoViewMidpoint(views[0], views[1]).x_in_local - Midpoint(views).x_in_local).norm(), 1e-12);
-  }
-}
-
 TEST(Linear, WeightedIsNearTheMostLikelyPoint) {
   geometry::Rig rig = MakeRing(6);
   rig.cameras.push_back(LookAt("close", {0.5, 0.1, 0.9}, {0, 0, 0}));  // weights matter: it is three times nearer
@@ -69,7 +59,6 @@ TEST(Linear, ParallelRaysAreDegenerate) {
   const std::vector<View> views = Views(prepared, {{0, {639.5, 479.5}, 1, 1}, {1, {639.5, 479.5}, 1, 1}});
   EXPECT_EQ(Midpoint(views).status, Status::kDegenerate);
   EXPECT_EQ(WeightedLinear(views).status, Status::kDegenerate);
-  EXPECT_EQ(TwoViewMidpoint(views[0], views[1]).status, Status::kDegenerate);
   EXPECT_EQ(Midpoint({views[0]}).status, Status::kTooFewViews);
   EXPECT_LT(ParallaxSignificance(views), 1e-9);
 }
