@@ -80,12 +80,6 @@ def folder(tmp_path_factory):
     return folder
 
 
-def test_stages_stub_is_made_of_the_stages(folder):
-    made = run(folder, sys.executable, "-B", str(ROOT / "scripts/python-stubs"))
-    assert made.returncode == 0, made.stderr
-    assert made.stdout == (PACKAGE / "stages.pyi").read_text(encoding="utf-8"), "run scripts/python-stubs > python/mvstudio/stages.pyi"
-
-
 def test_stubs_are_what_the_module_has(folder):
     need_mypy()
     classes = [name for name in ("Rig", "Samples", "Body", "Gaussians") if isinstance(getattr(_core, name), type)]
