@@ -128,11 +128,6 @@ at::Tensor RasterizeMapsTensor(const std::vector<InputMap>& maps, const at::Tens
   return at::stack(drawn, 1);
 }
 
-at::Tensor RasterizeBonesTensor(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
-                                int64_t width, double half_width_px, const DepthRange& range) {
-  return RasterizeMapsTensor(LayoutOf(kNumBones).maps, joints_px, depth, valid, height, width, half_width_px, range);
-}
-
 at::Tensor RasterizeSlopes(const at::Tensor& joints_px, const at::Tensor& x_in_cam, const at::Tensor& valid, int64_t height,
                            int64_t width, double half_width_px) {
   // A bone of constant depth 1 in the range (0, 1) is drawn as its coverage, from -1 to 1.

@@ -41,8 +41,6 @@ at::Tensor RasterizeMaps(const std::vector<InputMap>& maps, const at::Tensor& jo
                          const at::Tensor& valid, int64_t height, int64_t width, double half_width_px, const DepthRange& range);
 
 /// The same for Panoptic's 18 bones.
-at::Tensor RasterizeBonesTensor(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
-                                int64_t width, double half_width_px, const DepthRange& range);
 at::Tensor RasterizeBones(const at::Tensor& joints_px, const at::Tensor& depth, const at::Tensor& valid, int64_t height,
                           int64_t width, double half_width_px, const DepthRange& range);
 

@@ -46,16 +46,4 @@ Cloud Select(const Cloud& cloud, const std::vector<size_t>& indices) {
   return out;
 }
 
-Cloud WithDegree(const Cloud& cloud, int degree) {
-  MVS_CHECK(degree >= 0 && degree <= kMaxDegree, "degree " << degree);
-  Cloud out = cloud;
-  const int before = 3 * BasisSize(cloud.values.degree), after = 3 * BasisSize(degree);
-  out.values.degree = degree;
-  out.values.colour.assign(cloud.size() * static_cast<size_t>(after), 0.f);
-  for (size_t i = 0; i < cloud.size(); ++i)
-    std::copy_n(cloud.values.colour.begin() + static_cast<std::ptrdiff_t>(i) * before, std::min(before, after),
-                out.values.colour.begin() + static_cast<std::ptrdiff_t>(i) * after);
-  return out;
-}
-
 }  // namespace mvstudio::splats

@@ -93,7 +93,4 @@ Cloud Select(const Cloud& cloud, const std::vector<size_t>& indices);
 /// The same for values of any kind.
 Parameters<float> Select(const Parameters<float>& values, const std::vector<size_t>& indices);
 
-/// The same colours with more coefficients, those of higher degrees 0, or with fewer.
-Cloud WithDegree(const Cloud& cloud, int degree);
-
 }  // namespace mvstudio::splats

@@ -40,13 +40,6 @@ void AddMeaningOptions(CLI::App* sub, stages::CalibReadOptions& options) {
       ->check(CLI::NonNegativeNumber);
 }
 
-void AddSessionArguments(CLI::App* sub, stages::SessionArguments& arguments, const std::string& what,
-                         const std::string& unless_given) {
-  const GroupScope as_before(sub, GroupOf(sub));
-  const OptionAdder add{sub};
-  VisitSession(add, arguments, what, unless_given);
-}
-
 void AddPoseArguments(CLI::App* sub, stages::PoseArguments& arguments) {
   AddOptions(sub, arguments);
   sub->get_option("--calib")->required();

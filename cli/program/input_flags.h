@@ -18,10 +18,6 @@ void AddReadOptions(CLI::App* sub, stages::CalibReadOptions& options);
 /// Of these --lens, --invert, --mirror, --allow-approximation: what a file's numbers mean.
 void AddMeaningOptions(CLI::App* sub, stages::CalibReadOptions& options);
 
-/// Adds --session, --take and --allow-outside; `what` comes from the session, `unless_given` is the take without --take.
-void AddSessionArguments(CLI::App* sub, stages::SessionArguments& arguments, const std::string& what,
-                         const std::string& unless_given);
-
 /// Adds --calib, which is required, --pose2d, --points2d, --skeleton and the changes.
 void AddPoseArguments(CLI::App* sub, stages::PoseArguments& arguments);
 

@@ -144,6 +144,5 @@ struct PanopticSyncTables {
 PanopticSyncTables ParsePanopticSyncTables(std::string_view text, const std::string& path);
 PanopticSyncTables ReadPanopticSyncTables(const std::string& path);
 std::string ToText(const PanopticSyncTables& tables);
-void WritePanopticSyncTables(const PanopticSyncTables& tables, const std::string& path);
 
 }  // namespace mvstudio::dataset

@@ -88,8 +88,4 @@ std::string ToText(const PanopticSyncTables& tables) {
   return root.dump();
 }
 
-void WritePanopticSyncTables(const PanopticSyncTables& tables, const std::string& path) {
-  WriteFileAtomic(path, ToText(tables));
-}
-
 }  // namespace mvstudio::dataset

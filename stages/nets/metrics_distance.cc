@@ -208,10 +208,6 @@ DistanceResult CompareSides(const DistanceSide& reference, const DistanceSide& o
   return Compare(a, b, run.seed);
 }
 
-DistanceResult CompareFeatureFiles(const std::string& reference, const std::string& other, const RunContext& run) {
-  return CompareSides({reference, {}}, {other, {}}, "", {}, run);
-}
-
 WrittenStatistics WriteStatistics(const DistanceSide& side, const std::string& net_name, const Backdrop& backdrop,
                                   const std::string& out, const RunContext& run) {
   at::set_num_threads(ResolveThreads(run.num_threads));

@@ -25,9 +25,6 @@ bool IsFeatureFile(const std::string& path);
 DistanceResult CompareSides(const DistanceSide& reference, const DistanceSide& other, const std::string& net,
                             const Backdrop& backdrop, const RunContext& run);
 
-/// For two files of features or statistics.
-DistanceResult CompareFeatureFiles(const std::string& reference, const std::string& other, const RunContext& run);
-
 /// Writes `mu` and `sigma` of a set as .npz, with `features` (the net's name) and `n`.
 WrittenStatistics WriteStatistics(const DistanceSide& side, const std::string& net, const Backdrop& backdrop,
                                   const std::string& out, const RunContext& run);

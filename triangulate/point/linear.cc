@@ -54,17 +54,6 @@ LinearPoint WeightedLinear(const std::vector<View>& views) {
   return weighted.status == Status::kOk ? weighted : point;
 }
 
-LinearPoint TwoViewMidpoint(const View& a, const View& b) {
-  const Eigen::Vector3d &p = a.ray_in_local, &q = b.ray_in_local;
-  const Eigen::Vector3d normal = p.cross(q);
-  const double sine_squared = normal.squaredNorm();
-  if (!(sine_squared > kRankTolerance * kRankTolerance)) return {Status::kDegenerate, Eigen::Vector3d::Zero()};
-  const Eigen::Vector3d baseline = b.camera->center_in_local - a.camera->center_in_local;
-  const double depth_a = baseline.cross(q).dot(normal) / sine_squared;
-  const double depth_b = baseline.cross(p).dot(normal) / sine_squared;
-  return {Status::kOk, 0.5 * (a.camera->center_in_local + depth_a * p + b.camera->center_in_local + depth_b * q)};
-}
-
 double ParallaxSignificance(const View& a, const View& b) {
   const double variance = a.sigma_rad * a.sigma_rad + b.sigma_rad * b.sigma_rad;
   return a.ray_in_local.cross(b.ray_in_local).norm() / std::sqrt(variance);

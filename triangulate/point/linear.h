@@ -24,9 +24,6 @@ LinearPoint Midpoint(const std::vector<View>& views);
 /// round).
 LinearPoint WeightedLinear(const std::vector<View>& views);
 
-/// Midpoint of the common perpendicular of two rays; negative depths are possible.
-LinearPoint TwoViewMidpoint(const View& a, const View& b);
-
 /// Largest sine of the angle between two rays over its own standard deviation: below about 5 the depth is mostly noise.
 /// Angles of 0 and of 180 degrees are equivalent.
 double ParallaxSignificance(const std::vector<View>& views);

@@ -112,17 +112,4 @@ std::string Sha512Integrity(const std::string& bytes) {
   return ToIntegrity(hash.Digest());
 }
 
-std::string Sha512IntegrityOfFile(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw IoError(path, "cannot be opened");
-  Sha512 hash;
-  std::vector<char> piece(1 << 20);
-  while (in) {
-    in.read(piece.data(), static_cast<std::streamsize>(piece.size()));
-    hash.Update(piece.data(), static_cast<size_t>(in.gcount()));
-  }
-  if (in.bad()) throw IoError(path, "cannot be read");
-  return ToIntegrity(hash.Digest());
-}
-
 }  // namespace mvstudio::detect

@@ -6,7 +6,5 @@ namespace mvstudio::detect {
 
 /// SHA-512 (FIPS 180-4) in npm's format: "sha512-" and the base64 of the digest.
 std::string Sha512Integrity(const std::string& bytes);
-/// Same for a file, read in pieces. Throws IoError.
-std::string Sha512IntegrityOfFile(const std::string& path);
 
 }  // namespace mvstudio::detect

@@ -167,21 +167,4 @@ std::vector<size_t> EvaluationOrder(const TfGraph& graph, const std::vector<std:
 
 }  // namespace internal
 
-TfjsFiles ReadTfjsFiles(const std::string& json_path) {
-  TfjsFiles files;
-  files.path = json_path;
-  files.json = ReadFile(json_path);
-  const std::filesystem::path folder = std::filesystem::path(json_path).parent_path();
-  uintmax_t total = 0;
-  for (const std::string& name : internal::ShardNames(json_path, files.json)) {
-    const std::string path = (folder / name).string();
-    std::error_code error;
-    total += std::filesystem::file_size(path, error);
-    if (error) throw IoError(path, "cannot be read: " + error.message());
-    if (total > uintmax_t{1} << 30) throw FormatError(path, "", "the weights are larger than 1 GiB");
-    files.shards[name] = ReadFile(path);
-  }
-  return files;
-}
-
 }  // namespace mvstudio::detect

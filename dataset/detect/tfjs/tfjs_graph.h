@@ -26,10 +26,6 @@ struct TfjsFiles {
   std::map<std::string, std::string> shards;  ///< file name in `weightsManifest` -> content
 };
 
-/// Reads a graph model's JSON file and the weight files beside it that it names. Throws IoError, FormatError (names with a
-/// folder, more than 1 GiB).
-TfjsFiles ReadTfjsFiles(const std::string& json_path);
-
 struct TensorSpec {
   std::string name;
   std::vector<int64_t> shape;  ///< -1: any
