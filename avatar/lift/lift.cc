@@ -12,6 +12,7 @@
 #include "avatar/train/adam.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "core/units.h"
@@ -74,14 +75,6 @@ double Number(const TensorFile& file, const std::string& path, const std::string
     throw FormatError(path, "__metadata__." + key, "'" + found->second + "' is not a number");
   }
   return value;
-}
-
-std::string ToText(double value) {
-  std::ostringstream out;
-  out.imbue(std::locale::classic());
-  out.precision(17);
-  out << value;
-  return out.str();
 }
 
 LiftOptions OptionsOf(const TensorFile& file, const std::string& path) {
@@ -170,8 +163,8 @@ void SaveLifter(const Lifter& lifter, const std::string& path) {
   file.metadata = {{"format", kFormat},
                    {"width", std::to_string(lifter.options.width)},
                    {"blocks", std::to_string(lifter.options.blocks)},
-                   {"size_m", ToText(lifter.size_m)},
-                   {"sigma_m", ToText(lifter.sigma_m)}};
+                   {"size_m", Format("%.17g", lifter.size_m)},
+                   {"sigma_m", Format("%.17g", lifter.sigma_m)}};
   WriteTensorFile(file, path);
 }
 

@@ -13,6 +13,7 @@
 #include "avatar/nets/reference_renderer.h"
 #include "core/check.h"
 #include "core/error.h"
+#include "core/format.h"
 
 namespace mvstudio::avatar {
 namespace {
@@ -35,13 +36,6 @@ double NumberFrom(const TensorFile& file, const std::string& key, const std::str
   in >> value;
   if (in.fail() || !in.eof()) throw FormatError(path, "__metadata__." + key, "'" + found->second + "' is not a number");
   return value;
-}
-
-std::string ToText(double value) {
-  std::ostringstream text;
-  text.precision(17);
-  text << value;
-  return text.str();
 }
 
 void CopyInto(at::Tensor target, const TensorFile& file, const std::string& name, const std::string& path) {
@@ -264,8 +258,8 @@ TensorFile ModelToTensors(const AvatarModel& model) {
   for (auto& [name, tensor] : file.tensors) tensor = tensor.detach().to(at::kCPU).clone();
   file.metadata["format"] = kFormat;
   for (const auto& [name, value] : FieldsAsText(model.options)) file.metadata["model." + name] = value;
-  file.metadata["depth_near_m"] = ToText(model.depth.near_m);
-  file.metadata["depth_far_m"] = ToText(model.depth.far_m);
+  file.metadata["depth_near_m"] = Format("%.17g", model.depth.near_m);
+  file.metadata["depth_far_m"] = Format("%.17g", model.depth.far_m);
   file.metadata["size_px"] = std::to_string(model.size_px);
   file.metadata["step"] = std::to_string(model.step);
   return file;

@@ -7,6 +7,7 @@
 
 #include "avatar/train/train_state.h"
 #include "core/error.h"
+#include "core/format.h"
 
 /// Which weights a training hands out: the last ones, their running average, or those of the best check.
 namespace mvstudio::avatar {
@@ -33,13 +34,6 @@ double ScoreOf(const HistoryRow& row, const TrainOptions& o) {
 void CopyInto(const NamedTensors& from, const NamedTensors& model) {
   torch::NoGradGuard no_grad;
   for (const auto& [name, value] : from) at::Tensor(model.at(name)).copy_(value);
-}
-
-std::string ToText(double value) {
-  std::ostringstream text;
-  text.precision(17);
-  text << value;
-  return text.str();
 }
 
 template <class T>
@@ -144,13 +138,14 @@ void Trainer::State::SaveHanded(TensorFile* file) const {
     file->tensors[name] = value.to(at::kCPU).clone();
   }
   file->metadata["idle_checks"] = std::to_string(idle_checks);
-  if (std::isfinite(Gain())) file->metadata["start_ssim"] = ToText(start_ssim), file->metadata["last_ssim"] = ToText(last_ssim);
+  if (std::isfinite(Gain()))
+    file->metadata["start_ssim"] = Format("%.17g", start_ssim), file->metadata["last_ssim"] = Format("%.17g", last_ssim);
   if (start_textures.defined()) file->tensors["start.textures"] = start_textures.to(at::kCPU).clone();
   file->metadata["network_off"] = NetworkIsOff() ? "1" : "0";
   if (best.empty() || NetworkIsOff()) return;
   for (const auto& [name, value] : average) file->tensors["average." + name] = value.to(at::kCPU).clone();
   file->metadata["best_step"] = std::to_string(best_step);
-  file->metadata["best_score"] = ToText(best_score);
+  file->metadata["best_score"] = Format("%.17g", best_score);
 }
 
 void Trainer::State::RestoreGivenWeights(const TensorFile& file, const std::string& path) {

@@ -125,25 +125,6 @@ void Summarize(const std::vector<View>& views, const RigState& state, const Bund
   report->camera_sigma_px = CameraSigmas(views, prior, report->sigma_px, static_cast<int>(state.cameras.size()));
 }
 
-BundleReport Failed(Status status, const std::string& message) {
-  BundleReport report;
-  report.status = status;
-  report.message = message;
-  return report;
-}
-
-std::optional<BundleReport> CheckInput(const std::vector<View>& views, const RigState& state) {
-  Eigen::Index corners = 0;
-  for (const View& view : views) {
-    MVS_CHECK(view.camera_idx >= 0 && view.camera_idx < static_cast<int>(state.cameras.size()), "camera " << view.camera_idx);
-    MVS_CHECK(view.frame >= 0 && view.frame < static_cast<int>(state.world_from_board.size()), "frame " << view.frame);
-    if (!view.px.allFinite()) return Failed(Status::kNonFiniteInput, "a corner position is not a finite number");
-    corners += (view.weights.array() > 0).count();
-  }
-  if (corners < 4) return Failed(Status::kTooFewViews, "fewer than 4 corners to adjust");
-  return std::nullopt;
-}
-
 }  // namespace
 
 namespace {
@@ -264,8 +245,27 @@ Status Iterate(std::vector<View>* views, RigState* state, const BundleOptions& o
 
 }  // namespace
 
+BundleReport internal::Failed(Status status, const std::string& message) {
+  BundleReport report;
+  report.status = status;
+  report.message = message;
+  return report;
+}
+
+std::optional<BundleReport> internal::CheckInput(const std::vector<View>& views, const RigState& state) {
+  Eigen::Index corners = 0;
+  for (const View& view : views) {
+    MVS_CHECK(view.camera_idx >= 0 && view.camera_idx < static_cast<int>(state.cameras.size()), "camera " << view.camera_idx);
+    MVS_CHECK(view.frame >= 0 && view.frame < static_cast<int>(state.world_from_board.size()), "frame " << view.frame);
+    if (!view.px.allFinite()) return Failed(Status::kNonFiniteInput, "a corner position is not a finite number");
+    corners += (view.weights.array() > 0).count();
+  }
+  if (corners < 4) return Failed(Status::kTooFewViews, "fewer than 4 corners to adjust");
+  return std::nullopt;
+}
+
 BundleReport SolveBundle(std::vector<View>* views, RigState* state, const BundleOptions& options) {
-  if (const auto failed = CheckInput(*views, *state)) return *failed;
+  if (const auto failed = internal::CheckInput(*views, *state)) return *failed;
   Priors prior;
   for (const View& view : *views) prior.push_back(view.weights);
   BundleReport report;
@@ -274,7 +274,7 @@ BundleReport SolveBundle(std::vector<View>* views, RigState* state, const Bundle
   report.status = Iterate(views, state, options, prior, &report);
   MoveOrigin(-centre, state);
   if (report.status == Status::kUndefined)
-    return Failed(Status::kBehindCamera, "the start of the adjustment puts corners behind a camera");
+    return internal::Failed(Status::kBehindCamera, "the start of the adjustment puts corners behind a camera");
   if (report.status != Status::kOk) report.message = "the adjustment did not reach its tolerance";
   Summarize(*views, *state, options, prior, &report);
   return report;

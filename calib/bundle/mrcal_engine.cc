@@ -131,23 +131,6 @@ bool Any(const std::vector<bool>& flags) {
   return false;
 }
 
-std::optional<BundleReport> CheckInput(const std::vector<View>& views, const RigState& state) {
-  BundleReport report;
-  Eigen::Index corners = 0;
-  for (const View& view : views) {
-    MVS_CHECK(view.camera_idx >= 0 && view.camera_idx < static_cast<int>(state.cameras.size()), "camera " << view.camera_idx);
-    MVS_CHECK(view.frame >= 0 && view.frame < static_cast<int>(state.world_from_board.size()), "frame " << view.frame);
-    if (!view.px.allFinite())
-      report.status = Status::kNonFiniteInput, report.message = "a corner position is not a finite number";
-    corners += (view.weights.array() > 0).count();
-  }
-  if (report.status == Status::kOk && corners < 4) {
-    report.status = Status::kTooFewViews;
-    report.message = "fewer than 4 corners to adjust";
-  }
-  return report.status == Status::kOk ? std::nullopt : std::optional(report);
-}
-
 /// False when a corner with a weight does not project.
 bool Projects(const std::vector<View>& views, const RigState& state) {
   const auto residuals = BundleResiduals(views, state);
@@ -197,13 +180,6 @@ void Summarize(const std::vector<View>& views, const std::vector<View>& start, c
   report->sigma_px = std::sqrt(sum / std::max(1, 2 * report->num_corners - num_unknowns));
 }
 
-BundleReport Failed(Status status, const std::string& message) {
-  BundleReport report;
-  report.status = status;
-  report.message = message;
-  return report;
-}
-
 }  // namespace
 
 std::string WhyNotMrcal(const std::vector<View>& views, const RigState& state, const MrcalOptions& options) {
@@ -223,15 +199,16 @@ std::string WhyNotMrcal(const std::vector<View>& views, const RigState& state, c
 BundleReport SolveWithMrcal(std::vector<View>* views, RigState* state, const MrcalOptions& options) {
   const std::string why_not = WhyNotMrcal(*views, *state, options);
   if (!why_not.empty()) throw UsageError(why_not);
-  if (const auto failed = CheckInput(*views, *state)) return *failed;
+  if (const auto failed = internal::CheckInput(*views, *state)) return *failed;
   if (!Projects(*views, *state))
-    return Failed(Status::kBehindCamera, "the start of the adjustment puts corners behind a camera");
+    return internal::Failed(Status::kBehindCamera, "the start of the adjustment puts corners behind a camera");
   internal::MrcalProblem problem = internal::MakeMrcalProblem(*views, *state, options);
   const std::vector<View> start = *views;
   std::string said;
-  if (!internal::Optimize(&problem, &said)) return Failed(Status::kNotConverged, "mrcal gave up: " + said);
+  if (!internal::Optimize(&problem, &said)) return internal::Failed(Status::kNotConverged, "mrcal gave up: " + said);
   internal::ToState(problem, options.bundle.gauge, views, state);
-  if (!Projects(*views, *state)) return Failed(Status::kNotConverged, "mrcal's solution puts corners behind a camera");
+  if (!Projects(*views, *state))
+    return internal::Failed(Status::kNotConverged, "mrcal's solution puts corners behind a camera");
   BundleReport report;
   Summarize(*views, start, *state, problem.num_states(), &report);
   if (problem.selections.do_apply_regularization) return report;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "calib/bundle/bundle.h"
@@ -65,5 +67,13 @@ class RigProblem : public SchurProblem {
   std::vector<std::vector<int>> columns_of_block_;   // per block, ascending
   std::vector<std::vector<int>> position_in_block_;  // per block: global column -> position in columns_of_block_, or -1
 };
+
+namespace internal {
+
+BundleReport Failed(Status status, const std::string& message);
+/// The failure of an adjustment of corners that are not finite or too few. Throws ContractViolation for indices out of range.
+std::optional<BundleReport> CheckInput(const std::vector<View>& views, const RigState& state);
+
+}  // namespace internal
 
 }  // namespace mvstudio::calib

@@ -45,19 +45,6 @@ int64_t FrameOf(const CheckWork& work, int board) {
   return work.problem.views[static_cast<size_t>(work.all_views_of_board[static_cast<size_t>(board)][0])].frame;
 }
 
-/// Ignores cameras that were found to have moved, except `camera`.
-void HearVoters(int camera, CheckWork* work) {
-  work->problem.views_of_board = work->all_views_of_board;
-  for (auto& views : work->problem.views_of_board) {
-    views.erase(std::remove_if(views.begin(), views.end(),
-                               [&](int v) {
-                                 const int seer = work->problem.views[static_cast<size_t>(v)].camera_idx;
-                                 return seer != camera && work->moved[static_cast<size_t>(seer)];
-                               }),
-                views.end());
-  }
-}
-
 /// Boards where the voters see them, from the view that agrees best with the others.
 void PlaceBoards(CheckWork* work) {
   for (size_t b = 0; b < work->problem.views_of_board.size(); ++b) {
@@ -312,7 +299,7 @@ std::vector<Change> ChangesThatMatter(CheckWork* work) {
   std::vector<Change> changes;
   for (size_t c = 0; c < work->checks.size(); ++c) {
     if (!work->present[c] || work->moved[c]) continue;
-    HearVoters(static_cast<int>(c), work);
+    internal::HearVoters(static_cast<int>(c), work);
     auto change = LargestChange(*work, static_cast<int>(c));
     if (change && Matters(*work, *change)) changes.push_back(std::move(*change));
   }
@@ -336,17 +323,8 @@ CameraMotion Describe(const CheckWork& work, const std::vector<int64_t>& frames,
 }
 
 CheckWork Prepare(const geometry::Rig& rig, const CalibrateInput& input) {
-  CheckWork work{rig, {}, {}, {}, {}, {}, {}, {}, {}, {}, {}};
-  for (const geometry::RigCamera& camera : rig.cameras) {
-    work.problem.cameras.push_back(camera.camera);
-    work.state.cam_from_world.push_back(camera.cam_from_world);
-    work.checks.emplace_back();
-    work.checks.back().name = camera.camera.name;
-    work.checks.back().cam_from_world = camera.cam_from_world;
-  }
+  CheckWork work = internal::PrepareCheck(rig, {}, input);
   work.present.assign(rig.cameras.size(), true);
-  work.moved.assign(rig.cameras.size(), false);
-  internal::PrepareCheck(input, &work);
   work.all_views_of_board = work.problem.views_of_board;
   work.state.world_from_board.resize(work.problem.views_of_board.size());
   return work;
@@ -371,15 +349,15 @@ std::vector<CameraMotion> FindMotions(const geometry::Rig& rig, const CalibrateI
   std::vector<int64_t> frames;
   MakeViews(input.boards, input.detections, &frames);
   CheckWork work = Prepare(rig, input);
-  HearVoters(-1, &work);
+  internal::HearVoters(-1, &work);
   PlaceBoards(&work);
   std::vector<Change> changes = ChangesThatMatter(&work);
   while (!changes.empty()) {
-    HearVoters(changes[0].camera, &work);
+    internal::HearVoters(changes[0].camera, &work);
     SolveBothSides(work, &changes[0]);
     motions.push_back(Describe(work, frames, changes[0]));
     work.moved[static_cast<size_t>(changes[0].camera)] = true;
-    HearVoters(-1, &work);
+    internal::HearVoters(-1, &work);
     PlaceBoards(&work);
     const std::vector<Change> left = ChangesThatMatter(&work);
     for (const std::string& name : Rivals(changes, left, work)) motions.back().cameras.push_back(name);

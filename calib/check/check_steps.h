@@ -28,8 +28,12 @@ struct CheckWork {
 };
 
 /// Fits every view by itself, drops corners and views that do not fit, and estimates each camera's noise. Keeps the views
-/// of boards that two cameras share at one time step, with weights in px^-2.
-void PrepareCheck(const CalibrateInput& input, CheckWork* work);
+/// of boards that two cameras share at one time step, with weights in px^-2. No camera is `present` yet.
+CheckWork PrepareCheck(const geometry::Rig& rig, const RigCheckOptions& options, const CalibrateInput& input);
+
+/// Boards are placed only by the cameras that have not moved, and by `camera` (-1: none): a freed camera does not influence
+/// the others.
+void HearVoters(int camera, CheckWork* work);
 
 /// The input with the names of two of its cameras exchanged.
 CalibrateInput WithExchanged(CalibrateInput input, size_t a, size_t b);

@@ -150,10 +150,31 @@ Eigen::VectorXd CornerDistances(const View& view, const geometry::Camera& camera
   return residuals->colwise().norm();
 }
 
-void PrepareCheck(const CalibrateInput& input, CheckWork* work) {
+CheckWork PrepareCheck(const geometry::Rig& rig, const RigCheckOptions& options, const CalibrateInput& input) {
+  CheckWork work{rig, options, {}, {}, {}, {}, {}, {}, {}, {}, {}};
+  for (const geometry::RigCamera& camera : rig.cameras) {
+    work.problem.cameras.push_back(camera.camera);
+    work.state.cam_from_world.push_back(camera.cam_from_world);
+    work.checks.emplace_back();
+    work.checks.back().name = camera.camera.name;
+    work.checks.back().cam_from_world = camera.cam_from_world;
+  }
+  work.moved.assign(rig.cameras.size(), false);
   std::vector<int64_t> frames;
   MakeViews(input.boards, input.detections, &frames);
-  FillProblem(OwnViews(input, frames, work), work);
+  FillProblem(OwnViews(input, frames, &work), &work);
+  return work;
+}
+
+void HearVoters(int camera, CheckWork* work) {
+  work->problem.views_of_board = work->all_views_of_board;
+  for (auto& views : work->problem.views_of_board) {
+    const auto is_mute = [&](int v) {
+      const int seer = work->problem.views[static_cast<size_t>(v)].camera_idx;
+      return seer != camera && work->moved[static_cast<size_t>(seer)];
+    };
+    views.erase(std::remove_if(views.begin(), views.end(), is_mute), views.end());
+  }
 }
 
 }  // namespace mvstudio::calib::internal

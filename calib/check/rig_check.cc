@@ -56,19 +56,6 @@ struct Trial {
   double left = 0;  ///< cost of its own views
 };
 
-/// Boards are placed only by the cameras that have not moved, and by `camera`: a freed camera does not influence the
-/// others.
-void HearVoters(int camera, CheckWork* work) {
-  work->problem.views_of_board = work->all_views_of_board;
-  for (auto& views : work->problem.views_of_board) {
-    const auto is_mute = [&](int v) {
-      const int seer = work->problem.views[static_cast<size_t>(v)].camera_idx;
-      return seer != camera && work->moved[static_cast<size_t>(seer)];
-    };
-    views.erase(std::remove_if(views.begin(), views.end(), is_mute), views.end());
-  }
-}
-
 /// The camera's boards that a second one sees.
 std::vector<int> SharedBoards(const CheckWork& work, int camera) {
   std::vector<int> boards;
@@ -139,7 +126,7 @@ void Describe(const Trial& trial, const CheckWork& work, int camera, CameraCheck
 
 /// The camera set free and described.
 Trial Examine(CheckWork* work, int camera) {
-  HearVoters(camera, work);
+  internal::HearVoters(camera, work);
   Trial trial = SetFree(*work, camera);
   CameraCheck& check = work->checks[static_cast<size_t>(camera)];
   Describe(trial, *work, camera, &check);
@@ -158,7 +145,7 @@ bool HasMoved(const CameraCheck& check, const RigCheckOptions& options) {
 
 /// Boards where the cameras that stayed see them.
 void PlaceBoards(CheckWork* work) {
-  HearVoters(-1, work);
+  internal::HearVoters(-1, work);
   for (size_t b = 0; b < work->problem.views_of_board.size(); ++b) {
     if (!work->problem.views_of_board[b].empty()) internal::SolveBoards(work->problem, {static_cast<int>(b)}, &work->state);
   }
@@ -254,22 +241,13 @@ void Solve(const RunContext& run, CheckWork* work, RigCheck* result, geometry::S
     if (stated->AnyKnown() && trial.solution.status == Status::kOk)
       internal::CarryIntoRepair(*work, trial.state, SharedBoards(*work, camera), camera, trial.solution.covariance, stated);
   }
-  HearVoters(-1, work);
+  internal::HearVoters(-1, work);
 }
 
 CheckWork WorkFor(const geometry::Rig& rig, const CalibrateInput& input, const RigCheckOptions& options) {
-  CheckWork work{rig, options, {}, {}, {}, {}, {}, {}, {}, {}, {}};
-  for (const geometry::RigCamera& camera : rig.cameras) {
-    work.problem.cameras.push_back(camera.camera);
-    work.state.cam_from_world.push_back(camera.cam_from_world);
-    work.checks.emplace_back();
-    work.checks.back().name = camera.camera.name;
-    work.checks.back().cam_from_world = camera.cam_from_world;
-  }
+  CheckWork work = internal::PrepareCheck(rig, options, input);
   work.present.assign(rig.cameras.size(), false);
-  work.moved.assign(rig.cameras.size(), false);
   for (const CameraInput& camera : input.cameras) work.present[static_cast<size_t>(rig.Find(camera.name))] = true;
-  internal::PrepareCheck(input, &work);
   return work;
 }
 

@@ -50,15 +50,9 @@ void KeepFile(const ImportJob& job, const std::string& path, int64_t max_bytes) 
   WriteFileAtomic(job.work + "/panoptic/" + fs::path(path).filename().string(), internal::ReadTextFile(path, max_bytes));
 }
 
-PanopticKind KindOf(const std::string& camera) {
-  int panel = 0, node = 0;
-  ParsePanopticName(camera, &panel, &node);
-  return KindOfPanel(panel);
-}
-
 /// The clock of a camera; null when nothing is known of it.
 const PanopticClock* ClockOf(const std::map<std::string, PanopticClock>& clocks, const std::string& camera) {
-  const PanopticKind kind = KindOf(camera);
+  const PanopticKind kind = KindOfCamera(camera);
   const auto found = clocks.find(kind == PanopticKind::kKinect ? camera : ToString(kind));
   return found == clocks.end() ? nullptr : &found->second;
 }
@@ -97,7 +91,7 @@ class TakeMaker {
   TakeMaker(ImportJob* job, const std::map<std::string, PanopticClock>& clocks) : job_(job), clocks_(clocks) {}
 
   std::string TakeOfCamera(const std::string& camera) const {
-    const PanopticKind kind = KindOf(camera);
+    const PanopticKind kind = KindOfCamera(camera);
     if (kind == PanopticKind::kHd || (clocks_.count("hd") && ClockOf(clocks_, camera))) return job_->take;
     return job_->take + "-" + ToString(kind);
   }
@@ -111,7 +105,7 @@ class TakeMaker {
       if (at == takes.end()) {
         at = takes.emplace(takes.end());
         at->name = name;
-        at->fps_hz = KindOf(f.camera) == PanopticKind::kVga ? kVgaFps : kHdFps;
+        at->fps_hz = KindOfCamera(f.camera) == PanopticKind::kVga ? kVgaFps : kHdFps;
       }
       at->footage.push_back({f.camera, f.path, ""});
     }
@@ -162,7 +156,7 @@ void ChooseCameras(ImportJob* job, PanopticImportReport* report) {
                 cameras.end());
   // The first one counts the time steps: an HD camera, whose frames also number the joints.
   std::stable_sort(cameras.begin(), cameras.end(), [](const geometry::RigCamera& a, const geometry::RigCamera& b) {
-    return KindOf(a.camera.name) < KindOf(b.camera.name);
+    return KindOfCamera(a.camera.name) < KindOfCamera(b.camera.name);
   });
   for (const std::string& name : chosen) {
     if (!with_footage.empty() && std::find(with_footage.begin(), with_footage.end(), name) == with_footage.end())
@@ -257,7 +251,7 @@ bool HasFootageWithoutHd(const ImportJob& job) {
   bool any = false;
   for (const auto& c : job.rig.cameras) {
     const bool there = job.sequence.footage.count(c.camera.name) > 0;
-    if (there && KindOf(c.camera.name) == PanopticKind::kHd) return false;
+    if (there && KindOfCamera(c.camera.name) == PanopticKind::kHd) return false;
     any = any || there;
   }
   return any;
@@ -267,7 +261,7 @@ bool HasFootageWithoutHd(const ImportJob& job) {
 void ImportVgaJoints(ImportJob* job, const TakeMaker& takes, bool without_hd) {
   for (const auto& c : job->rig.cameras) {
     const std::string take = takes.TakeOfCamera(c.camera.name);
-    const bool filmed = KindOf(c.camera.name) == PanopticKind::kVga && job->sequence.footage.count(c.camera.name);
+    const bool filmed = KindOfCamera(c.camera.name) == PanopticKind::kVga && job->sequence.footage.count(c.camera.name);
     if (!filmed || (take == job->take && !without_hd)) continue;
     PanopticImportReport ignored;
     if (!job->sequence.vga_scenes.files.empty()) internal::ImportJoints(job, job->sequence.vga_scenes, take, &ignored);

@@ -199,6 +199,12 @@ PanopticKind KindOfPanel(int panel) {
   return panel == 0 ? PanopticKind::kHd : panel == 50 ? PanopticKind::kKinect : PanopticKind::kVga;
 }
 
+PanopticKind KindOfCamera(const std::string& name) {
+  int panel = 0, node = 0;
+  ParsePanopticName(name, &panel, &node);
+  return KindOfPanel(panel);
+}
+
 std::string ToString(PanopticKind kind) {
   return kind == PanopticKind::kHd ? "hd" : kind == PanopticKind::kVga ? "vga" : "kinect";
 }

@@ -12,6 +12,8 @@ namespace mvstudio::dataset {
 enum class PanopticKind { kHd, kVga, kKinect };
 /// By the panel: hd 0, kinect-color 50, else vga.
 PanopticKind KindOfPanel(int panel);
+/// By the panel of a camera's name, 00_05; hd where it is no such name.
+PanopticKind KindOfCamera(const std::string& name);
 /// "hd", "vga", "kinect"
 std::string ToString(PanopticKind kind);
 

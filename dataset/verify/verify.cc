@@ -98,12 +98,6 @@ void CheckSidecar(const std::string& root, const geometry::Rig& rig, Findings* f
   }
 }
 
-PanopticKind KindOf(const std::string& camera) {
-  int panel = 0, node = 0;
-  ParsePanopticName(camera, &panel, &node);
-  return KindOfPanel(panel);
-}
-
 /// A calibration with joints alone is fine; one whose footage is of other cameras is not.
 std::vector<geometry::RigCamera> CamerasWithFootage(const PanopticSequence& sequence, const geometry::Rig& rig,
                                                     Findings* findings) {
@@ -115,7 +109,7 @@ std::vector<geometry::RigCamera> CamerasWithFootage(const PanopticSequence& sequ
     std::vector<std::string> without;
     for (const auto& camera : rig.cameras) {
       const std::string& name = camera.camera.name;
-      if (KindOf(name) == PanopticKind::kHd && !sequence.footage.count(name) && !HasOwnFolder(sequence, name))
+      if (KindOfCamera(name) == PanopticKind::kHd && !sequence.footage.count(name) && !HasOwnFolder(sequence, name))
         without.push_back(name);
     }
     if (!without.empty()) {
@@ -141,7 +135,7 @@ void CompareImages(const PanopticSequence& sequence, const std::vector<geometry:
   for (const geometry::RigCamera& camera : cameras) {
     const std::string& name = camera.camera.name;
     const PanopticFootage& footage = sequence.footage.at(name);
-    if (footage.is_video || KindOf(name) != PanopticKind::kHd) continue;
+    if (footage.is_video || KindOfCamera(name) != PanopticKind::kHd) continue;
     files.rig.cameras.push_back(camera);
     for (const auto& [frame, file] : footage.images) all[name].push_back(frame);
     if (fs::is_directory(sequence.root + "/masks/" + name)) masked[name] = all[name];
@@ -182,7 +176,7 @@ std::vector<FootageCheck> CheckFootage(const PanopticSequence& sequence, const s
     if (kept.count > 0 && i % kept.count != kept.index) return;
     const std::string& name = cameras[k].camera.name;
     const PanopticFootage& footage = sequence.footage.at(name);
-    const PanopticKind kind = KindOf(name);
+    const PanopticKind kind = KindOfCamera(name);
     const auto& scenes = kind == PanopticKind::kHd ? hd : kind == PanopticKind::kVga ? vga : none;
     if (!TakeKept(kept, name, &checks[k], &by_camera[k])) {
       checks[k] = footage.is_video

@@ -62,27 +62,22 @@ std::optional<double> Difference(const FootageCheck& a, const FootageCheck& b) {
   return common > 0 ? std::optional(worst) : std::nullopt;
 }
 
-std::string KindOf(const geometry::RigCamera& camera) {
-  int panel = 0, node = 0;
-  ParsePanopticName(camera.camera.name, &panel, &node);
-  return ToString(KindOfPanel(panel));
-}
-
 /// Numbers of frames within a kind that are not the usual one.
 void CompareCounts(const std::vector<geometry::RigCamera>& cameras, const std::vector<FootageCheck>& checks,
                    const PanopticSequence& sequence, Findings* findings) {
-  std::map<std::string, std::map<int64_t, int>> counts;
+  std::map<PanopticKind, std::map<int64_t, int>> counts;
   for (size_t i = 0; i < cameras.size(); ++i) {
-    if (checks[i].frames > 0) ++counts[KindOf(cameras[i])][checks[i].frames];
+    if (checks[i].frames > 0) ++counts[KindOfCamera(cameras[i].camera.name)][checks[i].frames];
   }
   for (size_t i = 0; i < cameras.size(); ++i) {
-    const auto& of_kind = counts[KindOf(cameras[i])];
+    const PanopticKind kind = KindOfCamera(cameras[i].camera.name);
+    const auto& of_kind = counts[kind];
     if (checks[i].frames == 0 || of_kind.size() < 2) continue;
     const auto usual =
         std::max_element(of_kind.begin(), of_kind.end(), [](const auto& a, const auto& b) { return a.second < b.second; });
     if (checks[i].frames != usual->first) {
       findings->Warning("DAT-COUNT", sequence.footage.at(cameras[i].camera.name).path,
-                        "has " + std::to_string(checks[i].frames) + " frames, other " + KindOf(cameras[i]) + " cameras have " +
+                        "has " + std::to_string(checks[i].frames) + " frames, other " + ToString(kind) + " cameras have " +
                             std::to_string(usual->first));
     }
   }
@@ -144,7 +139,7 @@ void CompareCameras(const std::vector<geometry::RigCamera>& cameras, const std::
   CompareCounts(cameras, checks, sequence, findings);
   for (size_t b = 0; b < cameras.size(); ++b) {
     for (size_t a = 0; a < b; ++a) {
-      if (KindOf(cameras[a]) != KindOf(cameras[b])) continue;
+      if (KindOfCamera(cameras[a].camera.name) != KindOfCamera(cameras[b].camera.name)) continue;
       const auto difference = Difference(checks[a], checks[b]);
       if (!difference || *difference > 1) continue;
       findings->Error("DAT-DOUBLE", sequence.footage.at(cameras[b].camera.name).path,

@@ -11,6 +11,7 @@
 #include "avatar/maps/camera_tensor.h"
 #include "avatar/run/evaluate/evaluation_protocol.h"
 #include "avatar/run/evaluate/strips.h"
+#include "avatar/run/pack/pack_rows.h"
 #include "avatar/run/references/reference_views.h"
 #include "avatar/splats/files/player_file.h"
 #include "core/disk/files.h"
@@ -31,14 +32,6 @@ std::string HistoryHeader() {
   std::string header = "step,phase";
   for (const char* column : avatar::kLossColumns) header += std::string(",") + column;
   return header + ",wall_s";
-}
-
-/// (3, H, W) uint8 -> image.
-Image ToImage(const at::Tensor& chw) {
-  const at::Tensor hwc = chw.permute({1, 2, 0}).contiguous();
-  Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), 3);
-  std::copy_n(hwc.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
-  return image;
 }
 
 /// Rows: truth, rendering, parts, texture coordinates; one column for each of up to six images.
@@ -131,8 +124,8 @@ void AvatarRun::Save(avatar::Trainer& trainer, const avatar::AvatarPack& sample_
   for (const std::string& row : rows_) history += row + "\n";
   WriteFileAtomic(Path("history.csv"), history);
   trainer.UseHanded([&](avatar::AvatarModel& model) {
-    if (model.textures.defined()) dataset::WriteImage(ToImage(avatar::TextureSheet(model)), Path("textures.png"));
-    dataset::WriteImage(ToImage(SampleSheet(model, sample_pack)), StepPath("samples", model.step));
+    if (model.textures.defined()) dataset::WriteImage(avatar::ImageOfBytes(avatar::TextureSheet(model)), Path("textures.png"));
+    dataset::WriteImage(avatar::ImageOfBytes(SampleSheet(model, sample_pack)), StepPath("samples", model.step));
   });
   // Last: a run goes on from its checkpoint, and rows of later steps are then left out.
   avatar::WriteTensorFile(trainer.Checkpoint(), checkpoint_path());

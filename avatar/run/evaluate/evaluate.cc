@@ -19,6 +19,7 @@
 #include "avatar/run/evaluate/strips.h"
 #include "avatar/run/evaluate/subject.h"
 #include "avatar/run/pack/frame_runs.h"
+#include "avatar/run/pack/pack_rows.h"
 #include "avatar/run/pack/split_side.h"
 #include "avatar/scores/image_scores.h"
 #include "core/disk/files.h"
@@ -133,13 +134,6 @@ RowScores ScoreRows(const Session& session, const AvatarPack& pack, const at::Te
   return {ScoreImages(truth, pack.masks, rendered.images, rendered.masks), LpipsOf(session, truth, rendered.images), {}};
 }
 
-Image ToImage(const at::Tensor& values) {
-  const at::Tensor bytes = (values * 255).round().to(at::kByte).permute({1, 2, 0}).contiguous();
-  Image image(static_cast<int>(bytes.size(1)), static_cast<int>(bytes.size(0)), 3);
-  std::copy_n(bytes.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
-  return image;
-}
-
 std::string CameraAndFrame(const dataset::PanopticDataset& data, const AvatarPack& pack, int64_t row) {
   return dataset::Slug(dataset::StudioName(data, pack.cameras[pack.camera_idx[row].item<int64_t>()])) +
          Format("_%08lld", static_cast<long long>(pack.frame[row].item<int64_t>()));
@@ -153,8 +147,8 @@ void WriteRenders(const dataset::PanopticDataset& data, const std::string& work,
   for (const int64_t i : Examples(pack, count < 0 ? -1 : (count + cameras - 1) / cameras)) {
     const std::string name = CameraAndFrame(data, pack, i) + ".png";
     MakeFolder(work + "/truth"), MakeFolder(work + "/render");
-    dataset::WriteImage(ToImage(truth[i]), work + "/truth/" + name);
-    dataset::WriteImage(ToImage(rendered.images[i]), work + "/render/" + name);
+    dataset::WriteImage(ImageOfBytes((truth[i] * 255).round().to(at::kByte)), work + "/truth/" + name);
+    dataset::WriteImage(ImageOfBytes((rendered.images[i] * 255).round().to(at::kByte)), work + "/render/" + name);
   }
 }
 

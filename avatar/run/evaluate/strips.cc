@@ -2,6 +2,7 @@
 
 #include <ATen/ATen.h>
 
+#include "avatar/run/pack/pack_rows.h"
 #include "core/check.h"
 
 namespace mvstudio::avatar {
@@ -26,10 +27,7 @@ Image MakeStrip(const at::Tensor& truth, const at::Tensor& render, const at::Ten
   const at::Tensor gap = at::full({3, zoom * truth.size(1), kGap}, 0.5, at::kDouble);
   const at::Tensor error = Heat((a - b).abs().mean(0) / 0.5);
   const at::Tensor row = at::cat({enlarged(a), gap, enlarged(b), gap, enlarged(error), gap, enlarged(c)}, 2);
-  const at::Tensor bytes = (row.clamp(0, 1) * 255).round().to(at::kByte).permute({1, 2, 0}).contiguous();
-  Image image(static_cast<int>(row.size(2)), static_cast<int>(row.size(1)), 3);
-  std::copy(bytes.data_ptr<uint8_t>(), bytes.data_ptr<uint8_t>() + bytes.numel(), image.pixels.begin());
-  return image;
+  return ImageOfBytes((row.clamp(0, 1) * 255).round().to(at::kByte));
 }
 
 }  // namespace mvstudio::avatar

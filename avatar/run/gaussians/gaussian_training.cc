@@ -8,6 +8,7 @@
 #include <iterator>
 #include <set>
 
+#include "avatar/run/pack/pack_rows.h"
 #include "avatar/splats/render.h"
 #include "core/check.h"
 #include "core/format.h"
@@ -15,14 +16,6 @@
 
 namespace mvstudio::avatar {
 namespace {
-
-/// (channels, H, W) uint8 -> image.
-Image ToImage(const at::Tensor& chw) {
-  const at::Tensor hwc = chw.permute({1, 2, 0}).contiguous();
-  Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), static_cast<int>(hwc.size(2)));
-  std::copy_n(hwc.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
-  return image;
-}
 
 /// The degree that was asked for; nothing for kAuto.
 std::vector<int> DegreeOf(ColourDegree degree) {
@@ -115,8 +108,8 @@ std::vector<splats::TrainView> TrainViewsOf(const AvatarPack& pack, const std::v
     splats::TrainView& view = out[static_cast<size_t>(i)];
     view.camera = views[static_cast<size_t>(i)].crop;
     view.vertices = views[static_cast<size_t>(i)].vertices;
-    view.image = ToImage(pack.images[i]);
-    view.mask = ToImage(pack.masks[i].unsqueeze(0));
+    view.image = ImageOfBytes(pack.images[i]);
+    view.mask = ImageOfBytes(pack.masks[i].unsqueeze(0));
     view.name = ImageName(pack, i);
   }
   return out;

@@ -79,4 +79,11 @@ void FillPose(AvatarPack& pack, int64_t i, const dataset::Coco19Pose& pose, cons
   FillPose(pack, i, BodyAlone(pose, static_cast<int>(pack.joint_valid.size(1))), crop);
 }
 
+Image ImageOfBytes(const at::Tensor& chw) {
+  const at::Tensor hwc = chw.permute({1, 2, 0}).contiguous();
+  Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), static_cast<int>(hwc.size(2)));
+  std::copy_n(hwc.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
+  return image;
+}
+
 }  // namespace mvstudio::avatar

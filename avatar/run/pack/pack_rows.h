@@ -1,4 +1,4 @@
-// Private: rows of a pack while it is built, for training_set.cc and its like.
+// Private: rows of a pack, for training_set.cc and its like.
 #pragma once
 
 #include <string>
@@ -18,5 +18,7 @@ void FillImage(AvatarPack& pack, int64_t i, const Image& image, const Image& mas
 void FillBodyImage(AvatarPack& pack, int64_t i, const body::RenderedBody& rendered);
 /// Part and coordinates of row i.
 void FillLabels(AvatarPack& pack, int64_t i, const body::PartUvMap& map);
+/// (channels, H, W) uint8 -> image.
+Image ImageOfBytes(const at::Tensor& chw);
 
 }  // namespace mvstudio::avatar

@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "avatar/data/safetensors.h"
+#include "avatar/run/pack/pack_rows.h"
 #include "core/check.h"
 #include "core/error.h"
 
@@ -15,14 +16,7 @@ namespace {
 constexpr char kFormat[] = "mvstudio.avatar_references/1";
 constexpr int64_t kCameraNumbers = 11;  // fx, fy, cx, cy; rotation x, y, z, w; translation
 
-/// (channels, H, W) uint8 -> image, and back.
-Image ToImage(const at::Tensor& chw) {
-  const at::Tensor hwc = chw.permute({1, 2, 0}).contiguous();
-  Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), static_cast<int>(hwc.size(2)));
-  std::copy_n(hwc.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
-  return image;
-}
-
+/// Image -> (channels, H, W) uint8.
 at::Tensor ToTensor(const Image& image) {
   at::Tensor hwc = at::zeros({image.height, image.width, image.channels}, at::kByte);
   std::copy(image.pixels.begin(), image.pixels.end(), hwc.data_ptr<uint8_t>());
@@ -94,7 +88,7 @@ std::vector<ReferenceView> SpreadReferenceViews(const AvatarPack& pack, const st
     view.camera = pack.cameras[pack.camera_idx[i].item<int64_t>()];
     view.frame = static_cast<int>(pack.frame[i].item<int64_t>());
     view.crop = views[static_cast<size_t>(i)].crop, view.vertices = views[static_cast<size_t>(i)].vertices;
-    view.image = ToImage(pack.images[i]), view.mask = ToImage(pack.masks[i].unsqueeze(0));
+    view.image = ImageOfBytes(pack.images[i]), view.mask = ImageOfBytes(pack.masks[i].unsqueeze(0));
     out.push_back(std::move(view));
   }
   return out;
@@ -151,7 +145,7 @@ std::vector<ReferenceView> ReadReferenceViews(const std::string& path, const Dat
     Eigen::Matrix3Xf columns(3, num_vertices);
     std::copy_n(vertices.data_ptr<float>() + i * 3 * num_vertices, columns.size(), columns.data());
     view.vertices = std::make_shared<const Eigen::Matrix3Xf>(std::move(columns));
-    view.image = ToImage(images[i]), view.mask = ToImage(masks[i].unsqueeze(0));
+    view.image = ImageOfBytes(images[i]), view.mask = ImageOfBytes(masks[i].unsqueeze(0));
   }
   return views;
 }

@@ -7,6 +7,7 @@
 
 #include "avatar/maps/template_maps.h"
 #include "avatar/nets/reference_renderer.h"
+#include "avatar/run/pack/pack_rows.h"
 #include "avatar/run/pack/template_view.h"
 #include "core/check.h"
 #include "core/error.h"
@@ -84,13 +85,6 @@ at::Tensor ToSize(const at::Tensor& rgba, int64_t size) {
   return at::_upsample_bicubic2d_aa(rgba, {size, size}, /*align_corners=*/false).clamp(0, 1);
 }
 
-Image ToImage(const at::Tensor& rgba) {
-  const at::Tensor hwc = (rgba * 255).round().clamp(0, 255).to(at::kByte).permute({1, 2, 0}).contiguous();
-  Image image(static_cast<int>(hwc.size(1)), static_cast<int>(hwc.size(0)), 4);
-  std::copy_n(hwc.data_ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
-  return image;
-}
-
 /// The latest images of a view, newest first; undefined before the first.
 at::Tensor WithPast(const at::Tensor& image, const at::Tensor& past) {
   const at::Tensor older =
@@ -132,7 +126,7 @@ void RenderImages(AvatarModel& model, const RunConfig& config, const RenderPlan&
     const at::Tensor rgba = ToSize(at::cat({r.image, CleanAlpha(r.mask_prob).unsqueeze(1)}, 1), sizes.out_px);
     for (size_t i = begin; i < end; ++i) {
       const RenderJob& job = plan.jobs[i];
-      const Image crop = ToImage(rgba[static_cast<int64_t>(i - begin)]);
+      const Image crop = ImageOfBytes((rgba[static_cast<int64_t>(i - begin)] * 255).round().clamp(0, 255).to(at::kByte));
       on_image(job, options.frame == RenderFrame::kCrop
                         ? crop
                         : dataset::Resample(crop, dataset::ResizedCrop(job.crop, sizes.out_px), job.camera));
