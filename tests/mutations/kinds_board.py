@@ -5,7 +5,7 @@ import numpy as np
 import studio
 from kinds_time import of_camera, replaced, someone
 from recording import Recording, make, make_scene, observe
-from registry import kind
+from registry import kind, kinds
 
 BOARD = [r"number of corners", r"corners, the board", r"\bboard'?s? (size|description|number)", r"--board", r"numbering", r"described", r"columns",
          r"not on the board"]
@@ -231,22 +231,11 @@ def with_outliers(rng, share):
     return rec
 
 
-@kind("corners", OUTLIERS)
-def outliers_1(rng):
-    """One corner in a hundred is somewhere else."""
-    return with_outliers(rng, 0.01)
-
-
-@kind("corners", OUTLIERS)
-def outliers_5(rng):
-    """One in twenty."""
-    return with_outliers(rng, 0.05)
-
-
-@kind("corners", OUTLIERS)
-def outliers_20(rng):
-    """One in five."""
-    return with_outliers(rng, 0.2)
+kinds("corners", OUTLIERS, {
+    "outliers_1": ("One corner in a hundred is somewhere else.", lambda rng: with_outliers(rng, 0.01)),
+    "outliers_5": ("One in twenty.", lambda rng: with_outliers(rng, 0.05)),
+    "outliers_20": ("One in five.", lambda rng: with_outliers(rng, 0.2)),
+})
 
 
 @kind("corners", OUTLIERS + [r"another board", r"found wrongly"])

@@ -8,7 +8,7 @@ import rigid
 import studio
 from lens import Lens
 from recording import Recording, altered, calibration_text, make_scene, observe
-from registry import kind
+from registry import kind, kinds
 
 MOVED = [r"CAL-MOVED", r"\bmoved between\b"]
 
@@ -49,40 +49,16 @@ def kicked(rng, degrees, shift_m=0.0, **options):
     return changed_from(rng, scene, change)
 
 
-@kind("camera moves", MOVED)
-def kicked_02deg(rng):
-    """A camera turns by 0.2 degrees, once."""
-    return kicked(rng, 0.2)
-
-
-@kind("camera moves", MOVED)
-def kicked_05deg(rng):
-    """By 0.5 degrees."""
-    return kicked(rng, 0.5)
-
-
-@kind("camera moves", MOVED)
-def kicked_2deg(rng):
-    """By 2 degrees."""
-    return kicked(rng, 2)
-
-
-@kind("camera moves", MOVED)
-def kicked_10deg(rng):
-    """By 10 degrees."""
-    return kicked(rng, 10)
-
-
-@kind("camera moves", MOVED)
-def kicked_video(rng):
-    """By 0.3 to 5 degrees while a board is carried about."""
-    return kicked(rng, math.exp(rng.uniform(math.log(0.3), math.log(5))), video=True, frames=49)
-
-
-@kind("camera moves", MOVED)
-def kicked_aside(rng):
-    """A camera is shifted by 0.5 to 10 cm."""
-    return kicked(rng, 0, math.exp(rng.uniform(math.log(0.005), math.log(0.1))))
+kinds("camera moves", MOVED, {
+    "kicked_02deg": ("A camera turns by 0.2 degrees, once.", lambda rng: kicked(rng, 0.2)),
+    "kicked_05deg": ("By 0.5 degrees.", lambda rng: kicked(rng, 0.5)),
+    "kicked_2deg": ("By 2 degrees.", lambda rng: kicked(rng, 2)),
+    "kicked_10deg": ("By 10 degrees.", lambda rng: kicked(rng, 10)),
+    "kicked_video": ("By 0.3 to 5 degrees while a board is carried about.",
+        lambda rng: kicked(rng, math.exp(rng.uniform(math.log(0.3), math.log(5))), video=True, frames=49)),
+    "kicked_aside": ("A camera is shifted by 0.5 to 10 cm.",
+        lambda rng: kicked(rng, 0, math.exp(rng.uniform(math.log(0.005), math.log(0.1))))),
+})
 
 
 @kind("camera moves", MOVED)
@@ -186,46 +162,17 @@ def turned(camera):
     return altered(camera, cam_from_world=(rotation, -rotation @ camera.centre()))
 
 
-@kind("seeds", SEED_WRONG)
-def seed_k_order(rng):
-    """k's of a camera in the wrong order in the calibration to start from."""
-    return seeded(rng, reordered, [])
-
-
-@kind("seeds", SEED_WRONG)
-def seed_k_order_fixed(rng):
-    """The same, and the lens is not to change."""
-    return seeded(rng, reordered, ["--fix", "lenses:{name}"])
-
-
-@kind("seeds", SEED_WRONG)
-def seed_distorted(rng):
-    """A camera's distortion in the seed is not that of the footage."""
-    return seeded(rng, wrongly_distorted, [])
-
-
-@kind("seeds", SEED_WRONG)
-def seed_distorted_fixed(rng):
-    """The same, and the lens is not to change."""
-    return seeded(rng, wrongly_distorted, ["--fix", "lenses:{name}"])
-
-
-@kind("seeds", SEED_WRONG)
-def seed_turned(rng):
-    """A camera's pose in the seed is off by two degrees."""
-    return seeded(rng, turned, [])
-
-
-@kind("seeds", SEED_WRONG)
-def seed_turned_fixed(rng):
-    """The same, and the poses are not to change."""
-    return seeded(rng, turned, ["--fix", "poses"])
-
-
-@kind("seeds", SEED_WRONG)
-def seed_refocused_fixed(rng):
-    """A camera's focal length in the seed is 3 % too small, and the lens is not to change."""
-    return seeded(rng, refocused_since, ["--fix", "lenses:{name}"])
+kinds("seeds", SEED_WRONG, {
+    "seed_k_order": ("k's of a camera in the wrong order in the calibration to start from.", lambda rng: seeded(rng, reordered, [])),
+    "seed_k_order_fixed": ("The same, and the lens is not to change.", lambda rng: seeded(rng, reordered, ["--fix", "lenses:{name}"])),
+    "seed_distorted": ("A camera's distortion in the seed is not that of the footage.", lambda rng: seeded(rng, wrongly_distorted, [])),
+    "seed_distorted_fixed": ("The same, and the lens is not to change.",
+        lambda rng: seeded(rng, wrongly_distorted, ["--fix", "lenses:{name}"])),
+    "seed_turned": ("A camera's pose in the seed is off by two degrees.", lambda rng: seeded(rng, turned, [])),
+    "seed_turned_fixed": ("The same, and the poses are not to change.", lambda rng: seeded(rng, turned, ["--fix", "poses"])),
+    "seed_refocused_fixed": ("A camera's focal length in the seed is 3 % too small, and the lens is not to change.",
+        lambda rng: seeded(rng, refocused_since, ["--fix", "lenses:{name}"])),
+})
 
 
 @kind("seeds", SEED_WRONG + [r"\bunit", r"CAL-LENGTHS", r"CAL-SCALE", r"times"], simpler=())

@@ -5,39 +5,19 @@ import numpy as np
 import rigid
 import studio
 from recording import Recording, altered, calibration_text, make, make_scene, observe
-from registry import WIDE, kind
+from registry import WIDE, kind, kinds
 
 CLEAN = dict(clean=True, statistics=True)
 
 
-@kind("clean", **CLEAN)
-def clean_four(rng):
-    """Four cameras, stills of a board."""
-    return make(rng, count=4)
-
-
-@kind("clean", **CLEAN)
-def clean_ten(rng):
-    """Ten cameras."""
-    return make(rng, count=10, frames=40)
-
-
-@kind("clean", **CLEAN)
-def clean_ring(rng):
-    """Six cameras all around; neighbours alone see the board together."""
-    return make(rng, count=6, layout="ring", frames=60)
-
-
-@kind("clean", **CLEAN)
-def clean_stereo(rng):
-    """Two cameras."""
-    return make(rng, count=2, layout="wall", frames=40)
-
-
-@kind("clean", **CLEAN)
-def clean_wide(rng):
-    """Perspective lenses of 95 to 110 degrees."""
-    return make(rng, hfov=(95, 110))
+kinds("clean", (), {
+    "clean_four": ("Four cameras, stills of a board.", lambda rng: make(rng, count=4)),
+    "clean_ten": ("Ten cameras.", lambda rng: make(rng, count=10, frames=40)),
+    "clean_ring": ("Six cameras all around; neighbours alone see the board together.",
+        lambda rng: make(rng, count=6, layout="ring", frames=60)),
+    "clean_stereo": ("Two cameras.", lambda rng: make(rng, count=2, layout="wall", frames=40)),
+    "clean_wide": ("Perspective lenses of 95 to 110 degrees.", lambda rng: make(rng, hfov=(95, 110))),
+}, **CLEAN)
 
 
 @kind("clean", simpler=WIDE, **CLEAN)
@@ -46,22 +26,12 @@ def clean_fisheye(rng):
     return make(rng, lens="fisheye", hfov=(140, 190), layout="arc", frames=45)
 
 
-@kind("clean", **CLEAN)
-def clean_mixed_sizes(rng):
-    """4K beside VGA and HD, each with its own lens."""
-    return make(rng, count=5, sizes=[studio.UHD, studio.VGA, (1280, 720)])
-
-
-@kind("clean", **CLEAN)
-def clean_few_boards(rng):
-    """Twenty boards; every camera sees ten or more."""
-    return make(rng, frames=20, count=4, least=10)
-
-
-@kind("clean", **CLEAN)
-def clean_video(rng):
-    """A board that is carried about, filmed as a video."""
-    return make(rng, video=True, frames=49)
+kinds("clean", (), {
+    "clean_mixed_sizes": ("4K beside VGA and HD, each with its own lens.",
+        lambda rng: make(rng, count=5, sizes=[studio.UHD, studio.VGA, (1280, 720)])),
+    "clean_few_boards": ("Twenty boards; every camera sees ten or more.", lambda rng: make(rng, frames=20, count=4, least=10)),
+    "clean_video": ("A board that is carried about, filmed as a video.", lambda rng: make(rng, video=True, frames=49)),
+}, **CLEAN)
 
 
 @kind("clean", **CLEAN)

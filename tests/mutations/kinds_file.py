@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from recording import Recording, make
-from registry import kind
+from registry import kind, kinds
 
 LINE = [r"line \d+"]
 
@@ -31,28 +31,12 @@ def second_number(value):
     return lambda line: re.sub(r"^(\S+\s)\S+", rf"\g<1>{value}", line)
 
 
-@kind("file", LINE, simpler=())
-def file_nan(rng):
-    """One corner is `nan`."""
-    return edited(rng, at_random_row(rng, second_number("nan")))
-
-
-@kind("file", LINE, simpler=())
-def file_inf(rng):
-    """One corner is `inf`."""
-    return edited(rng, at_random_row(rng, second_number("-inf")))
-
-
-@kind("file", LINE, simpler=())
-def file_huge(rng):
-    """One corner is 1e300."""
-    return edited(rng, at_random_row(rng, second_number("1e300")))
-
-
-@kind("file", LINE, simpler=())
-def file_text(rng):
-    """One corner is a word."""
-    return edited(rng, at_random_row(rng, second_number("N/A")))
+kinds("file", LINE, {
+    "file_nan": ("One corner is `nan`.", lambda rng: edited(rng, at_random_row(rng, second_number("nan")))),
+    "file_inf": ("One corner is `inf`.", lambda rng: edited(rng, at_random_row(rng, second_number("-inf")))),
+    "file_huge": ("One corner is 1e300.", lambda rng: edited(rng, at_random_row(rng, second_number("1e300")))),
+    "file_text": ("One corner is a word.", lambda rng: edited(rng, at_random_row(rng, second_number("N/A")))),
+}, simpler=())
 
 
 @kind("file", clean=True)

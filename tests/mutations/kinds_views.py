@@ -1,5 +1,6 @@
 """Too few boards, too much alike, or not linked."""
 
+import functools
 import math
 
 import numpy as np
@@ -8,23 +9,15 @@ import rigid
 import studio
 from kinds_time import of_camera
 from recording import Recording, make, make_scene, observe, without
-from registry import kind
+from registry import kind, kinds
 
 FEW = [r"CAL-FEWVIEWS", r"CAL-NOHOLDOUT", r"CAL-ASSUMED", r"CAL-UNCERTAIN", r"CAL-FOCAL", r"CAL-VOLUME", r"boards only", r"only \d+ boards",
        r"too few", r"\d+ boards? do(es)? not", r"more boards", r"boards do not determine", r"never sees? the board", r"share no board"]
 LINK = [r"share no board", r"groups", r"\blink"]
 
 
-def register_few(boards):
-    def few_boards(rng):
-        return make(rng, frames=boards, count=4)
-    few_boards.__name__ = f"few_{boards:02d}"
-    few_boards.__doc__ = f"{boards} boards."
-    kind("few boards", FEW)(few_boards)
-
-
-for number in (3, 4, 6, 8, 10, 12, 14):
-    register_few(number)
+kinds("few boards", FEW, {f"few_{boards:02d}": (f"{boards} boards.", functools.partial(make, frames=boards, count=4))
+                           for boards in (3, 4, 6, 8, 10, 12, 14)})
 
 
 @kind("few boards", FEW + [r"tilt", r"parallel"])
@@ -73,28 +66,16 @@ def held(rng, places, each, noise=0.0, **options):
     return Recording(scene, observe(rng, scene, shared_noise=lambda c, i: common[c, i // each]))
 
 
-@kind("held still", clean=True, statistics=True)
-def held_still(rng):
-    """The board is held still in 16 to 24 places, for 4 frames in each."""
-    return held(rng, int(rng.integers(14, 19)), 4)
-
-
-@kind("held still", clean=True, statistics=True)
-def held_still_alike(rng):
-    """The same; most of a corner's error is the same in all pictures of a place."""
-    return held(rng, int(rng.integers(14, 19)), 4, noise=0.4, sigma=0.1)
-
-
-@kind("held still", clean=True, statistics=True)
-def held_still_long(rng):
-    """In 12 places, for 10 frames in each, with equal errors."""
-    return held(rng, 12, 8, noise=0.3, sigma=0.15, count=4)
-
-
-@kind("held still", clean=True, statistics=True)
-def held_still_frozen(rng):
-    """The pictures of a place are the same picture: their errors are equal."""
-    return held(rng, int(rng.integers(14, 19)), 4, noise=0.3, sigma=1e-4)
+kinds("held still", (), {
+    "held_still": ("The board is held still in 16 to 24 places, for 4 frames in each.",
+        lambda rng: held(rng, int(rng.integers(14, 19)), 4)),
+    "held_still_alike": ("The same; most of a corner's error is the same in all pictures of a place.",
+        lambda rng: held(rng, int(rng.integers(14, 19)), 4, noise=0.4, sigma=0.1)),
+    "held_still_long": ("In 12 places, for 10 frames in each, with equal errors.",
+        lambda rng: held(rng, 12, 8, noise=0.3, sigma=0.15, count=4)),
+    "held_still_frozen": ("The pictures of a place are the same picture: their errors are equal.",
+        lambda rng: held(rng, int(rng.integers(14, 19)), 4, noise=0.3, sigma=1e-4)),
+}, clean=True, statistics=True)
 
 
 # ---- links -----------------------------------------------------------------------------------------------------------------------

@@ -28,9 +28,15 @@ WIDE = ("ucm", "kannala4", "eucm")
 def kind(group, names=(), **options):
     """Registers a function rng -> Recording under its own name; its doc string says what is wrong."""
     def register(make):
-        KINDS[make.__name__] = Kind(make.__name__, group, make, list(names), note=(make.__doc__ or "").strip(), **options)
+        kinds(group, names, {make.__name__: ((make.__doc__ or "").strip(), make)}, **options)
         return make
     return register
+
+
+def kinds(group, names, made, **options):
+    """Registers several: name -> (what is wrong, rng -> Recording)."""
+    for name, (note, make) in made.items():
+        KINDS[name] = Kind(name, group, make, list(names), note=note, **options)
 
 
 def load():
