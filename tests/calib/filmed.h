@@ -40,4 +40,12 @@ inline Scene Film(const std::vector<double>& late, int num_frames, double noise_
   return scene;
 }
 
+/// Options that look for clocks that run differently.
+inline CalibrateOptions WithClocks() {
+  CalibrateOptions options = PlainOptions();
+  options.model = geometry::LensModel::kBrown4;
+  options.time_offset = TimeOffsetChoice::kAuto;
+  return options;
+}
+
 }  // namespace mvstudio::calib::testing

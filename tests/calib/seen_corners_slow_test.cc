@@ -29,33 +29,26 @@ void ExpectAgreement(const CalibrateInput& input, const CalibrateOptions& option
   EXPECT_NE(check.verdict.outcome(), Outcome::kFail) << what << ": " << check.verdict.reasons[0].text;
 }
 
-CalibrateOptions Given() {
-  CalibrateOptions options = testing::PlainOptions();
-  options.model = geometry::LensModel::kBrown4;
-  options.time_offset = TimeOffsetChoice::kAuto;
-  return options;
-}
-
 TEST(SeenCornersSlow, TwoCamerasOneUpsideDown) {
   for (uint64_t seed = 1; seed <= 8; ++seed) {
     testing::SceneOptions scene;
     scene.num_frames = 25, scene.noise_px = 0.1, scene.seed = seed;
     CalibrateInput input = testing::ToInput(testing::MakeScene(scene));
     for (Detection& d : input.detections) d.camera_idx == 1 ? Turn(&d) : void();
-    ExpectAgreement(input, Given(), "seed " + std::to_string(seed));
+    ExpectAgreement(input, WithClocks(), "seed " + std::to_string(seed));
   }
 }
 
 TEST(SeenCornersSlow, ALateCamera) {
   for (const double late : {0.18, 0.27, 0.36, 0.45, -0.3})
-    ExpectAgreement(testing::ToInput(testing::Film({0, late, 0}, 60, 0.2)), Given(), std::to_string(late));
+    ExpectAgreement(testing::ToInput(testing::Film({0, late, 0}, 60, 0.2)), WithClocks(), std::to_string(late));
 }
 
 TEST(SeenCornersSlow, FramesThatAreNumberedOtherwise) {
   for (const int64_t shift : {-41, -7, 1, 12, 41}) {
     CalibrateInput input = testing::ToInput(testing::Film({0, 0, 0}, 100, 0.2));
     for (Detection& d : input.detections) d.frame_idx += d.camera_idx == 2 ? shift : 0;
-    ExpectAgreement(input, Given(), std::to_string(shift) + " frames");
+    ExpectAgreement(input, WithClocks(), std::to_string(shift) + " frames");
   }
 }
 
@@ -63,7 +56,7 @@ TEST(SeenCornersSlow, ACameraThatMissesFrames) {
   CalibrateInput input = testing::ToInput(testing::Film({0, 0.3, 0}, 60, 0.2));
   const auto lost = [](const Detection& d) { return d.camera_idx == 1 && d.frame_idx % 5 == 0; };
   input.detections.erase(std::remove_if(input.detections.begin(), input.detections.end(), lost), input.detections.end());
-  ExpectAgreement(input, Given(), "every fifth image lost");
+  ExpectAgreement(input, WithClocks(), "every fifth image lost");
 }
 
 /// Corner files as users gave them.

@@ -70,13 +70,6 @@ TEST(AtFrameTimes, LeavesWhatNoNeighbourMovesAndCamerasInTime) {
   for (const Detection& d : in_time.detections) EXPECT_EQ(d.points_px(0, 0), x(static_cast<double>(d.frame_idx)));
 }
 
-CalibrateOptions Given() {
-  CalibrateOptions options = testing::PlainOptions();
-  options.model = geometry::LensModel::kBrown4;
-  options.time_offset = TimeOffsetChoice::kAuto;
-  return options;
-}
-
 std::string Words(const RigCheck& check) {
   std::string text = check.message;
   for (const auto& reason : check.verdict.reasons) text += "; " + reason.text;
@@ -119,7 +112,7 @@ TEST(SeenCorners, ACalibrationAgreesWithItsOwnCorners) {
   for (const Case& each : Cases()) {
     CalibrateInput input = testing::ToInput(Film(each.late, 36, 0.2));
     for (Detection& d : input.detections) each.change(&d);
-    const CalibrateReport report = Calibrate(input, Given(), {});
+    const CalibrateReport report = Calibrate(input, WithClocks(), {});
     ASSERT_EQ(report.status, Status::kOk) << each.what << ": " << report.message;
     EXPECT_LT(report.rms_px, 0.32) << each.what << ": " << report.time_reason;
     EXPECT_TRUE(report.motions.empty()) << each.what;
@@ -131,7 +124,7 @@ TEST(SeenCorners, ACalibrationAgreesWithItsOwnCorners) {
 
 TEST(SeenCorners, CamerasThatTheCalibrationLacksAreLeftOut) {
   const CalibrateInput input = testing::ToInput(Film({0, 0, 0, 0}, 20, 0.2));
-  const CalibrateReport report = Calibrate(InputOf(input, {0, 1, 3}), Given(), {});
+  const CalibrateReport report = Calibrate(InputOf(input, {0, 1, 3}), WithClocks(), {});
   ASSERT_EQ(report.status, Status::kOk) << report.message;
   const RigCheck check = CheckRig(report.rig, input, {}, {});
   ExpectNothingMoved(check, "one left out");
@@ -158,7 +151,7 @@ CalibrateInput Bumped(int64_t first, int64_t last) {
 
 /// A camera in two parts: its own recording by frames, a later one by the last part.
 TEST(SeenCorners, PartsOfASplitCameraAreToldApart) {
-  CalibrateOptions options = Given();
+  CalibrateOptions options = WithClocks();
   options.split_at = {{"cam1", 34, false}};
   const CalibrateInput input = Bumped(0, 100);
   const CalibrateReport report = Calibrate(input, options, {});

@@ -238,6 +238,12 @@ inline CalibrateOptions PlainOptions() {
   return options;
 }
 
+/// Whether the verdict has a reason with this code.
+inline bool HasReason(const CalibrateReport& report, const std::string& code) {
+  const auto& reasons = report.verdict.reasons;
+  return std::any_of(reasons.begin(), reasons.end(), [&](const auto& reason) { return reason.code == code; });
+}
+
 }  // namespace mvstudio::calib::testing
 
 namespace mvstudio::calib {

@@ -9,11 +9,6 @@ const char* const kCommands[] = {"demo",          "synth",        "calibrate",  
                                  "dataset info",  "avatar train", "avatar resume", "avatar eval",   "avatar info",
                                  "metrics",       "report",       "version"};
 
-std::vector<std::string> Words(const std::string& text) {
-  std::istringstream in(text);
-  return {std::istream_iterator<std::string>(in), {}};
-}
-
 bool HasAvatar() { return RunCli({"version", "--json"}).Json()["metrics"]["avatar"] == true; }
 
 TEST(Contract, VersionGivesOneObjectWithEveryKey) {
@@ -34,12 +29,12 @@ TEST(Contract, EveryCommandHasHelp) {
   const bool avatar = HasAvatar();
   for (const std::string command : kCommands) {
     if (!avatar && (command.rfind("avatar", 0) == 0 || command == "demo" || command == "metrics")) continue;
-    std::vector<std::string> words = Words(command);
+    std::vector<std::string> words = WordsOf(command);
     words.push_back("--help");
     const CliRun run = RunCli(words);
     EXPECT_EQ(run.exit, 0) << command;
     EXPECT_THAT(run.out, ::testing::HasSubstr("--help")) << command;
-    EXPECT_THAT(run.out, ::testing::HasSubstr(Words(command).back())) << command;
+    EXPECT_THAT(run.out, ::testing::HasSubstr(WordsOf(command).back())) << command;
   }
 }
 
@@ -61,7 +56,7 @@ TEST(Contract, CommandsWithAnOutputHaveOverwrite) {
   const bool avatar = HasAvatar();
   for (const std::string command : kCommands) {
     if (!avatar && (command.rfind("avatar", 0) == 0 || command == "demo" || command == "metrics")) continue;
-    std::vector<std::string> words = Words(command);
+    std::vector<std::string> words = WordsOf(command);
     words.push_back("--help-all");
     const std::string help = RunCli(words).out;
     if (help.find(" --out ") == std::string::npos || command == "report") continue;
@@ -76,7 +71,7 @@ TEST(Contract, GlobalFlagsMayStandAnywhere) {
 
 TEST(Contract, UnknownFlagsAndCommandsAreUsageErrorsInJsonToo) {
   for (const auto& words :
-       {Words("version --nonsense --json"), Words("nonsense --json"), Words("--json"), Words("calib --json")}) {
+       {WordsOf("version --nonsense --json"), WordsOf("nonsense --json"), WordsOf("--json"), WordsOf("calib --json")}) {
     const CliRun run = RunCli(words);
     EXPECT_EQ(run.exit, 2) << run.err;
     const nlohmann::json json = run.Json();

@@ -45,19 +45,14 @@ std::vector<Section> Sections() {
   return sections;
 }
 
-std::vector<std::string> Words(const std::string& text) {
-  std::istringstream in(text);
-  return {std::istream_iterator<std::string>(in), {}};
-}
-
 CliRun RunWith(const Section& section, const std::vector<std::string>& more) {
-  std::vector<std::string> words = Words(section.command);
+  std::vector<std::string> words = WordsOf(section.command);
   words.insert(words.end(), section.required.begin(), section.required.end());
   words.insert(words.end(), more.begin(), more.end());
   return RunCli(words);
 }
 
-bool Knows(const Section& section) { return RunCli(Words(section.command + " --help")).exit == 0; }
+bool Knows(const Section& section) { return RunCli(WordsOf(section.command + " --help")).exit == 0; }
 
 TEST(EarlyRefusals, ADeviceThatIsNotThere) {
   size_t count = 0;
@@ -90,7 +85,7 @@ TEST(EarlyRefusals, ExamplesCanBeTyped) {
   size_t count = 0;
   for (const Section& section : Sections()) {
     if (!Knows(section)) continue;
-    std::vector<std::string> words = Words(section.example);
+    std::vector<std::string> words = WordsOf(section.example);
     EXPECT_FALSE(words.empty()) << section.command;
     words.push_back("--no-such-flag");  // what the parser says last, when all else is right
     const CliRun run = RunCli(words);

@@ -12,14 +12,9 @@ struct Option {
   std::string command, name, type;
 };
 
-std::vector<std::string> Words(const std::string& text) {
-  std::istringstream in(text);
-  return {std::istream_iterator<std::string>(in), {}};
-}
-
 /// All options of a command; the list of its subcommands where it has some, as `--help-all` would unfold them.
 std::string HelpOf(const std::string& command) {
-  std::vector<std::string> words = Words(command);
+  std::vector<std::string> words = WordsOf(command);
   words.push_back("--help");
   const std::string help = RunCli(words).out;
   if (help.find("Subcommands:") != std::string::npos) return help;
@@ -61,7 +56,7 @@ std::string WrongValue(const std::string& type, size_t number) {
 }
 
 std::string FaultOf(const Option& option, const std::string& value) {
-  std::vector<std::string> words = Words(option.command);
+  std::vector<std::string> words = WordsOf(option.command);
   words.insert(words.end(), {option.name, value});
   const CliRun run = RunCli(words, "timeout 30 ");
   const bool one_line = std::count(run.err.begin(), run.err.end(), '\n') == 1;

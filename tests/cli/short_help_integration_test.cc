@@ -1,8 +1,6 @@
 #include <algorithm>
-#include <iterator>
 #include <map>
 #include <set>
-#include <sstream>
 #include <string>
 #include <vector>
 
@@ -13,11 +11,6 @@ namespace mvstudio::testing {
 namespace {
 
 using Subjects = std::map<std::string, std::set<std::string>>;
-
-std::vector<std::string> Words(const std::string& text) {
-  std::istringstream in(text);
-  return {std::istream_iterator<std::string>(in), {}};
-}
 
 /// The options under each heading of a help text.
 Subjects SubjectsOf(const std::string& help) {
@@ -120,7 +113,7 @@ TEST(ShortHelp, IsAsWideAsTheTerminal) {
     const auto width = std::count_if(line.begin(), line.end(), [](char c) { return static_cast<unsigned char>(c) >> 6 != 2; });
     EXPECT_TRUE(width <= 80 || one_word || line.rfind("Example: ", 0) == 0) << line;
   }
-  EXPECT_EQ(Words(narrow), Words(whole)) << "the same words";
+  EXPECT_EQ(WordsOf(narrow), WordsOf(whole)) << "the same words";
   EXPECT_NE(narrow, whole);
 }
 

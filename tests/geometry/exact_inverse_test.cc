@@ -12,12 +12,6 @@ namespace {
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-std::vector<Camera> AllLenses() {
-  std::vector<Camera> lenses = testing::OrdinaryLenses();
-  for (const Camera& camera : testing::ExtremeLenses()) lenses.push_back(camera);
-  return lenses;
-}
-
 std::vector<Camera> WithFocal(std::vector<Camera> lenses, double focal) {
   for (Camera& camera : lenses) {
     camera.params.head<2>() << focal, 1.002 * focal;

@@ -10,12 +10,6 @@
 namespace mvstudio::geometry {
 namespace {
 
-std::vector<Camera> AllLenses() {
-  std::vector<Camera> lenses = testing::OrdinaryLenses();
-  for (const Camera& camera : testing::ExtremeLenses()) lenses.push_back(camera);
-  return lenses;
-}
-
 TEST(ProjectLens, AgreesWithTheProjector) {
   Rng rng(11);
   for (const Camera& camera : AllLenses()) {

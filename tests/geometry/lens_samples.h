@@ -110,6 +110,12 @@ inline double Reach(const Camera& camera) {
   return std::min(0.9 * ValidRadius(camera), !IsWide(camera.model) ? 0.8 : IsRadial(camera) ? 2.5 : 0.9);
 }
 
+inline std::vector<Camera> AllLenses() {
+  std::vector<Camera> lenses = OrdinaryLenses();
+  for (const Camera& camera : ExtremeLenses()) lenses.push_back(camera);
+  return lenses;
+}
+
 }  // namespace mvstudio::geometry::testing
 
 namespace mvstudio::geometry {
