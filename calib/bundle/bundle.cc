@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <optional>
-#include <utility>
 
 #include "calib/bundle/camera_noise.h"
 #include "calib/bundle/rig_problem.h"

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdio>
 #include <mutex>
-#include <optional>
 #include <set>
 
 #include "calib/bundle/mrcal_problem.h"

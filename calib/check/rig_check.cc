@@ -11,7 +11,6 @@
 
 #include "calib/check/check_steps.h"
 #include "calib/check/pose_problem.h"
-#include "core/check.h"
 #include "core/error.h"
 #include "core/join.h"
 #include "core/statistics.h"

@@ -4,7 +4,6 @@
 
 #include "stages/input/calib_read.h"
 #include "stages/input/pose_input.h"
-#include "stages/input/session_input.h"
 
 namespace CLI {
 class App;

@@ -1,7 +1,6 @@
 #include "dataset/import/panoptic_import.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <mutex>
 

@@ -7,12 +7,10 @@
 #include <filesystem>
 #include <sstream>
 
-#include "avatar/maps/bones.h"
 #include "avatar/maps/camera_tensor.h"
 #include "avatar/run/evaluate/evaluation_protocol.h"
 #include "avatar/run/evaluate/strips.h"
 #include "avatar/run/pack/pack_rows.h"
-#include "avatar/run/references/reference_views.h"
 #include "avatar/splats/files/player_file.h"
 #include "core/disk/files.h"
 #include "core/disk/manifest.h"

@@ -7,6 +7,7 @@
 #include "avatar/run/surface/trained_net.h"
 #include "avatar/train/adam.h"
 #include "tests/body/swelling_take.h"
+#include "tests/support/one_thread.h"
 #include "tests/support/test.h"
 
 /// The network of a surface that moves with the pose, and its training.

@@ -5,6 +5,7 @@
 #include "core/error.h"
 #include "tests/body/swelling_take.h"
 #include "tests/support/message_of.h"
+#include "tests/support/one_thread.h"
 #include "tests/support/test.h"
 
 /// A surface that moves with the pose beyond skinning.

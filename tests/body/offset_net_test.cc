@@ -10,6 +10,7 @@
 #include "dataset/arrays/npz.h"
 #include "tests/body/swelling_take.h"
 #include "tests/support/message_of.h"
+#include "tests/support/one_thread.h"
 #include "tests/support/test.h"
 
 /// Offsets of a network, and their file.

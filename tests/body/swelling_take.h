@@ -6,7 +6,6 @@
 
 #include "avatar/body/dynamic/take_outlines.h"
 #include "tests/body/fit_studio.h"
-#include "tests/support/one_thread.h"
 
 namespace mvstudio::body::testing {
 

@@ -1,5 +1,4 @@
 #include <filesystem>
-#include <fstream>
 
 #include "core/error.h"
 #include "dataset/trackers/project_world.h"

@@ -11,7 +11,6 @@
 #include "avatar/run/pack/pack_rows.h"
 #include "avatar/splats/render.h"
 #include "core/check.h"
-#include "core/format.h"
 #include "core/statistics.h"
 
 namespace mvstudio::avatar {

@@ -1,7 +1,5 @@
 #include <algorithm>
-#include <filesystem>
 
-#include "core/disk/files.h"
 #include "dataset/detect/tfjs/json_parse.h"
 #include "dataset/detect/tfjs/parsed_graph.h"
 #include "dataset/detect/tfjs/weights.h"
