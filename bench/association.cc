@@ -1,7 +1,7 @@
-#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 
+#include "core/stopwatch.h"
 #include "tests/triangulate/people.h"
 #include "triangulate/people/sides.h"
 
@@ -52,9 +52,9 @@ void Run(const Scene& scene, int num_frames) {
   double seconds = 0;
   for (int f = 0; f < num_frames; ++f) {
     const SeenPeople seen = Detect(rig, PeopleOf(scene, &rng), f, scene.detector, &rng);
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     const auto clusters = AssociateFrame(prepared, seen.frame, {});
-    seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    seconds += watch.Seconds();
     Score(seen, clusters, scene.num_people, &score);
   }
   std::printf("%-34s precision %.4f  recall %.4f  whole people %.4f  %7.3f ms/frame\n", scene.name, score.Precision(),
@@ -74,9 +74,9 @@ void RunSides(int num_cameras, int num_frames) {
   }
   RunContext one;
   one.num_threads = 1;
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   FixSides(Prepare(rig), assignment, {WalkerMirror()}, {}, one, &frames);
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const double seconds = watch.Seconds();
   std::printf("left and right of one person, %d cameras: %.3f ms/frame\n", num_cameras, 1e3 * seconds / num_frames);
 }
 

@@ -7,7 +7,6 @@
 
 #include <sys/resource.h>
 
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -17,6 +16,7 @@
 #include "bench/triangulation.h"
 #include "core/parallel.h"
 #include "core/random.h"
+#include "core/stopwatch.h"
 #include "triangulate/point/point.h"
 #include "triangulate/skeleton/refine.h"
 
@@ -90,10 +90,10 @@ Row Measure(const geometry::Rig& rig, const geometry::Skeleton& skeleton, int fr
   RunContext run;
   run.num_threads = threads;
   const auto solve = [&prepared](const std::vector<Observation>& seen) { return TriangulatePoint(prepared, seen); };
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   const auto refined = RefineSkeleton(prepared, take, skeleton.bones, solve, options, run);
   Row row;
-  row.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  row.wall_s = watch.Seconds();
   row.frames = frames, row.limb_std_mm = refined.report.limb_std_after_mm;
   row.terms = std::string(terms & 1 ? "robust " : "") + (terms & 2 ? "smoothness " : "") + (terms & 4 ? "bone-lengths " : "");
   rusage usage{};

@@ -2,7 +2,6 @@
 //
 // Usage: bench_splats [SECONDS_EACH]. Prints a table.
 
-#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -13,23 +12,22 @@
 #include "avatar/splats/train/adam.h"
 #include "avatar/splats/train/initial.h"
 #include "avatar/splats/train/train_step.h"
+#include "core/stopwatch.h"
 
 namespace mvstudio {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 /// Calls a second, over at least `seconds`.
 template <class Work>
 double Rate(double seconds, const Work& work) {
   work();
-  const Clock::time_point begin = Clock::now();
+  const Stopwatch watch;
   int64_t calls = 0;
   double passed = 0;
   while (passed < seconds) {
     work();
     ++calls;
-    passed = std::chrono::duration<double>(Clock::now() - begin).count();
+    passed = watch.Seconds();
   }
   return static_cast<double>(calls) / passed;
 }

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <chrono>
 #include <mutex>
 #include <regex>
 #include <set>
@@ -10,6 +9,7 @@
 #include "core/disk/replace.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "core/stopwatch.h"
 #include "core/text/short_numbers.h"
 #include "python/bindings.h"
 #include "python/run.h"
@@ -129,10 +129,10 @@ std::string RunStage(const std::string& name, const py::dict& arguments, bool ov
     SetWriterName(stage.command, MVSTUDIO_VERSION);
     const OutputLockScope until_done;
     const ReplaceScope replacing(overwrite);
-    const auto begin = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     try {
       stages::CommandResult result = work(run);
-      KeepResult(stage, argv, std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count(), &result);
+      KeepResult(stage, argv, watch.Seconds(), &result);
       json = JsonOf(result);
     } catch (...) {
       SetWriterName(before.first, before.second);

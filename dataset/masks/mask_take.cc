@@ -1,13 +1,13 @@
 #include "dataset/masks/mask_take.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "core/check.h"
 #include "core/error.h"
+#include "core/stopwatch.h"
 #include "dataset/footage/frames.h"
 #include "dataset/masks/patch.h"
 
@@ -176,7 +176,7 @@ int64_t TakeSegmenter::Segment(int64_t first, int64_t end, const std::function<v
     const int number = MaskFrameNumber(*frame);
     if (tools_.only && tools_.only->count(number) == 0) continue;
     Image rgb = source_->FullImage();
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     MaskHints hints;
     hints.body = tools_.bodies->At(number);
     const Image probability = tools_.net ? tools_.net(rgb, hints.body) : Image();
@@ -185,7 +185,7 @@ int64_t TakeSegmenter::Segment(int64_t first, int64_t end, const std::function<v
     if (!room.empty()) hints.possible = &room;
     if (!previous_rgb.empty()) hints.previous_rgb = &previous_rgb, hints.previous_mask = &previous_mask;
     BodyMask mask = SegmentPeople(rgb, hints, *tools_.model, *tools_.options);
-    take->seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    take->seconds += watch.Seconds();
     if (!previous_rgb.empty()) take->flicker.Add(previous_rgb, previous_mask, rgb, mask.mask);
     use(number, rgb, mask);
     CountMask(mask, take);

@@ -1,7 +1,6 @@
 #include "dataset/pack/build.h"
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <memory>
 
@@ -13,6 +12,7 @@
 #include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 #include "dataset/pack/make_shard.h"
 #include "dataset/pack/pack_json.h"
 #include "dataset/pack/shard.h"
@@ -22,11 +22,8 @@ namespace fs = std::filesystem;
 namespace {
 
 using namespace internal;  // NOLINT: the helpers of this module
-using Clock = std::chrono::steady_clock;
 
 constexpr uint64_t kMaxSingleBytes = uint64_t{8} << 30;
-
-double SecondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
 
 std::vector<PackUndistortion> StateUndistortion(const PackPlan& plan) {
   std::vector<PackUndistortion> list;
@@ -92,15 +89,15 @@ void RequireSame(const std::string& path, const FileImage& image, const Shard& s
 }
 
 DoneMarker WriteShard(const std::string& path, const Shard& shard, PackTimes* times) {
-  const auto start = Clock::now();
+  const Stopwatch watch;
   const FileImage image = ShardToHdf5(shard, path);
   double verify_s = 0;
   WriteFileAtomic(path, [&](const std::string& temporary) {
     WriteFile(temporary, image.view());
     FlushToDisk(temporary);
-    const auto verify_start = Clock::now();
+    const Stopwatch verifying;
     RequireSame(temporary, image, shard);
-    verify_s = SecondsSince(verify_start);
+    verify_s = verifying.Seconds();
   });
   DoneMarker done;
   done.file = fs::path(path).filename().string();
@@ -111,7 +108,7 @@ DoneMarker WriteShard(const std::string& path, const Shard& shard, PackTimes* ti
   done.plan_sha256 = Sha256Hex(shard.plan.data(), shard.plan.size());
   done.samples = static_cast<int64_t>(shard.size());
   times->verify_s += verify_s;
-  times->write_s += SecondsSince(start) - verify_s;
+  times->write_s += watch.Seconds() - verify_s;
   return done;
 }
 
@@ -252,7 +249,7 @@ PackBuildReport BuildPack(const std::string& dataset_root, const std::string& ou
     throw UsageError("option 'shard' " + std::to_string(share.index) + "/" + std::to_string(share.count) +
                      ": use K/N with 0 <= K < N");
   }
-  const auto start = Clock::now();
+  const Stopwatch watch;
   PackPlan plan = MakePackPlan(dataset_root, options, run);
   RequireFolderFor(plan, out);
   Builder builder(std::move(plan), out, run);
@@ -262,12 +259,12 @@ PackBuildReport BuildPack(const std::string& dataset_root, const std::string& ou
     WriteIndex(out, AllDone(out));
     report.complete = true;
   }
-  report.times.wall_s = SecondsSince(start);
+  report.times.wall_s = watch.Seconds();
   return report;
 }
 
 PackBuildReport MergePack(const std::string& out, const RunContext& run) {
-  const auto start = Clock::now();
+  const Stopwatch watch;
   RequireFolder(out);
   const std::vector<DoneMarker> shards = AllDone(out);
   RequireDigests(out, shards, run);
@@ -280,7 +277,7 @@ PackBuildReport MergePack(const std::string& out, const RunContext& run) {
     report.skipped.insert(report.skipped.end(), done.skipped.begin(), done.skipped.end());
   }
   report.complete = true;
-  report.times.wall_s = SecondsSince(start);
+  report.times.wall_s = watch.Seconds();
   return report;
 }
 

@@ -1,12 +1,12 @@
 #include "dataset/pack/make_shard.h"
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 
 #include "core/error.h"
 #include "core/hash/sha256.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/pack/image_codec.h"
 
@@ -16,16 +16,16 @@ namespace {
 namespace fs = std::filesystem;
 
 /// Adds the seconds of its life to a sum.
-class Stopwatch {
+class AddedTime {
  public:
-  explicit Stopwatch(double* sum_s) : sum_s_(sum_s) {}
-  ~Stopwatch() { *sum_s_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-  Stopwatch(const Stopwatch&) = delete;
-  Stopwatch& operator=(const Stopwatch&) = delete;
+  explicit AddedTime(double* sum_s) : sum_s_(sum_s) {}
+  ~AddedTime() { *sum_s_ += watch_.Seconds(); }
+  AddedTime(const AddedTime&) = delete;
+  AddedTime& operator=(const AddedTime&) = delete;
 
  private:
   double* sum_s_;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  Stopwatch watch_;
 };
 
 struct InputFiles {
@@ -105,33 +105,33 @@ EncodedImage Encode(const PackPlan& plan, const ShardTools& tools, const PackIma
   PackTimes& times = encoded.times;
   const geometry::RigCamera& camera = SourceCamera(plan, image);
   {
-    const Stopwatch watch(&times.hash_s);
+    const AddedTime added(&times.hash_s);
     encoded.files = FindInputs(plan, image);
   }
   if (encoded.files.image.empty()) return encoded;
   Images source;
   {
-    const Stopwatch watch(&times.decode_s);
+    const AddedTime added(&times.decode_s);
     const InputFiles& files = encoded.files;
     source.image = Checked(ReadImage(files.image), files.image, camera.camera);
     if (!files.mask.empty()) source.mask = Checked(ReadMask(files.mask, plan.dataset.Masks()), files.mask, camera.camera);
   }
   if (plan.options.match_colours && !plan.colour.cameras.empty()) {
-    const Stopwatch watch(&times.resample_s);
+    const AddedTime added(&times.resample_s);
     ApplyColour(plan.colour.cameras.at(image.camera_idx), plan.colour.space, &source.image);
   }
   for (const PackTarget& target : image.targets) {
     EncodedTarget made;
     Images images;
     {
-      const Stopwatch watch(&times.resample_s);
+      const AddedTime added(&times.resample_s);
       made.view = plan.view != PackView::kCrop
                       ? plan.views[image.camera_idx]
                       : CropCamera(camera, target.extent.middle_in_cam, plan.half_extent_m.at(target.person), plan.options.fill,
                                    plan.options.crop_px);
       images = Resampled(plan, tools, image, made.view, source);
     }
-    const Stopwatch watch(&times.encode_s);
+    const AddedTime added(&times.encode_s);
     made.image = EncodeImage(images.image, plan.options.codec);
     if (!images.mask.empty()) made.mask = EncodeMask(images.mask);
     encoded.targets.push_back(std::move(made));

@@ -1,7 +1,6 @@
 #include "stages/dataset_build/run.h"
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <utility>
 
@@ -11,6 +10,7 @@
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/join.h"
+#include "core/stopwatch.h"
 #include "dataset/build/scene_joints.h"
 #include "dataset/panoptic/panoptic.h"
 #include "dataset/pose/markers.h"
@@ -132,14 +132,14 @@ bool DatasetBuildReport::IsPartial() const {
 }
 
 DatasetBuildReport RunDatasetBuild(DatasetBuildOptions options, const RunContext& run) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch watch;
   DatasetBuildReport report;
   report.inputs = ToBuildInputs(&options, &report.notes);
   report.inputs.kept = KeptPlace(options);
   report.inputs.kept_key = [&] { return KeyOfBuild(options, report.inputs); };
   report.built = dataset::BuildDataset(report.inputs, options.out, options.build, run);
   report.inputs.kept_key = nullptr;
-  report.wall_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.wall_s = watch.Seconds();
   report.calibrated_world = WorldText(dataset::ReadAnyCalibration(report.inputs.calibration));
   report.options = std::move(options);
   return report;

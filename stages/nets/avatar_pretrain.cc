@@ -1,7 +1,6 @@
 #include "stages/nets/avatar_pretrain.h"
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <iterator>
 #include <optional>
@@ -16,6 +15,7 @@
 #include "core/hash/sha256.h"
 #include "core/json_view.h"
 #include "core/quiet_run.h"
+#include "core/stopwatch.h"
 #include "stages/nets/avatar_run.h"
 
 namespace mvstudio::stages {
@@ -24,7 +24,6 @@ namespace {
 namespace fs = std::filesystem;
 using avatar::PoseShare;
 using avatar::PretrainSamples;
-using Clock = std::chrono::steady_clock;
 using Json = nlohmann::ordered_json;
 using JsonView = BasicJsonView<Json>;
 
@@ -163,7 +162,7 @@ class Run {
   }
 
   avatar::Trainer& trainer() { return *trainer_; }
-  double wall_s() const { return earlier_s_ + std::chrono::duration<double>(Clock::now() - start_).count(); }
+  double wall_s() const { return earlier_s_ + watch_.Seconds(); }
 
  private:
   /// To the end of the set that the next step belongs to.
@@ -192,7 +191,7 @@ class Run {
   int64_t set_ = 0;
   std::optional<avatar::Trainer> trainer_;
   double earlier_s_ = 0;
-  Clock::time_point start_ = Clock::now();
+  Stopwatch watch_;
 };
 
 Json ScoresOf(avatar::Trainer& trainer, const PretrainInput& input, const PretrainOptions& options, const RunContext& run) {

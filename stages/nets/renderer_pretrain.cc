@@ -1,7 +1,6 @@
 #include "stages/nets/renderer_pretrain.h"
 
 #include <algorithm>
-#include <chrono>
 #include <iterator>
 #include <optional>
 
@@ -12,6 +11,7 @@
 #include "core/disk/output.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/stopwatch.h"
 #include "stages/nets/avatar_run.h"
 #include "stages/nets/avatar_train_data.h"
 #include "stages/nets/pretrain_input.h"
@@ -19,8 +19,6 @@
 
 namespace mvstudio::stages {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 constexpr std::string_view kUsed[] = {"batch",        "learning-rate",     "texture-learning-rate",
                                       "decay-share",  "clip-norm",         "weight-l1",
@@ -114,7 +112,7 @@ bool IsOfRenderers(std::string_view option) { return std::find(std::begin(kUsed)
 
 CommandResult PretrainRenderer(const RendererPretraining& arguments, const std::string& folder, bool overwrite,
                                const RunContext& run) {
-  const Clock::time_point start = Clock::now();
+  const Stopwatch watch;
   if (arguments.runs.empty()) throw UsageError("give the runs of the people to learn from");
   avatar::Validate(arguments.train);
   avatar::ResolveDevice(arguments.train.device);
@@ -142,7 +140,7 @@ CommandResult PretrainRenderer(const RendererPretraining& arguments, const std::
     return result;
   }
   Save(trainers.back().model(), subjects, files, run.seed);
-  const double wall_s = std::chrono::duration<double>(Clock::now() - start).count();
+  const double wall_s = watch.Seconds();
   result.metrics = {{"people", people},
                     {"steps", steps},
                     {"num_parameters", avatar::NumParameters(subjects.front().model)},

@@ -1,6 +1,5 @@
 #include "avatar/body/fit/fit_body.h"
 
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -9,11 +8,10 @@
 #include "core/choice/heldout_choice.h"
 #include "core/format.h"
 #include "core/statistics.h"
+#include "core/stopwatch.h"
 
 namespace mvstudio::body {
 namespace {
-
-using Clock = std::chrono::steady_clock;
 
 // From stiff and far to soft and near: smoothness of the offsets, reach of the outlines.
 struct Round {
@@ -54,7 +52,6 @@ class Fit {
       : steps_(steps),
         options_(options),
         run_(run),
-        begin_(Clock::now()),
         several_cameras_(SeveralCameras(steps)),
         state_(body, steps, options, run) {}
 
@@ -129,7 +126,7 @@ class Fit {
   Candidate Judge(const std::string& name, const FitState& state) {
     Candidate candidate{name, state, state.Person(), {}, false, 0};
     candidate.loss = OutlineLoss(candidate.person, steps_, run_);
-    const double seconds = std::chrono::duration<double>(Clock::now() - begin_).count();
+    const double seconds = watch_.Seconds();
     out_.stages.push_back({name, 1 - Mean(FiniteValues(candidate.loss)), seconds, false});
     return candidate;
   }
@@ -192,7 +189,7 @@ class Fit {
   const std::vector<FitStep>& steps_;
   BodyFitOptions options_;
   RunContext run_;
-  Clock::time_point begin_;
+  Stopwatch watch_;
   bool several_cameras_;  // one repeats its own errors in its held-out images: then the surface stays stiffer, without
                           // brightness
   FitState state_;

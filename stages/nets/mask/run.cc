@@ -1,21 +1,19 @@
 #include "stages/nets/mask/run.h"
 
 #include <algorithm>
-#include <chrono>
 #include <filesystem>
 #include <utility>
 
 #include "core/disk/files.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "core/stopwatch.h"
 #include "dataset/footage/image_io.h"
 #include "stages/nets/mask/budget.h"
 #include "stages/nets/mask/kept.h"
 
 namespace mvstudio::stages {
 namespace {
-
-using MaskClock = std::chrono::steady_clock;
 
 constexpr int kSheetQuality = 85;  // JPEG; ten times smaller than PNG, and outlines stay sharp to the eye
 
@@ -190,7 +188,7 @@ std::vector<std::string> MaskStageReport::WithoutJoints() const {
 }
 
 MaskStageReport RunMask(MaskStageOptions options, const RunContext& run) {
-  const MaskClock::time_point start = MaskClock::now();
+  const Stopwatch watch;
   const double started_s = options.budget.NowSeconds();
   CheckBudgetForMasks(options.budget);
   MaskStageReport report;
@@ -218,7 +216,7 @@ MaskStageReport RunMask(MaskStageOptions options, const RunContext& run) {
   folder.Commit();
   if (report.budget) ForgetMasks(job, {backend}, "");
   ForgetMasks(job, backends, choice);
-  report.wall_s = std::chrono::duration<double>(MaskClock::now() - start).count();
+  report.wall_s = watch.Seconds();
   return report;
 }
 

@@ -1,7 +1,6 @@
 #include "stages/nets/pose2d/detect.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <mutex>
@@ -10,6 +9,7 @@
 #include "core/disk/manifest.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/stopwatch.h"
 #include "dataset/detect/joints/pose_overlay.h"
 #include "dataset/detect/models/models.h"
 #include "dataset/footage/frames.h"
@@ -51,10 +51,6 @@ std::vector<Person2d> Poses(const std::vector<detect::TrackedPerson>& people) {
   return poses;
 }
 
-double SecondsSince(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
 /// One camera's footage, block after block.
 class CameraBlocks {
  public:
@@ -79,7 +75,7 @@ class CameraBlocks {
  private:
   /// False: there is none, or none that was asked for.
   bool Next(detect::PoseTracker* tracker, int64_t most, const std::function<void()>& on_frame, CameraPoses* camera) {
-    const auto reading = std::chrono::steady_clock::now();
+    const Stopwatch reading;
     std::optional<dataset::FrameSource::Frame> frame = source_->Advance();
     if (!frame || camera->frames >= most) return false;
     const int64_t position = position_++;
@@ -93,16 +89,16 @@ class CameraBlocks {
     }
     if (position < job_.first || position % job_.every != 0 || numbers.empty()) return true;
     const Image rgb = source_->FullImage();
-    camera->read_s += SecondsSince(reading);
+    camera->read_s += reading.Seconds();
     Look(rgb, position, numbers, tracker, camera);
     return true;
   }
 
   void Look(const Image& rgb, int64_t position, const std::vector<int>& numbers, detect::PoseTracker* tracker,
             CameraPoses* camera) const {
-    const auto start = std::chrono::steady_clock::now();
+    const Stopwatch watch;
     const std::vector<Person2d> people = Poses(tracker->Next(rgb));
-    camera->seconds += SecondsSince(start);
+    camera->seconds += watch.Seconds();
     for (const int number : numbers) camera->track.frames[number] = people;
     camera->width = rgb.width, camera->height = rgb.height;
     camera->frames += 1;

@@ -1,6 +1,5 @@
 #include "stages/nets/render/run.h"
 
-#include <chrono>
 #include <filesystem>
 #include <optional>
 #include <set>
@@ -12,6 +11,7 @@
 #include "core/disk/place.h"
 #include "core/error.h"
 #include "core/format.h"
+#include "core/stopwatch.h"
 #include "dataset/footage/image_io.h"
 #include "dataset/footage/video_io.h"
 #include "dataset/panoptic/panoptic.h"
@@ -24,7 +24,6 @@ namespace {
 namespace fs = std::filesystem;
 using avatar::RenderJob;
 using avatar::RenderPlan;
-using Clock = std::chrono::steady_clock;
 
 /// What a run is rendered from.
 std::string ModelPath(const std::string& run_folder) {
@@ -163,14 +162,14 @@ AvatarRenderReport RunAvatarRender(const AvatarRenderOptions& options, const Run
   report.method = model.method, report.trained_size_px = model.size_px, report.checkpoint_step = model.step;
   if (model.network) plan.references = ReadReferences(options.run_folder, config, model.network->options);
   ImageSink sink(options, plan);
-  const Clock::time_point start = Clock::now();
+  const Stopwatch watch;
   const auto add = [&](const RenderJob& job, const Image& image) { sink.Add(job, image); };
   if (model.gaussians) {
     RenderGaussianImages(*model.gaussians, config, plan, render, run, add);
   } else {
     RenderImages(*model.network, config, plan, render, run, add);
   }
-  report.seconds = std::chrono::duration<double>(Clock::now() - start).count();
+  report.seconds = watch.Seconds();
   report.outputs = sink.Finish();
   report.rate_hz = sink.rate_hz();
   if (!render.calib.empty()) AddImplausible(dataset::ReadAnyCalibration(render.calib), &report.notes);
