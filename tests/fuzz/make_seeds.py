@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Writes the valid files that the fuzz targets start from: tests/fuzz/make_seeds.py [FOLDER]. Standard library only.
 
+With --dictionaries FOLDER: writes the tokens of each target's seeds there instead, for scripts/fuzz.
+
 Files called crash-* in the same folders are inputs that once broke a reader; they are kept by hand. The video, a
 file of our own writer, the HDF5 file, made by h5py, and the files of trackers and markers (pandas 1.5.3 with PyTables 3.7.0,
 h5py; the CSV tables hold the same numbers) are kept, too."""
@@ -15,7 +17,8 @@ import tarfile
 import zipfile
 import zlib
 
-ROOT = sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(os.path.abspath(__file__)), "seeds")
+DICTIONARIES = sys.argv[2] if sys.argv[1:2] == ["--dictionaries"] else None
+ROOT = sys.argv[1] if len(sys.argv) == 2 else os.path.join(os.path.dirname(os.path.abspath(__file__)), "seeds")
 CUT = "\n--8<--\n"
 
 
@@ -550,8 +553,7 @@ HOSTILE = ["1e400", "-1e-400", "NaN", "Infinity", "null", "true", "{}", "[]", "\
 
 def write_dictionaries():
     """A token list for each target: the words of its text seeds and some that readers get wrong."""
-    folder = os.path.join(ROOT, "..", "dictionaries")
-    os.makedirs(folder, exist_ok=True)
+    os.makedirs(DICTIONARIES, exist_ok=True)
     for target in sorted(os.listdir(ROOT)):
         words = set()
         for name in sorted(os.listdir(os.path.join(ROOT, target))):
@@ -560,16 +562,17 @@ def write_dictionaries():
             if not name.startswith("crash") and target not in ("picture", "video", "model_archive", "shard_bytes", "npz"):
                 words.update(word.decode() for word in re.findall(rb"[A-Za-z_!%#<][A-Za-z0-9_!:.-]{2,31}", text))
         lines = [json.dumps(word) for word in HOSTILE + sorted(words)[:150]]
-        with open(os.path.join(folder, target + ".dict"), "w", encoding="ascii") as file:
+        with open(os.path.join(DICTIONARIES, target + ".dict"), "w", encoding="ascii") as file:
             file.write("\n".join(lines) + "\n")
 
 
 def main():
+    if DICTIONARIES:
+        return write_dictionaries()
     for seed in [seed_calibration_json, seed_toml, seed_qca, seed_opencv, seed_mrcal, seed_nerfstudio, seed_kalibr, seed_colmap,
                  seed_detect_and_board, seed_corners, seed_pose, seed_panoptic, seed_picture, seed_more, seed_pack, seed_motion, seed_body, seed_skeletons, seed_gaussians,
                  seed_runs, seed_scenes, seed_report, seed_manifest, seed_shard]:
         seed()
-    write_dictionaries()
 
 
 main()
