@@ -6,6 +6,7 @@
 #include "calib/keypoints/moments.h"
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/people/apply_sync.h"
 #include "stages/people/known_lengths.h"
@@ -73,12 +74,23 @@ void CheckFit(const Posed& posed, const RunContext& run, RefineReport* report) {
   report->causes = WhyNoFit(*report, posed, run);
 }
 
-/// The whole rig with the adjusted cameras in their places.
+/// The whole rig with the adjusted cameras in their places; their errors stay correlated.
 geometry::Rig Merge(const geometry::Rig& whole, const std::vector<size_t>& camera_of, const geometry::Rig& adjusted) {
   if (camera_of.size() == whole.cameras.size()) return adjusted;
   geometry::Rig merged = whole;
   merged.joint_covariance.reset(), merged.gauge = adjusted.gauge;
   for (size_t i = 0; i < camera_of.size(); ++i) merged.cameras[camera_of[i]] = adjusted.cameras[i];
+  const geometry::StatedCovariance from = geometry::StatedCovarianceOf(adjusted);
+  geometry::StatedCovariance stated = geometry::StatedCovarianceOf(merged);
+  for (size_t i = 0; i < camera_of.size(); ++i) {
+    for (size_t k = 0; k < camera_of.size(); ++k) {
+      const Eigen::Index rows = from.begin[i + 1] - from.begin[i], cols = from.begin[k + 1] - from.begin[k];
+      stated.joint.block(stated.begin[camera_of[i]], stated.begin[camera_of[k]], rows, cols) =
+          from.joint.block(from.begin[i], from.begin[k], rows, cols);
+    }
+  }
+  stated.correlated = from.correlated;
+  geometry::StoreCovariance(stated, &merged);
   return merged;
 }
 

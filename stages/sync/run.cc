@@ -12,6 +12,7 @@
 #include "dataset/footage/frame_rate.h"
 #include "dataset/footage/frames.h"
 #include "dataset/session/timeline_source.h"
+#include "geometry/rig/rig_covariance.h"
 #include "stages/input/take_frames.h"
 
 namespace mvstudio::stages {
@@ -26,14 +27,12 @@ using FrameOffsets = std::map<std::string, int>;
 
 /// The cameras that have poses; others have no clock to find.
 geometry::Rig FilmedRig(const geometry::Rig& rig, const std::vector<dataset::Pose2dTrack>& tracks) {
-  geometry::Rig filmed;
-  filmed.gauge = rig.gauge;
-  for (const geometry::RigCamera& camera : rig.cameras) {
-    for (const auto& track : tracks) {
-      if (track.camera == camera.camera.name) filmed.cameras.push_back(camera);
-    }
+  std::vector<size_t> filmed;
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const auto of_camera = [&](const auto& track) { return track.camera == rig.cameras[c].camera.name; };
+    if (std::any_of(tracks.begin(), tracks.end(), of_camera)) filmed.push_back(c);
   }
-  return filmed;
+  return geometry::SubsetOf(rig, filmed);
 }
 
 dataset::SyncFile SyncFileOf(const SyncResult& sync, double fps_hz) {
@@ -200,8 +199,8 @@ std::vector<std::string> InputsOfSync(const SyncOptions& options) {
 }  // namespace
 
 int SyncReport::num_ok() const {
-  return static_cast<int>(
-      std::count_if(file.cameras.begin(), file.cameras.end(), [](const auto& camera) { return camera.offset_frames.has_value(); }));
+  return static_cast<int>(std::count_if(file.cameras.begin(), file.cameras.end(),
+                                        [](const auto& camera) { return camera.offset_frames.has_value(); }));
 }
 
 bool SyncReport::Failed() const { return num_ok() < static_cast<int>(file.cameras.size()) && num_ok() <= (by_poses ? 0 : 1); }

@@ -70,6 +70,21 @@ TEST(RefineStage, ARotatedCameraIsRotatedBack) {
   EXPECT_EQ(said.metrics["cameras"].size(), 4u);
 }
 
+TEST(RefineStage, CamerasWithoutPointsLeaveTheOthersCorrelated) {
+  const TempDir folder;
+  RefineOptions options = MarkersToFit(folder);
+  geometry::Rig five = geometry::ReadRig(options.pose.calib);
+  five.cameras.insert(five.cameras.begin(), triangulate::MakeRing(7).cameras[5]);
+  geometry::WriteRig(five, options.pose.calib);
+  const geometry::Rig written = geometry::ReadRig(RunRefine(options).path);
+  ASSERT_EQ(written.cameras.size(), 5u);
+  ASSERT_TRUE(geometry::HasJointCovariance(written));
+  const Eigen::Index pose = written.cameras[0].camera.params.size() + 6 + written.cameras[1].camera.params.size();
+  const Eigen::Index next = pose + 6 + written.cameras[2].camera.params.size();
+  EXPECT_GT(written.joint_covariance->block(pose, next, 6, 6).norm(), 0);
+  EXPECT_EQ(written.joint_covariance->leftCols(written.cameras[0].camera.params.size() + 6).norm(), 0) << "nothing is stated";
+}
+
 TEST(RefineStage, OptionsThatMakeNoSenseAreRefusedByName) {
   const TempDir folder;
   RefineOptions options = MarkersToFit(folder, 4);

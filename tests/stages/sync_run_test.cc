@@ -1,6 +1,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/sync/describe.h"
 #include "stages/sync/run.h"
@@ -83,6 +84,30 @@ TEST(SyncStage, ATakeWithoutMotionFailsAndLeavesTheOlderFile) {
   ASSERT_FALSE(said.errors.empty());
   EXPECT_EQ(said.errors[0].code, "SYN-UNDETERMINED");
   EXPECT_EQ(said.warnings.back().code, "CLI-OLDER-KEPT");
+}
+
+/// An error that all cameras share moves the world, and no clock.
+TEST(SyncStage, CorrelatedErrorsOfTheRigAreNoErrorsOfTheClocks) {
+  const TempDir folder;
+  SyncOptions options = TakeToSync(folder, true);
+  const auto sigma = [&] { return RunSync(options).by_poses->cameras[1].sigma_frames; };
+  const double exact = sigma();
+  geometry::Rig rig = geometry::ReadRig(options.pose.calib);
+  geometry::StatedCovariance stated = geometry::StatedCovarianceOf(rig);
+  Eigen::MatrixXd moved = Eigen::MatrixXd::Zero(stated.joint.rows(), 6);  // all poses by a rotation and a shift of the world
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {
+    const Eigen::Matrix3d rotation = rig.cameras[c].cam_from_world.rotation.toRotationMatrix();
+    moved.block<3, 3>(stated.PoseRow(c), 0) = moved.block<3, 3>(stated.PoseRow(c) + 3, 3) = rotation;
+    stated.lens_known[c] = stated.pose_known[c] = true;
+  }
+  stated.joint = 1e-4 * moved * moved.transpose() + 1e-12 * Eigen::MatrixXd::Identity(moved.rows(), moved.rows());
+  for (const bool correlated : {true, false}) {
+    stated.correlated = correlated;
+    geometry::StoreCovariance(stated, &rig);
+    geometry::WriteRig(rig, options.pose.calib);
+    if (correlated) EXPECT_NEAR(sigma(), exact, 0.01 * exact);
+    if (!correlated) EXPECT_GT(sigma(), 2 * exact) << "the same errors, independent";
+  }
 }
 
 TEST(SyncStage, WhatIsMissingIsNamed) {
