@@ -91,7 +91,7 @@ MAY_INCLUDE = {
     "dataset/verify": CORE | GEOMETRY | {"dataset/json", "dataset/footage", "dataset/pose", "dataset/session", "dataset/panoptic"},
     "dataset/import": CORE | GEOMETRY | {"dataset/footage", "dataset/session", "dataset/panoptic", "dataset/verify"},
     "dataset/build": CORE | GEOMETRY | {"dataset/json", "dataset/footage", "dataset/pose", "dataset/time", "dataset/session",
-                                        "dataset/panoptic", "dataset/masks"},
+                                        "dataset/panoptic", "dataset/masks", "dataset/verify"},
     "dataset/pack": CORE | GEOMETRY | {"dataset/arrays", "dataset/json", "dataset/footage", "dataset/pose", "dataset/panoptic", "dataset/views",
                                        "dataset/colour", "dataset/verify"},
     "dataset/trackers": CORE | GEOMETRY | {"dataset/pose", "dataset/arrays"},

@@ -204,12 +204,14 @@ void AddMiscounts(const Board& given, Candidates* candidates) {
 }
 
 /// ChArUco boards that the markers tell, in any dictionary, also mirrored and in negative.
-void AddCharucoGuesses(const std::optional<Board>& given, const TrialImages& trial_images, int num_threads,
-                       Candidates* candidates, std::vector<SeenMarkers>* seen) {
+void AddCharucoGuesses(const std::optional<Board>& given, const TrialImages& trial_images, const MarkerKinds& kinds,
+                       int num_threads, Candidates* candidates, std::vector<SeenMarkers>* seen, MarkerKinds* shown) {
   for (const char* dictionary : kWholeDictionaries) {
+    if (!kinds.empty() && kinds.count(dictionary) == 0) continue;
     for (const std::vector<Image>* images : {&trial_images.grey, &trial_images.negative, &trial_images.mirrored}) {
       const auto markers = MarkersIn(*images, dictionary, num_threads);
       if (Count(markers) < kLeastMarkersSeen) continue;
+      shown->insert(dictionary);
       auto board = GuessCharuco(dictionary, markers, given);
       if (!board && images == &trial_images.grey) seen->push_back(Seen(dictionary, markers));
       if (!board) continue;
@@ -222,19 +224,21 @@ void AddCharucoGuesses(const std::optional<Board>& given, const TrialImages& tri
 
 /// AprilGrids and lone tags of every family, also mirrored; of the given one alone when it is seen. Fills `tags` with what is
 /// seen in the images as they are.
-void AddTagGuesses(const std::optional<Board>& given, const TrialImages& trial_images, int num_threads, Candidates* candidates,
-                   std::vector<SeenTag>* tags) {
+void AddTagGuesses(const std::optional<Board>& given, const TrialImages& trial_images, const MarkerKinds& kinds,
+                   int num_threads, Candidates* candidates, std::vector<SeenTag>* tags, MarkerKinds* shown) {
   std::vector<std::string> names = AllTagFamilies();
   const bool has_wish = given && given->has_tags();
   if (has_wish) std::stable_partition(names.begin(), names.end(), [&](const auto& name) { return name == given->dictionary; });
   for (const std::string& name : names) {
+    const bool asked = has_wish && given->dictionary == name;
+    if (!asked && !kinds.empty() && kinds.count(name) == 0) continue;
     const TagFamily family = *FindTagFamily(name);
     const TagFinds plain = TagsIn(trial_images.grey, family, num_threads),
                    mirrored = TagsIn(trial_images.mirrored, family, num_threads);
     const bool is_mirrored = mirrored.tags.size() > plain.tags.size();
     const TagFinds& finds = is_mirrored ? mirrored : plain;
-    const bool asked = has_wish && given->dictionary == name;
     if (!asked && (family.num_tags < kFewTags || finds.tags.size() < kLeastMarkersSeen)) continue;
+    if (finds.tags.size() >= kLeastMarkersSeen) shown->insert(name);
     if (!is_mirrored) tags->insert(tags->end(), finds.tags.begin(), finds.tags.end());
     const bool enough = asked && !finds.tags.empty();
     int wide = 0;

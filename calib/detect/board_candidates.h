@@ -47,14 +47,17 @@ TrialImages AFew(const TrialImages& trial_images);
 /// Rows and columns exchanged; squares counted for corners (or the reverse), and both.
 void AddMiscounts(const Board& given, Candidates* candidates);
 
-/// ChArUco boards that the markers tell, in any dictionary, also mirrored and in negative.
-void AddCharucoGuesses(const std::optional<Board>& given, const TrialImages& trial_images, int num_threads,
-                       Candidates* candidates, std::vector<SeenMarkers>* seen);
+/// Families and dictionaries that some images show: others need not be looked for in all. Empty: nothing is known.
+using MarkerKinds = std::set<std::string>;
 
-/// AprilGrids and lone tags of every family, also mirrored; of the given one alone when it is seen. Fills `tags` with what is
-/// seen in the images as they are.
-void AddTagGuesses(const std::optional<Board>& given, const TrialImages& trial_images, int num_threads, Candidates* candidates,
-                   std::vector<SeenTag>* tags);
+/// ChArUco boards that the markers tell, in any dictionary (of `kinds`), also mirrored and in negative. Adds to `shown`.
+void AddCharucoGuesses(const std::optional<Board>& given, const TrialImages& trial_images, const MarkerKinds& kinds,
+                       int num_threads, Candidates* candidates, std::vector<SeenMarkers>* seen, MarkerKinds* shown);
+
+/// AprilGrids and lone tags of every family (of `kinds`), also mirrored; of the given one alone when it is seen. Fills `tags`
+/// with what is seen in the images as they are. Adds to `shown`.
+void AddTagGuesses(const std::optional<Board>& given, const TrialImages& trial_images, const MarkerKinds& kinds,
+                   int num_threads, Candidates* candidates, std::vector<SeenTag>* tags, MarkerKinds* shown);
 
 /// Chessboards in a few images, with squares of 1 m, the largest first; smaller ones may be parts of them.
 std::vector<Board> GuessChessboards(const TrialImages& trial_images, int num_threads);

@@ -149,10 +149,12 @@ BoardCheckReport CheckBoard(const std::optional<Board>& given, const std::vector
   trials.TryNew(candidates);
   stage.Advance(1, "the given board");
   const bool tags_asked = given && given->has_tags(), circles_asked = given && given->is_round();
+  MarkerKinds shown;  // a search for each family and dictionary takes seconds a photograph
   const auto add_marked = [&](const TrialImages& where, Candidates* to) {
+    const MarkerKinds kinds = shown;
     report.tags.clear(), report.markers.clear();
-    if (!Fits(report, 0.8) || tags_asked) AddTagGuesses(given, where, num_threads, to, &report.tags);
-    if (!Fits(report, 0.8) && !tags_asked) AddCharucoGuesses(given, where, num_threads, to, &report.markers);
+    if (!Fits(report, 0.8) || tags_asked) AddTagGuesses(given, where, kinds, num_threads, to, &report.tags, &shown);
+    if (!Fits(report, 0.8) && !tags_asked) AddCharucoGuesses(given, where, kinds, num_threads, to, &report.markers, &shown);
     return !report.tags.empty() || !report.markers.empty() || to->list().size() > report.trials.size();
   };
   const auto try_chessboards = [&] {

@@ -6,6 +6,7 @@
 #include "calib/formats/format_camera.h"
 #include "calib/formats/format_text.h"
 #include "calib/formats/opencv_yaml.h"
+#include "calib/formats/photogrammetry.h"
 #include "calib/formats/rig_tables.h"
 #include "calib/formats/slam.h"
 #include "core/disk/files.h"
@@ -36,6 +37,14 @@ constexpr std::string_view kNames[] = {
                         "[width, height]}}, x_camera = R x_world + T");
 }
 
+/// How names of files end that hold a camera each (internal::ReadMatrixText); of a folder of others OpenCV's ending.
+std::string OneCameraFilesIn(const std::string& folder) {
+  for (const char* ending : {".krtd", ".camera", "_cam.txt", "_P.txt"}) {
+    if (fs::is_directory(folder) && !FilesNamed(folder, "", ending).empty()) return ending;
+  }
+  return ".yml";
+}
+
 /// The format of a folder that holds the files themselves.
 std::optional<CalibrationFormat> FormatOfFolder(const std::string& path) {
   const auto has = [&](const char* name) { return fs::exists(fs::path(path) / name); };
@@ -44,6 +53,7 @@ std::optional<CalibrationFormat> FormatOfFolder(const std::string& path) {
   if (has("intri.yml")) return CalibrationFormat::kEasyMocap;
   if (has("transforms.json")) return CalibrationFormat::kNerfstudio;
   if (!FilesNamed(path, "", ".cameramodel").empty()) return CalibrationFormat::kMrcal;
+  if (OneCameraFilesIn(path) != ".yml") return CalibrationFormat::kOpenCvYaml;
   return std::nullopt;
 }
 
@@ -52,7 +62,8 @@ CalibrationFormat DetectFolder(const std::string& path) {
   throw FormatError(
       path, "",
       "no calibration is found in this folder: neither calibration.json, cameras and images of COLMAP (here or in "
-      "sparse/0), transforms.json, intri.yml, *.cameramodel, nor one calibration_*.json; name the file");
+      "sparse/0), transforms.json, intri.yml, *.cameramodel, *.krtd, *.camera, *_cam.txt, *_P.txt, nor one calibration_*.json; "
+      "name the file");
 }
 
 /// The paths with folders replaced by the files in them that end in `extension`.
@@ -89,7 +100,7 @@ ImportedRig ReadAs(CalibrationFormat format, const std::vector<std::string>& pat
     case CalibrationFormat::kQca:
       return ReadQca(paths[0], options);
     case CalibrationFormat::kOpenCvYaml:
-      return ReadOpenCvYaml(FilesOf(paths, ".yml"), options);
+      return ReadOpenCvYaml(FilesOf(paths, OneCameraFilesIn(paths[0])), options);
     case CalibrationFormat::kMrcal:
       return ReadMrcal(FilesOf(paths, ".cameramodel"), options);
     case CalibrationFormat::kColmap:
@@ -168,6 +179,7 @@ CalibrationFormat DetectFormat(const std::string& path) {
   if (text.compare(start, 5, "%YAML") == 0 && !chain && !euroc) {
     return has("\nK_") || has("\nRot_") ? CalibrationFormat::kEasyMocap : CalibrationFormat::kOpenCvYaml;
   }
+  if (internal::IsMetashapeCameras(text) || internal::IsOpenMvg(text)) return CalibrationFormat::kOpenCvYaml;
   if (text[start] == '{') {
     if (has("transform_matrix")) return CalibrationFormat::kNerfstudio;
     if (has("\"value0\"") && has("\"T_imu_cam\"")) return CalibrationFormat::kKalibr;
@@ -192,6 +204,7 @@ CalibrationFormat DetectFormat(const std::string& path) {
   if (fs::path(path).extension() == ".toml" || (has("matrix") && has("distortions"))) {
     return has("[cameras") ? CalibrationFormat::kCaliscope : CalibrationFormat::kToml;
   }
+  if (internal::IsMatrixText(text)) return CalibrationFormat::kOpenCvYaml;
   Unknown(path, text);
 }
 

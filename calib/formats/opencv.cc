@@ -7,6 +7,7 @@
 #include "calib/formats/formats.h"
 #include "calib/formats/opencv_keys.h"
 #include "calib/formats/opencv_yaml.h"
+#include "calib/formats/photogrammetry.h"
 #include "calib/formats/rig_tables.h"
 #include "calib/formats/slam.h"
 #include "calib/formats/writers.h"
@@ -309,7 +310,10 @@ ImportedRig ReadByName(const std::string& path, const internal::Value& document,
 
 ImportedRig ReadOpenCvYaml(const std::vector<std::string>& paths, const ReadOptions& options) {
   if (paths.empty()) throw UsageError("no OpenCV file given");
+  if (internal::IsMatrixText(ReadFile(paths[0]))) return internal::ReadMatrixText(paths, options);
   if (const std::string text = paths.size() == 1 ? ReadFile(paths[0]) : ""; !text.empty()) {
+    if (internal::IsMetashapeCameras(text)) return internal::ReadMetashape(paths[0], options);
+    if (internal::IsOpenMvg(text)) return internal::ReadOpenMvg(paths[0], options);
     if (internal::HoldsCamerasByName(text)) return ReadByName(paths[0], internal::ParseLiteral(paths[0], text), options);
     if (internal::IsMatlab(text)) return internal::ReadMatlab(paths[0], options);
     if (internal::IsMultical(text)) return internal::ReadMultical(paths[0], options);

@@ -57,6 +57,16 @@ bool IsNearer(const BeyondBoards& a, const BeyondBoards& b) {
   return a.side_px < b.side_px || (std::isnan(b.side_px) && !std::isnan(a.side_px));
 }
 
+/// Whether a lens gives no ray for more than a tenth of an image, or has a decentring that no lens has. Then its smaller error
+/// on boards elsewhere is worth less.
+bool IsSpoiled(const LensCandidate& candidate) {
+  constexpr double kMuch = 0.1;
+  const auto& cameras = candidate.fit.state.cameras;
+  return std::any_of(cameras.begin(), cameras.end(), [](const geometry::Camera& camera) {
+    return !geometry::HasLensDecentring(camera) || (!geometry::IsWide(camera.model) && FindFolds(camera).share > kMuch);
+  });
+}
+
 bool IsSound(const BeyondBoards& beyond) { return beyond.is_lens && beyond.folded <= kFoldSlack; }
 
 /// Simpler, and no less honest where no board was: the curves of one or two parameters of other wide lenses claim to know
@@ -71,6 +81,17 @@ bool MayReplace(const LensCandidate& candidate, const LensCandidate& chosen) {
 }
 
 }  // namespace
+
+std::vector<bool> NearTheBest(const std::vector<LensCandidate>& candidates, int chosen) {
+  constexpr double kOfSound = 0.02, kOfSpoiled = 0.1;
+  const double barely = IsSpoiled(candidates[static_cast<size_t>(chosen)]) ? kOfSpoiled : kOfSound;
+  double best = std::numeric_limits<double>::infinity();
+  for (const LensCandidate& candidate : candidates) best = std::min(best, candidate.relative_error);
+  std::vector<bool> near;
+  for (const LensCandidate& candidate : candidates)
+    near.push_back(candidate.within_one_se || candidate.relative_error <= (1 + barely) * best);
+  return near;
+}
 
 bool IsSafer(const BeyondBoards& a, const BeyondBoards& b) {
   if (a.level != b.level) return a.level < b.level;

@@ -25,6 +25,10 @@ std::string ToString(const BeyondBoards& beyond);
 /// Whether `a` is to be taken instead of `b`: it passes more, or it is sound where the other is not and neither fails.
 bool IsSafer(const BeyondBoards& a, const BeyondBoards& b);
 
+/// Which lenses held-out boards do not tell from the best, or barely: to 2 % of its error, and to 10 % where the chosen one gives
+/// no ray for more than a tenth of an image or has a decentring that no lens has. One flag a candidate.
+std::vector<bool> NearTheBest(const std::vector<LensCandidate>& candidates, int chosen);
+
 /// The lens to take for `chosen`: of those that held-out boards do not tell from the best (`near`, one flag a candidate), the
 /// simplest that passes better where no board was, or warns as it does but is a lens and does not fold in the image. `chosen`
 /// itself where none does. `note` then says which of them comes nearer than `chosen`, if one does, or why the other was taken.

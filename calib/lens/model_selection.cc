@@ -13,7 +13,6 @@
 #include "calib/lens/lens_configs.h"
 #include "calib/lens/lens_judge.h"
 #include "calib/lens/lens_trials.h"
-#include "geometry/rig/plausible.h"
 
 namespace mvstudio::calib {
 namespace {
@@ -107,28 +106,6 @@ LensChoice ChooseByEvidence(const LensPool& pool, const SelectionOptions& option
                   " is what the few boards call for (Schwarz's criterion); too few to hold any out";
   LookBeyond(NearByEvidence(choice.candidates, choice.index), options, bundle, &choice);
   return choice;
-}
-
-/// Whether a lens gives no ray for more than a tenth of an image, or has a decentring that no lens has. Then its smaller error
-/// on boards elsewhere is worth less.
-bool IsSpoiled(const LensCandidate& candidate) {
-  constexpr double kMuch = 0.1;
-  const auto& cameras = candidate.fit.state.cameras;
-  return std::any_of(cameras.begin(), cameras.end(), [](const geometry::Camera& camera) {
-    return !geometry::HasLensDecentring(camera) || (!geometry::IsWide(camera.model) && FindFolds(camera).share > kMuch);
-  });
-}
-
-/// Lenses that held-out boards do not tell from the best, or barely.
-std::vector<bool> NearTheBest(const std::vector<LensCandidate>& candidates, int chosen) {
-  constexpr double kOfSound = 0.02, kOfSpoiled = 0.1;
-  const double barely = IsSpoiled(candidates[static_cast<size_t>(chosen)]) ? kOfSpoiled : kOfSound;
-  double best = std::numeric_limits<double>::infinity();
-  for (const LensCandidate& candidate : candidates) best = std::min(best, candidate.relative_error);
-  std::vector<bool> near;
-  for (const LensCandidate& candidate : candidates)
-    near.push_back(candidate.within_one_se || candidate.relative_error <= (1 + barely) * best);
-  return near;
 }
 
 }  // namespace

@@ -177,7 +177,7 @@ class FrameWriter {
   void WriteMask(const Image& rgb, int64_t number, int step, const People& people, const std::string& path,
                  BuiltCamera* built) const {
     if (job_.masks) {
-      const Image mask = GivenMask(*job_.masks, number, rgb.width, rgb.height);
+      const Image mask = MaskOfFrame(*job_.masks, number, rgb.width, rgb.height);
       if (mask.empty()) return built->without_mask.push_back(step);
       WriteImage(mask, path);
       built->mean_area_fraction += AreaFraction(mask);

@@ -9,9 +9,9 @@
 
 namespace mvstudio::dataset::internal {
 
-/// DAT-EXCHANGED for cameras with each other's footage, in the dataset in `folder`; DAT-MASK for other cameras whose masks few
-/// joints support.
+/// DAT-EXCHANGED for cameras with each other's footage, in the dataset in `folder`; of other cameras DAT-MASK where few joints
+/// support the masks that were made, DAT-COVER and DAT-IMAGE-MASK (dataset/verify/image_mask.h) of masks that were given.
 void WarnOfFootage(const std::vector<CameraResult>& results, const std::map<int, People>& poses, const std::string& folder,
-                   const BuildOptions& options, const RunContext& run, std::vector<Notice>* warnings);
+                   const BuildOptions& options, bool given, const RunContext& run, std::vector<Notice>* warnings);
 
 }  // namespace mvstudio::dataset::internal

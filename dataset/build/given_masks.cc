@@ -1,6 +1,7 @@
 #include "dataset/build/given_masks.h"
 
 #include <algorithm>
+#include <cctype>
 #include <filesystem>
 #include <set>
 
@@ -9,43 +10,47 @@
 #include "core/join.h"
 #include "dataset/footage/first_number.h"
 #include "dataset/footage/frames.h"
+#include "dataset/footage/image_io.h"
 
 namespace mvstudio::dataset::internal {
 namespace fs = std::filesystem;
 namespace {
 
-bool IsMask(const std::string& path) {
-  std::string extension = fs::path(path).extension().string();
+std::string MaskExtension(const fs::path& path) {
+  std::string extension = path.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
-  return extension == ".png" || extension == ".jpg" || extension == ".jpeg";
+  return extension;
 }
 
-void AddFiles(const std::string& folder, GivenMasks* masks) {
-  std::vector<std::string> paths;
-  for (const std::string& path : FilesIn(folder)) {
-    if (IsMask(path)) paths.push_back(path);
-  }
-  const std::vector<int64_t> numbers = NumberFrames(folder, paths).numbers;
-  for (size_t i = 0; i < paths.size(); ++i) {
-    const std::string& path = paths[i];
-    if (!NumberInName(path))
-      throw FormatError(path, "", "its name has no number: masks are found by the number of their frame");
-    const auto [at, is_new] = masks->files.emplace(numbers[i], path);
-    if (!is_new)
-      throw FormatError(path, "",
-                        "is a second mask of frame " + std::to_string(numbers[i]) + ", beside " + at->second + "; keep one");
-  }
+/// What a file that is no image holds, where masks come so.
+std::string ContainerOf(const fs::path& path) {
+  const std::string extension = MaskExtension(path);
+  static const std::map<std::string, const char*> kKinds = {
+      {".npy", "an array"},         {".npz", "arrays"},  {".json", "RLE or polygons"},
+      {".txt", "polygons of YOLO"}, {".mp4", "a video"}, {".mkv", "a video"},
+      {".avi", "a video"},          {".mov", "a video"}, {".pkl", "a Python pickle"},
+      {".pt", "tensors"},           {".h5", "HDF5"},     {".xml", "annotations"},
+      {".gif", "an animated image"}};
+  const auto kind = kKinds.find(extension);
+  return kind == kKinds.end() ? "" : std::string(" (") + kind->second + ")";
 }
+
+constexpr char kWrite[] = "write the masks as images, FOLDER/CAMERA/FRAME.png, 255 the person and 0 the background";
 
 [[noreturn]] void FailWithoutMasks(const BuildInputs& inputs) {
-  for (const CameraFootage& footage : inputs.footage) {
-    const fs::path folder = fs::path(inputs.masks) / footage.camera;
+  const auto refuse = [](const std::string& folder) {
     std::error_code error;
     for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-      throw IoError(folder.string(), "holds `" + entry.path().filename().string().substr(0, 80) +
-                                         "` and no mask: give one .png or .jpg a frame in it, the objects of a frame in one "
-                                         "image");
+      if (entry.is_directory() && fs::is_empty(entry.path(), error)) continue;
+      throw IoError(folder, "holds `" + entry.path().filename().string().substr(0, 80) + "`" + ContainerOf(entry.path()) +
+                                " and no mask of a camera by the number of its frame: " + kWrite +
+                                ", the objects of a frame in "
+                                "one image");
     }
+  };
+  for (const CameraFootage& footage : inputs.footage) refuse(inputs.masks + "/" + footage.camera);
+  for (const std::string& path : FilesIn(inputs.masks)) {
+    if (!ContainerOf(path).empty()) refuse(inputs.masks);
   }
   throw IoError(inputs.masks, "holds masks of none of the cameras; it must have a folder for each: " +
                                   Join(inputs.footage, ", ", &CameraFootage::camera));
@@ -56,7 +61,31 @@ void CountFrom(int first, GivenMasks* masks) {
   if (!masks->files.empty() && masks->files.begin()->first < first)
     throw FormatError(masks->files.begin()->second, "",
                       "has a number below option 'first-mask' " + std::to_string(first) + ", which is that of the first frame");
-  NumberFrom(first, &masks->files);
+  masks->CountFrom(first);
+}
+
+/// What is said of masks that are not taken as they are.
+void NoteJoinedAndResized(const BuildInputs& inputs, const std::map<std::string, GivenMasks>& given,
+                          std::vector<Notice>* notices) {
+  std::string joined, resized;
+  for (const CameraFootage& footage : inputs.footage) {
+    const auto found = given.find(footage.camera);
+    if (found == given.end() || found->second.files.empty()) continue;
+    if (!found->second.objects.empty()) joined += (joined.empty() ? "" : ", ") + footage.camera;
+    const std::string& file = found->second.files.begin()->second;
+    const ImageHeader mask = ReadImageHeader(file);
+    const FootageInfo images = DescribeFootage(footage.path);
+    if (mask.width != images.width || mask.height != images.height)
+      resized += (resized.empty() ? "" : ", ") + footage.camera + " from " + std::to_string(mask.width) + "x" +
+                 std::to_string(mask.height);
+  }
+  if (!joined.empty())
+    notices->push_back({"DAT-MASK",
+                        "masks of " + joined + " have a file for each object: all objects of a frame are the person",
+                        "leave out the files of objects that are no person"});
+  if (!resized.empty())
+    notices->push_back({"DAT-MASK", "masks have another size than the footage and are brought to it: " + resized,
+                        "masks at the size of the images have finer outlines"});
 }
 
 }  // namespace
@@ -65,17 +94,14 @@ std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs) {
   std::map<std::string, GivenMasks> all;
   if (inputs.masks.empty()) return all;
   if (!fs::is_directory(inputs.masks)) {
-    throw IoError(inputs.masks,
-                  fs::exists(inputs.masks)
-                      ? "is a file; masks are images, FOLDER/CAMERA/FRAME.png: write those of COCO's RLE, of arrays "
-                        "and of videos as PNG, 0 and 255"
-                      : "no such folder of masks");
+    throw IoError(inputs.masks, fs::exists(inputs.masks) ? "is a file" + ContainerOf(inputs.masks) + ", no folder: " + kWrite +
+                                                               ", those of COCO's RLE, too"
+                                                         : "no such folder of masks");
   }
   std::vector<std::string> paths;
   for (const CameraFootage& footage : inputs.footage) {
-    GivenMasks& masks = all[footage.camera];
-    AddFiles(inputs.masks + "/" + footage.camera, &masks);
-    for (const auto& [frame, path] : masks.files) paths.push_back(path);
+    const std::vector<std::string> of_camera = (all[footage.camera] = FindMasks(inputs.masks, footage.camera)).Paths();
+    paths.insert(paths.end(), of_camera.begin(), of_camera.end());
   }
   if (paths.empty()) FailWithoutMasks(inputs);
   const MaskMeaning meaning = MeaningOfMasks(paths);
@@ -101,6 +127,7 @@ std::vector<Notice> NumberMasksAsFrames(const BuildInputs& inputs, std::map<std:
     if (first == FirstNumber::kUnclear) unclear.push_back(footage.camera);
   }
   std::vector<Notice> notices;
+  NoteJoinedAndResized(inputs, *given, &notices);
   if (!moved.empty())
     notices.push_back(
         {"DAT-MASK",
@@ -115,18 +142,6 @@ std::vector<Notice> NumberMasksAsFrames(const BuildInputs& inputs, std::map<std:
              "frame",
          "if mask 1 is of the first frame, option 'first-mask' 1 says so"});
   return notices;
-}
-
-Image GivenMask(const GivenMasks& masks, int64_t frame, int width, int height) {
-  const auto found = masks.files.find(frame);
-  if (found == masks.files.end()) return {};
-  Image mask = ReadMask(found->second, masks.meaning);
-  if (mask.width != width || mask.height != height)
-    throw FormatError(found->second, "",
-                      "is " + std::to_string(mask.width) + "x" + std::to_string(mask.height) + ", the footage is " +
-                          std::to_string(width) + "x" + std::to_string(height) +
-                          ": write the masks at the size of the images (of labels without smoothing)");
-  return mask;
 }
 
 }  // namespace mvstudio::dataset::internal

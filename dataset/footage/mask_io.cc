@@ -251,6 +251,9 @@ MaskMeaning MeaningOfMasks(const std::vector<std::string>& paths) {
     if (meaning.form == MaskMeaning::Form::kLabels) labels.insert(s.look.labels.begin(), s.look.labels.end());
   }
   meaning.labels.assign(labels.begin(), labels.end());
+  meaning.lossy_labels = std::any_of(seen.begin(), seen.end(), [&](const Seen& s) {
+    return s.look.kind == Kind::kLabels && ReadImageHeader(s.path).codec == "jpeg";
+  });
   CheckBackground(seen, &meaning);
   return meaning;
 }
@@ -270,6 +273,7 @@ std::string MaskMeaning::Text() const {
   } else if (form == Form::kNobody) {
     parts.push_back("masks without anybody: every pixel of the " + std::to_string(files) + " that were looked at is 0");
   }
+  if (lossy_labels) parts.push_back("JPEG changes such numbers along outlines: write them as PNG");
   if (!inverted.empty())
     parts.push_back("masks that may be inverted: " + inverted.front() + (inverted.size() > 1 ? " and others" : "") +
                     " is foreground up to the border");
@@ -277,7 +281,8 @@ std::string MaskMeaning::Text() const {
 }
 
 bool MaskMeaning::IsDoubtful() const {
-  return !inverted.empty() || form == Form::kNobody || (form == Form::kLabels && labels.size() == 1 && labels.front() > 64);
+  return !inverted.empty() || lossy_labels || form == Form::kNobody ||
+         (form == Form::kLabels && labels.size() == 1 && labels.front() > 64);
 }
 
 Image ReadMask(const std::string& path, const MaskMeaning& meaning) {

@@ -21,6 +21,7 @@ struct MaskMeaning {
   };
   Form form = Form::kBinary;
   bool from_alpha = false;            ///< the opacity is the mask, the colours are not
+  bool lossy_labels = false;          ///< labels in JPEG, which changes numbers along outlines
   std::vector<int> labels;            ///< of kLabels: the numbers that were seen, ascending; at most 64
   std::vector<std::string> inverted;  ///< files that show a person around the whole border, in a set where most do not
   int files = 0;                      ///< that were looked at

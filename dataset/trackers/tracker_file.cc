@@ -46,6 +46,7 @@ TrackedPoints ReadHdf5Safely(const std::string& path, const std::string& camera)
 
 /// The first that fits is taken.
 constexpr TrackerFormat kFormats[] = {
+    {"NumPy array", internal::IsPointArray, internal::ReadPointArray},         // .npy, .npz
     {"HDF5 file", IsHdf5, ReadHdf5Safely},                                     // DeepLabCut's .h5 or SLEAP's analysis .h5
     {"DeepLabCut table", IsDeepLabCut, internal::ReadDeepLabCutCsv},           // first line `scorer,…`
     {"SLEAP table", IsSleap, internal::ReadSleapCsv},                          // columns track, frame_idx

@@ -42,6 +42,12 @@ TrackedPoints ReadTrackerFile(const std::string& path, const std::string& camera
 /// Same for HDF5 without the child process.
 TrackedPoints ReadTrackerHdf5(const std::string& path, const std::string& camera);
 
+/// 2D joints of all cameras in a .npz: an array cameras x frames (x people) x joints x 2 or 3 (x, y, score), the names
+/// `cameras` and, where they are there, `joint_names`; without, 33 joints are MediaPipe's and others are called point_0, …. Of
+/// one camera (ReadTrackerFile) the first axis is left out, and a .npy is enough. NaN, and (0, 0) without scores, are not
+/// detected. Throws FormatError with the shape and what is missing.
+std::vector<TrackedPoints> ReadPointArrays(const std::string& path);
+
 /// Joints of several cameras' files: those of the first, then what others have beside them.
 std::vector<std::string> UnitedJoints(const std::vector<TrackedPoints>& cameras);
 

@@ -40,4 +40,9 @@ bool NamesSeveralCameras(std::string_view line);
 /// SLEAP: columns track, frame_idx, instance.score and NODE.x, NODE.y, NODE.score.
 TrackedPoints ReadSleapCsv(const std::string& path, const std::string& camera);
 
+/// NumPy's .npy or .npz by its first bytes.
+bool IsPointArray(std::string_view head);
+/// One camera's array, see ReadPointArrays.
+TrackedPoints ReadPointArray(const std::string& path, const std::string& camera);
+
 }  // namespace mvstudio::dataset::internal

@@ -156,19 +156,34 @@ ProjectedJoints ProjectJoints(const std::map<int, Coco19Pose>& people, const geo
 }
 
 void MaskCover::Add(const Image& mask, const ProjectedJoints& joints) {
+  if (joints.px.empty()) return;
+  const int on_mask_before = on_mask;
   for (const Eigen::Vector2d& px : joints.px) {
     const int x = std::clamp(int(std::lround(px.x())), 0, mask.width - 1),
               y = std::clamp(int(std::lround(px.y())), 0, mask.height - 1);
+    const int left = mask.width - 1 - x, up = mask.height - 1 - y;
     ++seen;
-    on_mask += *mask.Pixel(x, y) > 127;
+    on_mask += *mask.Pixel(x, y) > 127, mirrored += *mask.Pixel(left, y) > 127, rotated += *mask.Pixel(left, up) > 127;
   }
+  const auto covered = std::count_if(mask.pixels.begin(), mask.pixels.end(), [](uint8_t p) { return p > 127; });
+  const double share = static_cast<double>(covered) / static_cast<double>(mask.pixels.size());
+  ++masks, empty += covered == 0, whole += share > 0.98, inverted += share > 0.5 && on_mask == on_mask_before;
 }
 
-void MaskCover::Report(const std::string& masks, double least_cover, Findings* findings) const {
+void MaskCover::Report(const std::string& folder, double least_cover, Findings* findings) const {
+  if (2 * whole > masks)
+    findings->Warning("DAT-COVER", folder,
+                      std::to_string(whole) + " of " + std::to_string(masks) +
+                          " masks cover the whole image: they tell nobody from the background");
   if (seen == 0 || on_mask >= least_cover * seen) return;
-  const std::string text = "only " + std::to_string(100 * on_mask / seen) +
-                           " % of the joints in view lie on the masks: wrong camera, wrong frame numbers or poor masks";
-  2 * on_mask < seen ? findings->Error("DAT-COVER", masks, text) : findings->Warning("DAT-COVER", masks, text);
+  constexpr double kNearlyAll = 0.9;
+  const char* const why = 2 * empty > masks               ? "most masks are empty"
+                          : 2 * inverted > masks          ? "the masks are inverted"
+                          : mirrored >= kNearlyAll * seen ? "the masks are mirrored left to right"
+                          : rotated >= kNearlyAll * seen  ? "the masks are rotated by 180 degrees"
+                                                          : "wrong camera, wrong frame numbers or poor masks";
+  const std::string text = "only " + std::to_string(100 * on_mask / seen) + " % of the joints in view lie on the masks: " + why;
+  2 * on_mask < seen ? findings->Error("DAT-COVER", folder, text) : findings->Warning("DAT-COVER", folder, text);
 }
 
 std::optional<MaskMeaning> VerifyMaskValues(const PanopticSequence& sequence, Findings* findings) {

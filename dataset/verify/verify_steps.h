@@ -53,11 +53,14 @@ struct ProjectedJoints {
 ProjectedJoints ProjectJoints(const std::map<int, Coco19Pose>& people, const geometry::RigCamera& camera,
                               const geometry::Projector& projector);
 
-/// How many of a camera's joints lie on its masks.
+/// How many of a camera's joints lie on its masks, as they are, mirrored left to right, and rotated by 180 degrees.
 struct MaskCover {
-  int on_mask = 0, seen = 0;
+  int on_mask = 0, seen = 0, mirrored = 0, rotated = 0;
+  /// Of masks with joints in view: how many, those of nobody, of nearly the whole image, and of more than half of it, but no
+  /// joint.
+  int masks = 0, empty = 0, whole = 0, inverted = 0;
   void Add(const Image& mask, const ProjectedJoints& joints);
-  void Report(const std::string& masks, double least_cover, Findings* findings) const;  ///< DAT-COVER
+  void Report(const std::string& folder, double least_cover, Findings* findings) const;  ///< DAT-COVER
 };
 
 /// Reports masks of other values than 0 and 255; null where they contradict each other or are no masks.

@@ -45,7 +45,7 @@ void VisitFields(Visitor&& visit, PoseArguments& o) {
   visit("pose2d", o.pose2d,
         "NAME=FOLDER of OpenPose JSON files or YOLO-pose labels, or NAME=FILE with the results of a whole video: COCO, "
         "AlphaPose, MMPose, "
-        "DeepLabCut (.h5, .csv), SLEAP (analysis .h5, .csv); repeat for each camera");
+        "DeepLabCut (.h5, .csv), SLEAP (analysis .h5, .csv), NumPy (.npy, .npz); repeat for each camera");
   visit("points2d", o.points2d,
         "instead: table camera,frame,person,joint,x_px,y_px,score (CSV) of all cameras, for markers and animals, or "
         "caliscope's xy_TRACKER.csv");

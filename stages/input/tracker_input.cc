@@ -75,6 +75,24 @@ geometry::Skeleton JoinedSkeleton(const std::vector<TrackedPoints>& cameras, con
   return skeleton;
 }
 
+/// Arrays without names have the joints of the skeleton, where that has as many.
+void NameAsSkeleton(const geometry::Skeleton& skeleton, std::vector<TrackedPoints>* cameras) {
+  for (TrackedPoints& camera : *cameras) {
+    const bool unnamed = camera.program == "NumPy" && !camera.joints.empty() && camera.joints[0] == "point_0";
+    if (unnamed && camera.joints.size() == skeleton.joints.size()) camera.joints = skeleton.joints;
+  }
+}
+
+dataset::Pose2dSet ReadArraysOfAll(const std::string& path, const std::optional<geometry::Skeleton>& given, InputNotes* notes) {
+  std::vector<TrackedPoints> cameras = dataset::ReadPointArrays(path);
+  if (given) NameAsSkeleton(*given, &cameras);
+  for (const TrackedPoints& camera : cameras) WarnOfDifferences(camera, camera.joints, notes);
+  dataset::Pose2dSet set;
+  set.skeleton = given ? *given : geometry::PointsSkeleton(dataset::UnitedJoints(cameras));
+  set.tracks = dataset::ToSkeleton(std::move(cameras), set.skeleton);
+  return set;
+}
+
 }  // namespace
 
 bool HasTrackerFile(const std::vector<NamedPath>& pose2d) {
@@ -88,12 +106,13 @@ dataset::Pose2dSet ReadTrackerFiles(const std::vector<NamedPath>& pose2d, const 
     std::error_code error;
     if (!std::filesystem::exists(path, error)) throw IoError(path, "no such file or folder");
     if (!FormatOf(path)) {
-      throw UsageError(
-          "option 'pose2d' " + camera + "=" + path +
-          " is no file of DeepLabCut or SLEAP, but another camera's is; give files of one program for all cameras");
+      throw UsageError("option 'pose2d' " + camera + "=" + path +
+                       " is no file of DeepLabCut or SLEAP, nor an array, but another camera's is; give files of one program "
+                       "for all cameras");
     }
     cameras.push_back(dataset::ReadTrackerFile(path, camera));
   }
+  if (given) NameAsSkeleton(*given, &cameras);
   const std::vector<std::string> joints = dataset::UnitedJoints(cameras);
   for (const TrackedPoints& camera : cameras) WarnOfDifferences(camera, joints, notes);
   NoteTimesFound(cameras, notes);
@@ -111,6 +130,7 @@ dataset::Pose2dSet ReadPointsTable(const std::string& path, const std::optional<
     if (set.time_step > 0) NoteTimes(Format("all cameras (a frame every %.6g)", set.time_step), notes);
     return set;
   }
+  if (format->name == "NumPy array") return ReadArraysOfAll(path, given, notes);
   if (format->read) {
     throw FormatError(path, "",
                       "one camera's " + std::string(format->name) +

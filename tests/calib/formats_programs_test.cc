@@ -1,11 +1,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "calib/formats/formats.h"
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
 
@@ -264,6 +268,174 @@ TEST(OpenCvNames, OfStereoAndPoses) {
                                                kCv)
                                    .rig;
   ExpectCentre(placed, 0, 0, 0, -2);
+}
+
+/// A camera for files of matrices: x = K (R X + t), written out, is the oracle.
+struct MatrixCamera {
+  Eigen::Matrix3d k, r;
+  Eigen::Vector3d t;
+  MatrixCamera(double f, double turn)
+      : k((Eigen::Matrix3d() << f, 0, 320.5, 0, f + 1, 239.25, 0, 0, 1).finished()),
+        r((Eigen::AngleAxisd(turn, Eigen::Vector3d(0.3, -0.5, 0.8).normalized())).toRotationMatrix()),
+        t(0.1 + turn, -0.2, 0.4) {}
+  Eigen::Vector3d centre() const { return -r.transpose() * t; }
+  Eigen::Vector3d InCam(const Eigen::Vector3d& x) const { return r * x + t; }
+};
+
+std::string TextOf(const Eigen::MatrixXd& m, const char* between = "\n") {
+  std::string text;
+  for (int y = 0; y < m.rows(); ++y) {
+    for (int x = 0; x < m.cols(); ++x) text += Format("%.17g", m(y, x)) + (x + 1 < m.cols() ? " " : "");
+    text += y + 1 < m.rows() ? between : "\n";
+  }
+  return text;
+}
+
+/// Points in front of the camera land where the formula puts them.
+void ExpectCamera(const geometry::Rig& rig, size_t i, const MatrixCamera& camera,
+                  const std::function<Eigen::Vector2d(const Eigen::Vector2d&)>& bend = nullptr) {
+  ASSERT_LT(i, rig.cameras.size());
+  for (const Eigen::Vector3d& in_cam : {Eigen::Vector3d(0.4, -0.3, 2), Eigen::Vector3d(-0.2, 0.5, 3)}) {
+    const Eigen::Vector3d in_world = camera.r.transpose() * (in_cam - camera.t);
+    const Eigen::Vector2d plain = in_cam.hnormalized(), bent = bend ? bend(plain) : plain;
+    const Eigen::Vector2d px = (camera.k * bent.homogeneous()).hnormalized();
+    const geometry::RigCamera& read = rig.cameras[i];
+    EXPECT_LT((geometry::Project(read.camera, read.cam_from_world * in_world).px - px).norm(), 1e-9) << px.transpose();
+  }
+}
+
+ReadOptions InMetres() {
+  ReadOptions options;
+  options.metres_per_unit = 1, options.width_px = 640, options.height_px = 480;
+  return options;
+}
+
+TEST(MatrixText, KindsThatHoldOneCameraAFile) {
+  const MatrixCamera c(800, 0.7);
+  Eigen::Matrix<double, 3, 4> rt;
+  rt << c.r, c.t;
+  const std::string k = TextOf(c.k), r = TextOf(c.r), t = TextOf(c.t.transpose());
+  const auto read = [&](const std::string& text, const char* name = "cam_P.txt") {
+    return ReadProgramFile(text, kCv, InMetres(), name).rig;
+  };
+  ExpectCamera(read(k + "\n" + r + "\n" + t + "\n0\n", "a.krtd"), 0, c);
+  const auto brown = [](const Eigen::Vector2d& x) {
+    const double r2 = x.squaredNorm(), radial = 1 - 0.1 * r2 + 0.02 * r2 * r2;
+    return Eigen::Vector2d(x.x() * radial + 2 * 0.001 * x.x() * x.y() + 0.002 * (r2 + 2 * x.x() * x.x()),
+                           x.y() * radial + 0.001 * (r2 + 2 * x.y() * x.y()) + 2 * 0.002 * x.x() * x.y());
+  };
+  ExpectCamera(read(k + r + t + "-0.1 0.02 0.001 0.002\n", "a.krtd"), 0, c, brown);
+  ExpectCamera(read("extrinsic\n" + TextOf(rt) + "0 0 0 1\n\nintrinsic\n" + k + "\n425.0 2.5\n", "00_cam.txt"), 0, c);
+  ExpectCamera(read(k + "0 0 0\n" + TextOf(c.r.transpose()) + TextOf(c.centre().transpose()) + "640 480\n", "0.camera"), 0, c);
+  for (const double scale : {1.0, -3.5}) {  // P means the same times any number
+    ExpectCamera(read("CONTOUR\n" + TextOf(scale * c.k * rt)), 0, c);
+    ExpectCamera(read(TextOf(scale * c.k * rt)), 0, c);
+  }
+  EXPECT_THAT(MessageOf<UsageError>([&] { ReadProgramFile(k + r + t + "0\n", kCv, {}, "a.krtd"); }), HasSubstr("'size'"));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadProgramFile(k + TextOf(2 * c.r) + t + "0\n", kCv, InMetres(), "a.krtd"); }),
+              HasSubstr("rotation"));
+}
+
+TEST(MatrixText, KindsThatHoldSeveralCameras) {
+  const MatrixCamera a(800, 0.7), b(900, -0.4);
+  std::string par = "2\n", krt, bundle = "# Bundle file v0.3\n3 0\n0 0 0\n" + TextOf(Eigen::Matrix3d::Zero()) + "0 0 0\n";
+  const Eigen::Vector3d axes(1, -1, -1);
+  for (const MatrixCamera& c : {a, b}) {
+    const std::string name = c.k(0, 0) < 850 ? "a" : "b";
+    par += name + ".png " + TextOf(c.k, " ") + TextOf(c.r, " ") + TextOf(c.t, " ");
+    par.erase(std::remove(par.begin() + static_cast<long>(par.rfind(name + ".png")), par.end(), '\n'), par.end());
+    par += "\n";
+    Eigen::Matrix<double, 3, 4> rt;
+    rt << c.r, c.t;
+    krt += name + "\n" + TextOf(c.k) + "0 0 0 0 0\n" + TextOf(rt) + "\n";
+    bundle += TextOf(Eigen::RowVector3d(c.k(0, 0), -0.1, 0.02)) + TextOf(axes.asDiagonal() * c.r) +
+              TextOf(axes.cwiseProduct(c.t).transpose());
+  }
+  for (const std::string& text : {par, krt}) {
+    const geometry::Rig rig = ReadProgramFile(text, kCv, InMetres(), "cams.txt").rig;
+    ASSERT_EQ(rig.cameras.size(), 2u);
+    EXPECT_EQ(rig.cameras[1].camera.name, "b");
+    ExpectCamera(rig, 0, a), ExpectCamera(rig, 1, b);
+  }
+  const geometry::Rig rig = ReadProgramFile(bundle, kCv, InMetres(), "bundle.out").rig;
+  ASSERT_EQ(rig.cameras.size(), 2u) << "one is not placed";
+  EXPECT_EQ(rig.cameras[0].camera.name, "camera_1");
+  const auto radial = [](const Eigen::Vector2d& x) {
+    const double r2 = x.squaredNorm();
+    return Eigen::Vector2d(x * (1 - 0.1 * r2 + 0.02 * r2 * r2));
+  };
+  MatrixCamera centred = b;  // one focal length, the principal point in the image's middle
+  centred.k(1, 1) = 900, centred.k(0, 2) = 319.5, centred.k(1, 2) = 239.5;
+  ExpectCamera(rig, 1, centred, radial);
+}
+
+/// Metashape's manual: u = w / 2 + cx + x f + x b1, v = h / 2 + cy + y f; the middle of the first pixel is 0.5.
+TEST(Metashape, CamerasOfAChunk) {
+  const MatrixCamera c(800, 0.7);
+  const double f = c.k(1, 1);
+  // world = 2 R x + t of the chunk
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const Eigen::Vector3d shift(1, 2, 3);
+  Eigen::Matrix4d chunk_from_cam = Eigen::Matrix4d::Identity();
+  chunk_from_cam.topLeftCorner<3, 3>() = turn.transpose() * c.r.transpose();
+  chunk_from_cam.topRightCorner<3, 1>() = turn.transpose() * (c.centre() - shift) / 2;
+  const auto document = [&](const std::string& type) {
+    return "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<document version=\"2.0.0\"><chunk label=\"1\"><sensors>"
+           "<sensor id=\"0\" type=\"frame\"><resolution width=\"640\" height=\"480\"/><calibration type=\"" +
+           type + "\" class=\"adjusted\"><resolution width=\"640\" height=\"480\"/><f>" +
+           TextOf(Eigen::Matrix<double, 1, 1>(f)) +
+           "</f><cx>1</cx><cy>-0.25</cy><b1>-1</b1><k1>-0.1</k1><k2>0.02</k2><p1>0.002</p1><p2>0.001</p2></calibration></"
+           "sensor>"
+           "</sensors><cameras><camera id=\"0\" sensor_id=\"0\" label=\"a.jpg\"><transform>" +
+           TextOf(chunk_from_cam, " ") +
+           "</transform></camera><camera id=\"1\" sensor_id=\"0\" label=\"lost.jpg\"/></cameras><transform><rotation>" +
+           TextOf(turn, " ") + "</rotation><translation>1 2 3</translation><scale>2</scale></transform></chunk></document>";
+  };
+  const ImportedRig imported = ReadProgramFile(document("frame"), kCv, InMetres(), "cameras.xml");
+  ASSERT_EQ(imported.rig.cameras.size(), 1u);
+  EXPECT_EQ(imported.rig.cameras[0].camera.name, "a");
+  EXPECT_TRUE(std::any_of(imported.notes.begin(), imported.notes.end(),
+                          [](const Notice& note) { return note.text.find("lost.jpg") != std::string::npos; }));
+  MatrixCamera expected = c;
+  expected.k(0, 2) = 320 + 1 - 0.5, expected.k(1, 2) = 240 - 0.25 - 0.5;
+  ExpectCamera(imported.rig, 0, expected, [](const Eigen::Vector2d& x) {
+    const double r2 = x.squaredNorm(), radial = 1 - 0.1 * r2 + 0.02 * r2 * r2, p1 = 0.002, p2 = 0.001;
+    return Eigen::Vector2d(x.x() * radial + p1 * (r2 + 2 * x.x() * x.x()) + 2 * p2 * x.x() * x.y(),
+                           x.y() * radial + p2 * (r2 + 2 * x.y() * x.y()) + 2 * p1 * x.x() * x.y());
+  });
+  EXPECT_THAT(RefusedFile(document("fisheye"), kCv, InMetres()), HasSubstr("type fisheye"));
+}
+
+TEST(OpenMvg, ViewsWithAPose) {
+  MatrixCamera c(800, 0.7);
+  c.k(1, 1) = 800;
+  const auto list = [](const Eigen::MatrixXd& m) {
+    std::string text = TextOf(m, "], [");
+    std::replace(text.begin(), text.end(), '\n', ' ');
+    for (size_t at = text.find(' '); at != std::string::npos; at = text.find(' ', at + 2)) {
+      if (at > 0 && text[at - 1] != ',' && at + 1 < text.size()) text.insert(at, ",");
+    }
+    return "[" + text + "]";
+  };
+  const std::string view =
+      "\"ptr_wrapper\": {\"data\": {\"local_path\": \"\", \"filename\": \"a.jpg\", \"id_intrinsic\": 7, \"id_pose\": 3}}";
+  std::string lost = view;
+  lost.replace(lost.find("\"id_pose\": 3"), 12, "\"id_pose\": 4");
+  const std::string text =
+      "{\"sfm_data_version\": \"0.3\", \"views\": [{\"key\": 0, \"value\": {" + view + "}}, {\"key\": 1, \"value\": {" + lost +
+      "}}], \"intrinsics\": [{\"key\": 7, \"value\": {\"polymorphic_id\": 2147483649, \"polymorphic_name\": "
+      "\"pinhole_brown_t2\", \"ptr_wrapper\": {\"data\": {\"width\": 640, \"height\": 480, \"focal_length\": 800, "
+      "\"principal_point\": [320.5, 239.25], \"disto_t2\": [-0.1, 0.02, 0.003, 0.001, 0.002]}}}}], \"extrinsics\": [{\"key\": "
+      "3, "
+      "\"value\": {\"rotation\": [" +
+      list(c.r) + "], \"center\": " + list(c.centre().transpose()) + "}}]}";
+  const geometry::Rig rig = ReadProgramFile(text, kCv, InMetres(), "sfm_data.json").rig;
+  ASSERT_EQ(rig.cameras.size(), 1u);
+  ExpectCamera(rig, 0, c, [](const Eigen::Vector2d& x) {
+    const double r2 = x.squaredNorm(), radial = 1 - 0.1 * r2 + 0.02 * r2 * r2 + 0.003 * r2 * r2 * r2, t1 = 0.001, t2 = 0.002;
+    return Eigen::Vector2d(x.x() * radial + t2 * (r2 + 2 * x.x() * x.x()) + 2 * t1 * x.x() * x.y(),
+                           x.y() * radial + t1 * (r2 + 2 * x.y() * x.y()) + 2 * t2 * x.x() * x.y());
+  });
 }
 
 }  // namespace

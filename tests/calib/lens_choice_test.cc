@@ -200,5 +200,45 @@ TEST(ChooseLens, ALensThatMissesTheSidesGivesWay) {
   EXPECT_LE(report.holdout_rms_px, 1.02 * 0.2392) << "no worse than brown5 by itself";
 }
 
+LensCandidate CandidateOf(const geometry::Camera& camera, double relative_error) {
+  LensCandidate candidate;
+  candidate.fit.state.cameras = {camera};
+  candidate.relative_error = relative_error;
+  return candidate;
+}
+
+/// A lens that folds in more than a tenth of the image, or is decentred as none is, must be better by 10 %, others by 2 %.
+TEST(NearTheBest, AskMoreOfALensThatIsSpoiled) {
+  const auto near_of = [](const geometry::Camera& chosen) {
+    std::vector<double> errors;
+    for (const double error : {1.015, 1.05, 1.09, 1.12}) {
+      const auto near =
+          NearTheBest({CandidateOf(testing::MakeCamera("c0", LensModel::kPinhole), error), CandidateOf(chosen, 1)}, 1);
+      EXPECT_TRUE(near[1]);
+      if (near[0]) errors.push_back(error);
+    }
+    return errors;
+  };
+  const std::vector<double> sound = {1.015}, spoiled = {1.015, 1.05, 1.09};
+  geometry::Camera folds = testing::MakeCamera("c0", LensModel::kBrown4);
+  folds.params.tail(4).setZero();
+  EXPECT_EQ(near_of(folds), sound);
+  double below = 0, above = 0;  // shares of the image on either side of the tenth
+  for (double k1 = 0; above == 0 && k1 > -10; k1 -= 0.01) {
+    folds.params[4] = k1;
+    const double share = FindFolds(folds).share;
+    if (share > 0.1) above = share;
+    if (share > 0.05 && share <= 0.1) below = share;
+    if (share > 0.05) {
+      EXPECT_EQ(near_of(folds), share > 0.1 ? spoiled : sound) << share;
+    }
+  }
+  EXPECT_GT(below, 0.05);
+  EXPECT_GT(above, 0.1);
+  geometry::Camera decentred = testing::MakeCamera("c0", LensModel::kBrown4);
+  decentred.params.tail(4) << 0, 0, 0.08, 0;
+  EXPECT_EQ(near_of(decentred), spoiled);
+}
+
 }  // namespace
 }  // namespace mvstudio::calib

@@ -3,10 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 
+#include "core/disk/files.h"
 #include "core/error.h"
+#include "core/format.h"
 #include "dataset/build/joint_numbers.h"
 #include "dataset/footage/image_io.h"
 #include "tests/dataset/clip_writer.h"
@@ -32,8 +35,90 @@ TEST(GivenMasks, WhatIsNoFolderOfMasksIsSaidByItsKind) {
   std::ofstream(folder / "coco.json") << "{}";
   EXPECT_THAT(message(folder / "coco.json"), AllOf(HasSubstr("is a file"), HasSubstr("COCO's RLE")));
   EXPECT_THAT(message(folder.path()), AllOf(HasSubstr("none of the cameras"), HasSubstr("cam1")));
-  std::filesystem::create_directories(folder / "cam1/000000");  // a folder of objects for each frame
-  EXPECT_THAT(message(folder.path()), AllOf(HasSubstr("`000000`"), HasSubstr("the objects of a frame in one image")));
+  EXPECT_THAT(message(folder / "coco.json"), HasSubstr("RLE or polygons"));
+  for (const char* file : {"cam1/000000.npy", "cam1.mp4"}) {
+    const testing::TempDir other;
+    WriteFileAtomic(other / file, "x");
+    EXPECT_THAT(message(other.path()),
+                AllOf(HasSubstr(std::filesystem::path(file).filename().string()),
+                      HasSubstr(file[4] == '/' ? "an array" : "a video"), HasSubstr("the objects of a frame in one image")));
+  }
+}
+
+/// A mask with `mark` in its corner.
+Image MarkedMask(uint8_t mark, int width = 8, int height = 6) {
+  Image mask(width, height, 1);
+  *mask.Pixel(mark % 4, 0) = 255, *mask.Pixel(5, 4) = 255;
+  return mask;
+}
+
+/// Frame f of camera c has mark f + c wherever the file lies.
+TEST(GivenMasks, LayoutsOfOtherPrograms) {
+  using Name = std::string (*)(int camera, int frame);
+  const Name layouts[] = {[](int c, int f) { return Format("cam_%d/%06d.png", c, f); },
+                          [](int c, int f) { return Format("cam_%d/cam_%d_%06d_mask.png", c, c, f); },
+                          [](int c, int f) { return Format("Cam%d/%06d.jpg.png", c, f); },
+                          [](int c, int f) { return Format("cam_%d/masks/%06d.PNG", c, f); },
+                          [](int c, int f) { return Format("cam_%d_%06d.png", c, f); },
+                          [](int c, int f) { return Format("%06d/cam_%d.png", f, c); },
+                          [](int c, int f) { return Format("frame_%d/cam_%d_alpha.png", f, c); }};
+  for (const Name& name : layouts) {
+    const testing::TempDir folder;
+    BuildInputs inputs;
+    inputs.masks = folder.path();
+    for (int c = 1; c <= 2; ++c) {
+      inputs.footage.push_back({Format("cam_%d", c), "", ""});
+      for (int f = 0; f < 3; ++f) {
+        const std::string lower = folder / "mask.png", path = folder / name(c, f);
+        std::filesystem::create_directories(std::filesystem::path(path).parent_path());
+        WriteImage(MarkedMask(static_cast<uint8_t>(f + c)), lower), std::filesystem::rename(lower, path);
+      }
+    }
+    const auto given = internal::FindGivenMasks(inputs);
+    for (int c = 1; c <= 2; ++c) {
+      for (int f = 0; f < 3; ++f) {
+        EXPECT_EQ(MaskOfFrame(given.at(Format("cam_%d", c)), f, 8, 6).pixels, MarkedMask(static_cast<uint8_t>(f + c)).pixels)
+            << name(c, f);
+      }
+    }
+  }
+}
+
+TEST(GivenMasks, ObjectsOfAFrameAreJoined) {
+  using Name = std::string (*)(int frame, int object);
+  const Name layouts[] = {[](int f, int o) { return Format("cam/%05d_%d.png", f, o); },
+                          [](int f, int o) { return Format("cam/%03d/%05d.png", o, f); },
+                          [](int f, int o) { return Format("cam/%05d/%d.png", f, o); }};
+  for (const Name& name : layouts) {
+    const testing::TempDir folder;
+    BuildInputs inputs;
+    inputs.masks = folder.path(), inputs.footage.push_back({"cam", "", ""});
+    for (int f = 0; f < 3; ++f) {
+      for (int o = 0; o < 2; ++o) WriteImage(MarkedMask(static_cast<uint8_t>(f + o)), folder / name(f, o));
+    }
+    const auto given = internal::FindGivenMasks(inputs);
+    for (int f = 0; f < 3; ++f) {
+      Image both = MarkedMask(static_cast<uint8_t>(f));
+      *both.Pixel((f + 1) % 4, 0) = 255;
+      EXPECT_EQ(MaskOfFrame(given.at("cam"), f, 8, 6).pixels, both.pixels) << name(f, 0);
+    }
+  }
+}
+
+TEST(GivenMasks, OfTheImagesShapeAreBroughtToItsSize) {
+  const testing::TempDir folder;
+  Image half(8, 6, 1), whole(16, 12, 1);
+  for (int y = 2; y < 4; ++y) std::fill_n(half.Pixel(2, y), 4, uint8_t{255});
+  for (int y = 4; y < 8; ++y) std::fill_n(whole.Pixel(4, y), 8, uint8_t{255});
+  WriteImage(half, folder / "half.png"), WriteImage(whole, folder / "whole.png");
+  const internal::GivenMasks masks{{{0, folder / "half.png"}, {1, folder / "whole.png"}}, {}};
+  EXPECT_EQ(MaskOfFrame(masks, 0, 16, 12).pixels, whole.pixels);
+  EXPECT_EQ(MaskOfFrame(masks, 1, 8, 6).pixels, half.pixels);
+  const auto refused = [&](int width, int height) {
+    return testing::MessageOf<FormatError>([&] { MaskOfFrame(masks, 0, width, height); });
+  };
+  EXPECT_THAT(refused(6, 8), HasSubstr("rotated by 90 degrees"));
+  EXPECT_THAT(refused(16, 16), HasSubstr("without bars"));
 }
 
 /// A video of three frames, 0 to 2, with masks 0 or 1 to N.

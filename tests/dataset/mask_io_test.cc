@@ -150,6 +150,9 @@ TEST_F(MaskIo, PhotographsAreNoMasks) {
   }
   // A grey mask with the losses of JPEG, and labels in a few colours, are masks.
   EXPECT_EQ(*ReadMask(Put("mask.jpg", Mask(255))).Pixel(20, 16), 255);
+  const MaskMeaning ones = MeaningOfMasks({Put("ones.jpg", Mask(1), {cv::IMWRITE_JPEG_QUALITY, 100})});
+  EXPECT_TRUE(ones.IsDoubtful());
+  EXPECT_THAT(ones.Text(), HasSubstr("as PNG"));
   cv::Mat labels(kHeight, kWidth, CV_8UC3, cv::Scalar::all(0));
   for (int y = 6; y < 26; ++y) {
     for (int x = 12; x < 28; ++x) labels.at<cv::Vec3b>(y, x) = y < 16 ? cv::Vec3b(0, 0, 128) : cv::Vec3b(0, 128, 0);

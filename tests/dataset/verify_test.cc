@@ -1,6 +1,9 @@
 #include "dataset/verify/verify.h"
 
+#include <gmock/gmock.h>
+
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <functional>
 #include <nlohmann/json.hpp>
@@ -19,6 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
+using ::testing::HasSubstr;
 
 /// A sound dataset: two cameras, three frames, one standing person, masks that are a box around the joints.
 class VerifyTest : public ::testing::Test {
@@ -193,6 +197,33 @@ TEST_F(VerifyTest, JointsOffTheMasks) {
   }
   EXPECT_EQ(Only("DAT-COVER"), 1);
   EXPECT_EQ(VerifyDataset(folder_.path()).num_errors(), 1) << "none of them lies on one";
+}
+
+/// What a mask shows in place of the person names the reason.
+TEST_F(VerifyTest, MasksOfSomethingElseThanThePersonAreNamed) {
+  const auto because = [&](const std::function<bool(int x, int y)>& on) {
+    for (int frame = 5; frame < 8; ++frame) {
+      Image mask(80, 60, 1);
+      for (int y = 0; y < 60; ++y) {
+        for (int x = 0; x < 80; ++x) *mask.Pixel(x, y) = on(x, y) ? 255 : 0;
+      }
+      WriteImage(mask, Mask0(frame));
+    }
+    std::string texts;
+    for (const Finding& finding : VerifyDataset(folder_.path()).findings) {
+      if (finding.code == "DAT-COVER") texts += finding.text;
+    }
+    return texts;
+  };
+  const auto person = [](int x, int y) { return x >= 25 && x < 57 && y >= 15 && y < 50; };
+  EXPECT_EQ(because(person), "");
+  EXPECT_THAT(because([](int, int) { return true; }), HasSubstr("cover the whole image"));
+  EXPECT_THAT(because([](int, int) { return false; }), HasSubstr("empty"));
+  EXPECT_THAT(because([&](int x, int y) { return !person(x, y); }), HasSubstr("inverted"));
+  // All joints but one lie along this line.
+  const auto line = [](double x, double y) { return std::abs(x - (39.5 + 0.4 * (y - 28.6))) <= 1.5; };
+  EXPECT_EQ(because([&](int x, int y) { return line(x, y); }), "");
+  EXPECT_THAT(because([&](int x, int y) { return line(79 - x, y); }), HasSubstr("mirrored"));
 }
 
 /// Images and masks of a box that moves, of two cameras in ten frames; `image_of` and `late` choose what the images show.

@@ -1,5 +1,7 @@
+#include <cmath>
 #include <fstream>
 
+#include "core/disk/npy_write.h"
 #include "core/error.h"
 #include "tests/support/message_of.h"
 #include "tests/support/temp_dir.h"
@@ -135,6 +137,71 @@ TEST_F(WideCsv, ARowAPoint) {
   EXPECT_THAT(testing::MessageOf<FormatError>([&] { Read("frame,joint,x,y,z\n0,nose,1,2,3\n"); }), HasSubstr("3D points"));
   std::ofstream(folder_ / "all.csv") << "camera,frame,joint,x,y\na,0,nose,1,2\n";
   EXPECT_EQ(FindTrackerFormat(folder_ / "all.csv"), nullptr) << "all cameras' table is read as that";
+}
+
+/// 2 frames, 3 joints: x is 100 camera + 10 frame + joint, y 7.
+std::vector<double> PixelsOf(int camera, bool scores) {
+  std::vector<double> values;
+  for (int frame = 0; frame < 2; ++frame) {
+    for (int joint = 0; joint < 3; ++joint) {
+      values.insert(values.end(), {100.0 * camera + 10 * frame + joint, 7.0});
+      if (scores) values.push_back(0.5);
+    }
+  }
+  return values;
+}
+
+TEST_F(WideCsv, ArraysOfOneCamera) {
+  const auto write = [&](const std::string& name, const std::string& bytes) {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    return ReadTrackerFile(folder_ / name, "cam1");
+  };
+  const auto x_of = [](const TrackedPoints& points, int frame, size_t person, size_t joint) {
+    return points.track.frames.at(frame).at(person).keypoints[joint].x_px;
+  };
+  const TrackedPoints plain = write("a.npy", NpyOfDoubles({2, 3, 2}, PixelsOf(4, false)));
+  EXPECT_THAT(plain.joints, ElementsAre("point_0", "point_1", "point_2"));
+  EXPECT_EQ(x_of(plain, 1, 0, 2), 412);
+  EXPECT_EQ(plain.track.frames.at(0).at(0).keypoints[0].score, 1);
+  std::vector<double> gaps = PixelsOf(4, false);
+  gaps[0] = gaps[1] = 0, gaps[2] = std::nan("");
+  const TrackedPoints seen = write("b.npy", NpyOfDoubles({2, 3, 2}, gaps));
+  EXPECT_EQ(seen.track.frames.at(0).at(0).keypoints[0].score, 0);
+  EXPECT_EQ(seen.track.frames.at(0).at(0).keypoints[1].score, 0);
+  const TrackedPoints scored = write("c.npz", NpzOf({{"kpts", NpyOfDoubles({2, 3, 3}, PixelsOf(4, true))},
+                                                     {"joint_names", NpyOfTexts({"nose", "neck", "hip"})}}));
+  EXPECT_THAT(scored.joints, ElementsAre("nose", "neck", "hip"));
+  EXPECT_EQ(scored.track.frames.at(1).at(0).keypoints[1].score, 0.5);
+  const TrackedPoints apart = write("d.npz", NpzOf({{"xy", NpyOfDoubles({2, 3, 2}, PixelsOf(4, false))},
+                                                    {"conf", NpyOfDoubles({2, 3}, {.1, .2, .3, .4, .5, .6})}}));
+  EXPECT_EQ(apart.track.frames.at(1).at(0).keypoints[2].score, 0.6);
+  const TrackedPoints people = write("e.npy", NpyOfDoubles({1, 2, 3, 2}, PixelsOf(4, false)));
+  EXPECT_EQ(x_of(people, 0, 1, 2), 412);
+  const auto refused = [&](const std::string& bytes, const std::string& name) {
+    return testing::MessageOf<FormatError>([&] { write(name, bytes); });
+  };
+  EXPECT_THAT(refused(NpyOfDoubles({3, 4}, std::vector<double>(12)), "g.npy"), HasSubstr("3 x 4"));
+  EXPECT_THAT(refused(NpyOfDoubles({1, 21, 3, 2}, std::vector<double>(126)), "h.npy"), HasSubstr("cameras first"));
+  EXPECT_THAT(refused(NpzOf({{"a", NpyOfDoubles({3}, {1, 2, 3})}}), "i.npz"), HasSubstr("its arrays: a 3"));
+}
+
+TEST_F(WideCsv, ArraysOfAllCameras) {
+  std::vector<double> both = PixelsOf(1, false);
+  const std::vector<double> second = PixelsOf(2, false);
+  both.insert(both.end(), second.begin(), second.end());
+  const auto write = [&](const std::string& name, const std::string& bytes) {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    return ReadPointArrays(folder_ / name);
+  };
+  const std::string points = NpyOfDoubles({2, 2, 3, 2}, both);
+  const std::vector<TrackedPoints> cameras =
+      write("a.npz", NpzOf({{"points", points}, {"cameras", NpyOfTexts({"left", "right"})}}));
+  ASSERT_EQ(cameras.size(), 2u);
+  EXPECT_EQ(cameras[1].track.camera, "right");
+  EXPECT_EQ(cameras[1].track.frames.at(1).at(0).keypoints[2].x_px, 212);
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { write("b.npy", points); }),
+              HasSubstr("the names of 0 cameras instead of 2"));
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { write("c.npy", NpyOfDoubles({2, 3, 2}, second)); }), HasSubstr("'pose2d'"));
 }
 
 }  // namespace

@@ -247,6 +247,12 @@ TEST(Cause, CoordinatesThatAreNoPixelsFromTheTopLeft) {
   ExpectRemedy(Search(rig, Changed(good, 1, below)), Cause::kFlippedY, "option 'flip-y' cam_1");
   ExpectRemedy(Search(rig, Changed(good, -1, rotated)), Cause::kRotated, "option 'rotate' 90");
   ExpectRemedy(Search(rig, Changed(good, 3, rotated)), Cause::kRotated, "option 'rotate' cam_3=90");
+  ExpectRemedy(Search(rig, Changed(Changed(good, 0, rotated), 2, rotated)), Cause::kRotated,
+               "option 'rotate' cam_0=90 option 'rotate' cam_2=90");
+  const auto upside_down = [](Eigen::Vector2d* px) { *px = Eigen::Vector2d(1919, 1087) - *px; };
+  const CauseReport three = Search(rig, Changed(Changed(Changed(good, 0, upside_down), 1, upside_down), 3, upside_down));
+  ExpectRemedy(three, Cause::kRotated, "option 'rotate' cam_0=180 option 'rotate' cam_1=180 option 'rotate' cam_3=180");
+  ExpectFound(three, Cause::kRotated, "the images of cam_0, cam_1, cam_3 turned by 180 degrees");
 }
 
 TEST(Cause, PosesThatAreInvertedOrMirrored) {

@@ -17,7 +17,7 @@ enum class Cause {
   kNone,           ///< "as-given"
   kNormalized,     ///< "normalized": coordinates are 0 to 1
   kFlippedY,       ///< "y-from-below": y counts from the lower edge
-  kRotated,        ///< "turned": the images are turned by 90, 180 or 270 degrees
+  kRotated,        ///< "turned": the images of all cameras, or of some in the same way, are rotated by 90, 180 or 270 degrees
   kInverted,       ///< "poses-inverted": the calibration's poses go the other way
   kMirroredPoses,  ///< "poses-mirrored": the calibration is left-handed
   kRates,          ///< "rates": the cameras' frame rates differ

@@ -21,6 +21,11 @@ struct Assumption {
 std::vector<Assumption> Assumptions(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,
                                     const MirrorGroups& mirror, bool alike);
 
+/// Of them those about the detections: as shares of the image, rotated, mirrored, from below; of all cameras, of one, and
+/// rotated ones of several. `alike`: of all only.
+void AddDetectedChanges(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const MirrorGroups& mirror,
+                        bool alike, std::vector<Assumption>* list);
+
 /// Clocks estimated from the motion of the take, by camera; offsets and drifts are 0 where they are not significant (5 standard
 /// deviations, 0.1 frames); empty when none is.
 std::vector<Clock> ClocksAskedFor(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames,

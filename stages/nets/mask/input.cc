@@ -13,6 +13,7 @@
 #include "dataset/detect/models/models.h"
 #include "dataset/footage/frames.h"
 #include "dataset/footage/image_io.h"
+#include "dataset/footage/mask_files.h"
 #include "dataset/masks/size_rule.h"
 #include "dataset/panoptic/panoptic.h"
 #include "stages/frame_notice.h"
@@ -263,24 +264,21 @@ std::vector<MaskBackend> MaskBackends(const MaskStageOptions& options, InputNote
 
 TruthScore CompareWithTruth(const std::string& truth, const std::string& folder, const std::string& camera) {
   TruthScore score;
-  std::map<int, std::string> exact;
-  const std::vector<std::string> files = FilesMatching(truth);
-  const std::vector<int64_t> numbers = dataset::NumberFrames(truth, files).numbers;
-  if (files.empty()) throw IoError(truth, "no exact mask is there");
+  dataset::FrameMasks exact = dataset::FindMasks(truth);
+  if (exact.files.empty()) throw IoError(truth, "no exact mask is there");
   const auto num_masks = dataset::FramesFrom0(folder + "/" + camera);
-  const std::set<int64_t> distinct(numbers.begin(), numbers.end());
+  std::set<int64_t> distinct;
+  for (const auto& [frame, path] : exact.files) distinct.insert(frame);
   score.from_one = num_masks && dataset::FirstNumberOf(distinct, *num_masks) == dataset::FirstNumber::kOne;
-  for (size_t i = 0; i < files.size(); ++i) exact[static_cast<int>(numbers[i]) - (score.from_one ? 1 : 0)] = files[i];
-  score.masks = dataset::MeaningOfMasks(files);
-  for (const auto& [frame, path] : exact) {
-    const std::string own = MaskPath(folder, camera, frame);
+  if (score.from_one) exact.CountFrom(1);
+  score.masks = exact.meaning = dataset::MeaningOfMasks(exact.Paths());
+  for (const auto& [frame, path] : exact.files) {
+    const std::string own = MaskPath(folder, camera, static_cast<int>(frame));
     if (!fs::exists(own)) {
       ++score.missing;
       continue;
     }
-    const Image a = dataset::ReadImage(own, true), b = dataset::ReadMask(path, score.masks);
-    if (a.width != b.width || a.height != b.height)
-      throw FormatError(path, "", "is " + SizeText(b.width, b.height) + ", the footage " + SizeText(a.width, a.height));
+    const Image a = dataset::ReadImage(own, true), b = dataset::MaskOfFrame(exact, frame, a.width, a.height);
     double both = 0, either = 0;
     for (size_t i = 0; i < a.pixels.size(); ++i) {
       const bool m = a.pixels[i] > 127, t = b.pixels[i] > 127;
