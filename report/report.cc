@@ -60,8 +60,9 @@ std::string Header(const std::string& title, Verdict verdict, const SectionConte
     return "<h1>" + EscapeHtml(title) + "</h1>" + ParagraphHtml(SentenceOfFiles(data), "sentence") +
            (client ? "" : WorstList(context));
   const std::string& written = options.generated_at;
-  return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + ParagraphHtml(VerdictSentence(data, !client), "sentence") +
-         (client ? "" : WorstList(context)) + (written.empty() ? "" : ParagraphHtml("Written " + written, "muted"));
+  const std::string when = written.empty() ? "" : "<span class=\"muted\">written " + EscapeHtml(written) + "</span>";
+  return "<h1>" + EscapeHtml(title) + "</h1>" + BadgeHtml(verdict) + when +
+         ParagraphHtml(VerdictSentence(data, !client), "sentence") + (client ? "" : WorstList(context));
 }
 
 Value NoticesToValue(const std::vector<Notice>& notices) {

@@ -95,7 +95,8 @@ std::string Curves(SectionContext* context, const CsvFile& history) {
     }
   }
   if (!first.empty()) small.insert(small.begin(), first);
-  html += GridHtml(small, "grid small");
+  const auto end = small.begin() + static_cast<std::ptrdiff_t>(std::min<size_t>(small.size(), 4));
+  html += GridHtml({small.begin(), end}, "grid small");
   Value last = Value::Object();
   for (size_t column = 0; column < table.columns.size(); ++column) {
     const double number = table.Number(table.rows.size() - 1, static_cast<int>(column));
@@ -107,6 +108,7 @@ std::string Curves(SectionContext* context, const CsvFile& history) {
                         FormatNumber(last["step"].Number()) + (std::isfinite(wall) ? " after " + FormatDuration(wall) : "") +
                         ". Mean loss terms of the steps since the row before, unweighted.",
                     "muted");
+  if (end != small.end()) html += DetailsHtml("More curves", GridHtml({end, small.end()}, "grid small"));
   Value list = context->json["training"];
   context->json.Set(
       "training",
@@ -259,7 +261,7 @@ std::string EvalBody(SectionContext* context, const Stage& stage) {
   if (!cameras.empty()) html += DetailsHtml("Scores of each camera", cameras);
   html += TextureAtlas(context, stage);
   const std::string all = NumbersTable("", metrics);
-  return html + (all.empty() ? "" : DetailsHtml("All numbers", all));
+  return GridHtml({html, all.empty() ? "" : DetailsHtml("All numbers", all)}, "result");
 }
 
 }  // namespace
@@ -279,8 +281,11 @@ Section AvatarSection(SectionContext* context) {
   for (const Stage& stage : context->data.stages) {
     if (stage.command != "avatar train" && stage.command != "avatar resume") continue;
     section.body_html += TextureAtlas(context, stage);
-    for (const Value& output : stage.result["outputs"].items())
-      if (output["role"].Text() == "gaussians-player") section.body_html += EmbedPlayer(context, stage, output);
+    for (const Value& output : stage.result["outputs"].items()) {
+      const std::string player =
+          output["role"].Text() == "gaussians-player" ? EmbedPlayer(context, stage, output) : std::string();
+      if (!player.empty()) section.body_html += DetailsHtml("Gaussians in motion", player);
+    }
     const std::string all = NumbersTable("", stage.metrics());
     if (!all.empty())
       section.body_html += DetailsHtml(

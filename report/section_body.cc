@@ -45,7 +45,7 @@ std::string FitBody(SectionContext* context, const Stage& stage) {
                             FormatFixed(limits["sigma_limit_mm"].Number(), 0) + "\u00a0mm and more)",
                         {"front", "back", "front, deviation", "back, deviation"});
   }
-  return html;
+  return GridHtml({html}, "result");
 }
 
 }  // namespace
@@ -55,7 +55,7 @@ std::string FittedBodies(SectionContext* context) {
   for (const Stage& stage : context->data.stages) {
     if (stage.command == "avatar fit") html += FitBody(context, stage);
     if (stage.command == "avatar train" && stage.metrics()["body"].IsObject())
-      html += "<h3>Fitted body</h3>\n" + BodyTables(stage.metrics()["body"]);
+      html += GridHtml({"<h3>Fitted body</h3>\n", BodyTables(stage.metrics()["body"])}, "result");
   }
   return html;
 }

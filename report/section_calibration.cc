@@ -177,8 +177,9 @@ std::string StageBody(SectionContext* context, const Stage& stage, bool named) {
   if (metrics["world"].IsText()) add("world:", metrics["world"].Text());
   if (!summary.empty()) html += ParagraphHtml(summary + ".");
   const Value& cameras = metrics["cameras"];
+  const std::string table = cameras.items().empty() ? "" : CamerasTable(cameras, calibration);
+  html += GridHtml({table, Covisibility(metrics)}, "pair") + CaptureAdvice(metrics["film_next"]);
   if (!cameras.items().empty()) {
-    html += CamerasTable(cameras, calibration);
     const std::vector<std::string> all_but_name(kShownKeys.begin() + 1, kShownKeys.end());
     const bool more = !ObjectsTable("", cameras, kShownKeys).empty(), many = cameras.items().size() > 4;
     const std::string folded = (many ? RmsChart(cameras) : "") + (more ? ObjectsTable("", cameras, all_but_name) : "");
@@ -233,9 +234,11 @@ Section CalibrationSection(SectionContext* context) {
   if (data.calibrations.empty()) return section;
   const JsonFile& file = data.calibrations.front();
   const Value summary = CalibrationSummary(file.value);
-  section.body_html += "<h3>Rig</h3>\n";
   const CsvFile* points = data.points.empty() ? nullptr : &data.points.front();
-  section.body_html += RigFigures(file.value, points, points ? SkeletonOf(data, *points) : Value());
+  const std::string rig = RigFigures(file.value, points, points ? SkeletonOf(data, *points) : Value());
+  // The viewer, which shows the same in 3D, folds it.
+  if (!rig.empty())
+    section.body_html += "<details class=\"drawn\" open><summary>The rig, drawn</summary>\n" + rig + "</details>\n";
   section.body_html += stages.empty() ? FileTable(file, summary) : DetailsHtml("Calibration file", FileTable(file, summary));
   if (data.calibrations.size() > 1) {
     std::string others;

@@ -85,6 +85,8 @@ std::string CameraMaps(const Value& metrics) {
   return CameraFigures("Maps over the image", "", figures, metrics["cameras"].items().size());
 }
 
+}  // namespace
+
 std::string Covisibility(const Value& metrics) {
   CellGridSpec spec;
   spec.title = "Time steps in which two cameras saw a board";
@@ -94,22 +96,20 @@ std::string Covisibility(const Value& metrics) {
   if (spec.rows.size() <= 12) spec.column_names = spec.row_names;
   spec.zero_is_missing = true;
   spec.aspect = 0.4;
-  spec.width = 760;
+  spec.width = spec.rows.size() <= 8 ? 460 : 760;
   return FigureHtml(CellGrid(spec),
                     "On the diagonal, the time steps of one camera alone. The rig holds together along the pairs with many.");
 }
 
 std::string CaptureAdvice(const Value& hints) {
   if (hints.items().empty()) return {};
-  constexpr size_t kMostOpen = 3;  // the most useful come first
+  constexpr size_t kMostOpen = 2;  // the most useful come first
   std::string open, folded;
   for (size_t i = 0; i < hints.items().size(); ++i)
     (i < kMostOpen ? open : folded) += ParagraphHtml(hints.At(i)["text"].Text());
   if (!folded.empty()) folded = DetailsHtml(std::to_string(hints.items().size() - kMostOpen) + " more", folded);
   return "<h3>What to film next</h3>\n" + open + folded;
 }
-
-}  // namespace
 
 std::string CameraFigures(const std::string& heading, const std::string& text, const std::vector<std::string>& figures,
                           size_t num_cameras, const char* css_class) {
@@ -120,9 +120,6 @@ std::string CameraFigures(const std::string& heading, const std::string& text, c
   return "<h3>" + EscapeHtml(heading) + "</h3>\n" + body;
 }
 
-std::string CalibrationMaps(const Value& metrics) {
-  return CaptureAdvice(metrics["film_next"]) + SelectionTable(metrics["model_selection"]) + CameraMaps(metrics) +
-         Covisibility(metrics);
-}
+std::string CalibrationMaps(const Value& metrics) { return SelectionTable(metrics["model_selection"]) + CameraMaps(metrics); }
 
 }  // namespace mvstudio::report

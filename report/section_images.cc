@@ -80,7 +80,7 @@ std::string WordsOf(const std::string& file_name) {
 }
 
 std::string ImagesOf(SectionContext* context, const Stage& stage, const ImageRole& role) {
-  constexpr size_t kMostOpen = 3;
+  constexpr size_t kMostOpen = 4;
   std::vector<std::string> shown, folded;
   int left_out = 0;
   for (const Value& output : OutputsOf(stage, role.name)) {
@@ -93,7 +93,7 @@ std::string ImagesOf(SectionContext* context, const Stage& stage, const ImageRol
     if (!figure.empty()) (shown.size() < kMostOpen ? shown : folded).push_back(figure);
   }
   if (shown.empty()) return {};
-  const char* grid = role.compared ? "grid three" : "grid";
+  const char* grid = role.compared ? "grid images" : "grid";
   std::string html = (role.title.empty() ? "" : "<h3>" + EscapeHtml(role.title) + "</h3>\n") + GridHtml(shown, grid);
   if (!folded.empty()) {
     html += DetailsHtml(std::to_string(folded.size()) + (folded.size() == 1 ? " more image" : " more images"),
@@ -117,10 +117,8 @@ Section HeldOutSection(SectionContext* context) {
   }
   if (!section.body_html.empty()) {
     section.body_html =
-        ParagraphHtml(
-            "Cameras and frames that took no part in the training, the worst first. The slider moves the border "
-            "between the true image and the avatar's.",
-            "muted") +
+        ParagraphHtml("Not trained on, the worst first. The slider moves the border between the true image and the avatar's.",
+                      "muted") +
         section.body_html;
   }
   return section;

@@ -51,16 +51,16 @@ std::string OverlayCaption(const Stage& stage, const Value& output) {
   return what + (camera.empty() ? ": " + WordsOf(stem) : ", camera " + camera);
 }
 
-/// The first three; more are folded, since each is a contact sheet.
+/// The first four; more are folded, since each is a contact sheet.
 std::string OverlaysHtml(const std::vector<std::string>& figures) {
-  constexpr size_t kMostOpen = 3;
+  constexpr size_t kMostOpen = 4;
   const auto end = figures.begin() + static_cast<std::ptrdiff_t>(std::min(figures.size(), kMostOpen));
   const std::vector<std::string> open(figures.begin(), end), folded(end, figures.end());
   if (open.empty()) return {};
-  return GridHtml(open, "grid three") +
+  return GridHtml(open, "grid images") +
          (folded.empty() ? ""
                          : DetailsHtml(std::to_string(folded.size()) + (folded.size() == 1 ? " more camera" : " more cameras"),
-                                       GridHtml(folded, "grid three")));
+                                       GridHtml(folded, "grid images")));
 }
 
 std::string StageBody(SectionContext* context, const Stage& stage) {
@@ -87,7 +87,7 @@ std::string StageBody(SectionContext* context, const Stage& stage) {
     }
   }
   const std::string all = NumbersTable("", metrics);
-  return html + (all.empty() ? "" : DetailsHtml("All numbers", all));
+  return GridHtml({html, all.empty() ? "" : DetailsHtml("All numbers", all)}, "result");
 }
 
 using Commands = std::vector<std::string>;

@@ -256,7 +256,8 @@ std::string AddPeople(const ScenePeople& people, Value* scene) {
                      .Append(static_cast<int64_t>(span.first))
                      .Append(static_cast<int64_t>(span.worst))
                      .Append(std::round(span.rms_px * 100) / 100)
-                     .Append(std::round(span.missing * 1000) / 1000));
+                     .Append(std::round(span.missing * 1000) / 1000)
+                     .Append(static_cast<int64_t>(span.emptiest)));
   }
   const size_t of_step = std::max<size_t>(1, people.people.size() * people.joints.size());
   const size_t length = std::max<size_t>(1, kChunkCells / of_step);
@@ -313,9 +314,27 @@ std::string BodyOverTime(SectionContext* context) {
   return {};
 }
 
+/// Frames that an avatar was scored on with the lowest SSIM of their images, [frame, SSIM], the worst first.
+Value HeldOutFrames(const RunData& data) {
+  std::map<int64_t, double> lowest;
+  for (const Stage* stage : data.All("avatar eval")) {
+    for (const Value& image : stage->metrics()["pictures"].items()) {
+      const auto frame = WholeNumber(image["frame"].Number());
+      const double ssim = image["ssim"].Number();
+      if (frame && std::isfinite(ssim)) lowest[*frame] = lowest.count(*frame) > 0 ? std::min(lowest[*frame], ssim) : ssim;
+    }
+  }
+  std::vector<std::pair<double, int64_t>> sorted;
+  for (const auto& [frame, ssim] : lowest) sorted.emplace_back(ssim, frame);
+  std::sort(sorted.begin(), sorted.end());
+  Value frames = Value::Array();
+  for (const auto& [ssim, frame] : sorted) frames.Append(Value::Array().Append(frame).Append(ssim));
+  return frames;
+}
+
 /// The worst time steps below the viewer, the very worst for the top of the page.
 std::string TimeStepLinks(SectionContext* context, const ScenePeople& people) {
-  constexpr size_t kShown = 5;
+  constexpr size_t kShown = 3;
   if (ForClient(context->options) || context->data.points.empty()) return {};
   const TableFile& table = context->data.points.front().table;
   const WorstTimeSteps all = FindWorstTimeSteps(people, table, kShown), first = FindWorstTimeSteps(people, table, 1);
@@ -347,6 +366,7 @@ Section StudioSection(SectionContext* context) {
       }
       scene.Set("round", !ReadCovariances(ReadBeside(*context, points.folder, "covariance.csv"), index, &people));
       chunks = AddPeople(people, &scene);
+      if (!ForClient(context->options)) scene.Set("held_out", HeldOutFrames(data));
     }
   } catch (const Error& error) {
     context->warnings.push_back({"REP-FILE", error.what(), "run the command that writes this file again"});

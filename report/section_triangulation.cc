@@ -190,17 +190,23 @@ std::string ListChart(const std::string& title, const std::string& label, const 
   return spec.labels.empty() ? "" : FigureHtml(BarChart(spec), "");
 }
 
-/// One camera left out and predicted by the others; how the method was chosen; limbs that should not change their length.
-std::string HoldoutBody(const Value& metrics) {
+/// One camera left out and predicted by the others; limbs that should not change their length.
+std::string HoldoutText(const Value& metrics) {
+  const Value& holdout = metrics["holdout"];
+  if (!holdout["median_px"].IsNumber()) return {};
+  std::string text = "Each camera in turn was left out and its detections predicted from the others: median error " +
+                     FormatWithUnit(holdout["median_px"].Number(), "px", 3);
+  if (metrics["limb_std_mm"].IsNumber()) {
+    text += "; limb lengths vary by " + FormatWithUnit(metrics["limb_std_mm"].Number(), "mm", 3) + " over the take";
+  }
+  return ParagraphHtml(text + ".");
+}
+
+/// The same in detail, and how the method was chosen.
+std::string HoldoutTables(const Value& metrics) {
   const Value& holdout = metrics["holdout"];
   std::string html;
   if (holdout["median_px"].IsNumber()) {
-    std::string text = "Each camera in turn was left out and its detections predicted from the others: median error " +
-                       FormatWithUnit(holdout["median_px"].Number(), "px", 3);
-    if (metrics["limb_std_mm"].IsNumber()) {
-      text += "; limb lengths vary by " + FormatWithUnit(metrics["limb_std_mm"].Number(), "mm", 3) + " over the take";
-    }
-    html += ParagraphHtml(text + ".");
     html += DetailsHtml(
         "Left-out error of each camera and joint",
         GridHtml({ListChart("Cameras, each left out", "median error (px)", holdout["cameras"], "name", "median_px"),
@@ -208,8 +214,7 @@ std::string HoldoutBody(const Value& metrics) {
   }
   html += FoldedTable("Methods compared", metrics["methods"]);
   html += FoldedTable("Terms that bind joints together, tried", metrics["refinement"]["trials"]);
-  html += FoldedTable("Limb lengths", metrics["limbs"]);
-  return html;
+  return html + FoldedTable("Limb lengths", metrics["limbs"]);
 }
 
 std::string TableBody(SectionContext* context, const CsvFile& points, bool with_statuses) {
@@ -251,14 +256,13 @@ std::string StageBody(SectionContext* context, const Stage& stage, const CsvFile
                FormatWithUnit(metrics["mean_rms_px"].Number(), "px", 3);
   }
   if (metrics["points_per_s"].IsNumber()) summary += "; " + FormatCount(metrics["points_per_s"].Number()) + " joints a second";
-  html += ParagraphHtml(summary + ".");
   std::vector<std::pair<std::string, double>> counts;
   for (const auto& [name, count] : metrics["status_counts"].fields()) counts.emplace_back(name, count.Number());
-  html += StatusBar(counts);
-  html += TakeOverlays(context, stage);
-  html += CameraTargets(metrics["cameras"]);
-  html += FoldedTable("Numbers of each camera", metrics["cameras"]);
-  html += HoldoutBody(metrics);
+  const bool all_found = counts.size() == 1 && counts.front().first == "Ok";
+  html += ParagraphHtml(summary + (all_found ? ". Every joint has a position." : "."));
+  html += (all_found ? "" : StatusBar(counts)) + HoldoutText(metrics) + CameraTargets(metrics["cameras"]) +
+          TakeOverlays(context, stage);
+  html += FoldedTable("Numbers of each camera", metrics["cameras"]) + HoldoutTables(metrics);
   for (const char* key : {"truth", "reference", "trc"}) {
     html += NumbersTable(std::string("Against the ") + (std::string(key) == "trc" ? "reference .trc" : key), metrics[key]);
     html += ReferenceChart(metrics[key]);

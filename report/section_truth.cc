@@ -37,15 +37,16 @@ Section TruthSection(SectionContext* context) {
     const Value &checks = stage.metrics()["checks"], &truth = stage.metrics()["truth"];
     const bool own_truth = truth.IsObject() && stage.command != "triangulate";
     if (checks.items().empty() && !own_truth) continue;
-    section.body_html += StageHeading(context->data, stage);
+    std::string html = StageHeading(context->data, stage);
     const bool kept =
         std::all_of(checks.items().begin(), checks.items().end(), [](const Value& c) { return c["pass"].Flag(); });
     if (!checks.items().empty()) {
-      section.body_html += kept ? ParagraphHtml("All " + std::to_string(checks.items().size()) + " checks are kept.") +
-                                      DetailsHtml("Checks", ChecksTable(checks))
-                                : ChecksTable(checks);
+      html += kept ? ParagraphHtml("All " + std::to_string(checks.items().size()) + " checks are kept.") +
+                         DetailsHtml("Checks", ChecksTable(checks))
+                   : ChecksTable(checks);
     }
-    if (own_truth) section.body_html += DetailsHtml("All comparisons with the truth", NumbersTable("", truth));
+    if (own_truth) html += DetailsHtml("All comparisons with the truth", NumbersTable("", truth));
+    section.body_html += GridHtml({html}, "result");
   }
   return section;
 }

@@ -110,8 +110,11 @@ std::string WordsOf(const std::string& file_name);
 /// Gaussians in motion inside the page, or an empty string and a warning.
 std::string EmbedPlayer(SectionContext* context, const Stage& stage, const Value& output);
 
-/// What to film next, the compared lenses, maps over the images and co-visibility, from a calibration's metrics.
+/// Parts of a calibration's metrics: the compared lenses and maps over the images; pairs of cameras that saw a board at once;
+/// what to film next. Empty without.
 std::string CalibrationMaps(const Value& metrics);
+std::string Covisibility(const Value& metrics);
+std::string CaptureAdvice(const Value& hints);
 
 /// Figures of every camera under a heading; of more than four cameras folded.
 std::string CameraFigures(const std::string& heading, const std::string& text, const std::vector<std::string>& figures,

@@ -15,6 +15,7 @@
 #include "core/disk/npy.h"
 #include "core/disk/paths.h"
 #include "core/error.h"
+#include "dataset/footage/image_bytes.h"
 #include "dataset/footage/image_header.h"
 
 namespace mvstudio::dataset {
@@ -125,9 +126,7 @@ struct Decoded {
 };
 
 /// The pixels as stored; `flags`: OpenCV's way to convert. The whole file is checked.
-Decoded Decode(const std::string& path, int flags) {
-  CheckFileSize(path);
-  std::string bytes = ReadFile(path);
+Decoded Decode(std::string bytes, const std::string& path, int flags) {
   if (bytes.empty()) throw FormatError(path, "", "the file is empty");
   Decoded file{internal::ParseImageHeader({bytes, bytes}, path), {}};
   if (file.header.codec == "png") {
@@ -149,6 +148,11 @@ Decoded Decode(const std::string& path, int flags) {
   if (file.mat.cols != width || file.mat.rows != height)
     throw FormatError(path, "", "cannot decode the image; the file is damaged");
   return file;
+}
+
+Decoded Decode(const std::string& path, int flags) {
+  CheckFileSize(path);
+  return Decode(ReadFile(path), path, flags);
 }
 
 /// Least and greatest value, but for one in 500 at either end.
@@ -192,6 +196,12 @@ Image ReadImage(const std::string& path, bool grey, bool as_stored) {
   Decoded file = Decode(path, grey ? cv::IMREAD_GRAYSCALE : cv::IMREAD_COLOR);
   if (!grey) cv::cvtColor(file.mat, file.mat, cv::COLOR_BGR2RGB);
   return as_stored ? FromMat(file.mat) : Rotated(FromMat(file.mat), file.header.turn);
+}
+
+Image ReadImageBytes(std::string bytes, const std::string& name) {
+  Decoded file = Decode(std::move(bytes), name, cv::IMREAD_COLOR);
+  cv::cvtColor(file.mat, file.mat, cv::COLOR_BGR2RGB);
+  return FromMat(file.mat);
 }
 
 StretchedImage ReadImageStretched(const std::string& path, bool as_stored) {

@@ -18,25 +18,27 @@ constexpr char kStyle[] = R"css(
 *{box-sizing:border-box}
 body{margin:0 auto;padding:1.5rem 1.5rem 3rem;max-width:78rem;background:var(--ground);color:var(--ink);
 font:15px/1.5 system-ui,-apple-system,"Segoe UI",Roboto,"DejaVu Sans",Arial,sans-serif}
-h1{font-size:1.6rem;line-height:1.2;margin:0 0 .3rem}h2{font-size:1.25rem;margin:0 0 .8rem}
-h3{font-size:1rem;margin:1.6rem 0 .5rem}
+h1{font-size:1.6rem;line-height:1.2;margin:0 0 .3rem}h2{font-size:1.25rem;margin:0 0 .5rem}
+h3{font-size:1rem;margin:1.1rem 0 .4rem}
 p{margin:.4rem 0 .8rem;max-width:60rem}.muted,figcaption,.unit{color:var(--muted)}.unit{font-weight:400}
 header{display:flex;flex-wrap:wrap;gap:.5rem 1rem;align-items:baseline;margin-bottom:.8rem}header p,header ul{flex-basis:100%;margin:0}
 h1,h3,header p,header li,.card,.fix li{overflow-wrap:anywhere}.sentence{font-weight:600}
 nav{display:flex;flex-wrap:wrap;gap:.3rem 1.1rem;padding:.5rem 0;border-top:1px solid var(--rule);border-bottom:1px solid var(--rule);
 margin-bottom:1.2rem;font-size:.92em}
 a{color:var(--c0);text-decoration:none}a:hover,p a,li a{text-decoration:underline}
-section{padding:1.4rem 0 .6rem;border-top:1px solid var(--rule)}section:first-child{border-top:0;padding-top:.3rem}
+section{padding:1rem 0 .4rem;border-top:1px solid var(--rule)}section:first-child{border-top:0;padding-top:.3rem}
 .badge{display:inline-block;padding:.05rem .55rem;border-radius:.7rem;font-size:.82em;font-weight:650;white-space:nowrap;
 border:1px solid currentColor}
 .badge.pass{color:var(--pass);background:var(--pass-bg)}.badge.warn{color:var(--warn);background:var(--warn-bg)}
 .badge.fail{color:var(--fail);background:var(--fail-bg)}.badge.idle{color:var(--muted)}
-.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(14.5rem,1fr));gap:.7rem;margin:.6rem 0 1.2rem}
-.card{border:1px solid var(--rule);border-left:4px solid var(--muted);border-radius:.4rem;padding:.6rem .8rem;background:var(--card)}
+.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(46%,13rem),1fr));gap:.5rem;margin:.4rem 0 .8rem}
+.card{border:1px solid var(--rule);border-left:4px solid var(--muted);border-radius:.4rem;padding:.4rem .6rem;background:var(--card)}
 .card.pass{border-left-color:var(--pass)}.card.warn{border-left-color:var(--warn)}.card.fail{border-left-color:var(--fail)}
-.pair{display:flex;flex-wrap:wrap;gap:.2rem .8rem;align-items:flex-start}
+.pair{display:flex;flex-wrap:wrap;gap:.2rem 1.6rem;align-items:flex-start}.pair>figure{flex:1 1 19rem}.pair>.scroll{max-width:100%}
+.result{display:flex;flex-wrap:wrap;align-items:baseline;gap:0 .8rem}.result>*{flex:1 1 100%;min-width:0}
+.result>h3,.result>p,.result>details:not([open]){flex:0 1 auto}.result>p{margin:.2rem 0}.result>details{margin-right:.4rem}
 .card h3 .badge{align-self:flex-start}
-.card h3{display:flex;justify-content:space-between;gap:.5rem;margin:0 0 .35rem;font-size:.95rem}
+.card h3{display:flex;flex-wrap:wrap;justify-content:space-between;gap:.5rem;margin:0 0 .35rem;font-size:.95rem}
 .card dl{display:grid;grid-template-columns:minmax(0,1fr) auto;margin:0;gap:.05rem .8rem;font-size:.9em}.card dt{color:var(--muted)}
 .card dd{margin:0;text-align:right;font-variant-numeric:tabular-nums;font-weight:600;white-space:nowrap}
 .card p{margin:.1rem 0 0;font-size:.88em}
@@ -45,30 +47,31 @@ border:1px solid currentColor}
 .fix li{margin:.35rem 0;padding:.45rem .8rem;border-left:4px solid var(--warn);background:var(--card);border-radius:0 .3rem .3rem 0}
 .fix li.fail{border-left-color:var(--fail)}.fix .hint{display:block}.fix .from{color:var(--muted);font-size:.86em}
 code{font:.86em ui-monospace,"DejaVu Sans Mono",Consolas,monospace;overflow-wrap:anywhere}
-.scroll{overflow-x:auto;margin:.4rem 0 1.1rem}
+.scroll{overflow-x:auto;margin:.3rem 0 .7rem}
 table{border-collapse:collapse;font-size:.92em;font-variant-numeric:tabular-nums}
 caption{text-align:left;white-space:nowrap;font-weight:600;padding-bottom:.35rem}
-th,td{padding:.26rem .7rem;text-align:left;border-bottom:1px solid var(--rule);vertical-align:top}
+th,td{padding:.2rem .5rem;text-align:left;border-bottom:1px solid var(--rule);vertical-align:top}
 thead th,thead td{border-bottom:2px solid var(--rule);vertical-align:bottom}th.num,td.num{text-align:right;white-space:nowrap}
 td.long{white-space:normal;overflow-wrap:anywhere}
 tr.look td{background:var(--look)}td code{white-space:pre-wrap}
-figure{margin:.4rem 0 1.2rem;min-width:0;overflow-wrap:anywhere}figcaption{font-size:.86em;margin-top:.3rem;max-width:60rem}
+figure{margin:.3rem 0 .8rem;min-width:0;overflow-wrap:anywhere}figcaption{font-size:.86em;margin-top:.3rem;max-width:60rem}
 .grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,31rem),1fr));gap:.4rem 1.6rem;align-items:start}
 .grid.three{grid-template-columns:repeat(auto-fill,minmax(min(100%,22.5rem),1fr))}
 .grid.small{grid-template-columns:repeat(auto-fill,minmax(min(100%,17.5rem),1fr))}
+.grid.images{grid-template-columns:repeat(auto-fill,minmax(min(44%,17.5rem),1fr))}
 .grid.methods{grid-template-columns:repeat(auto-fill,minmax(min(30%,9rem),1fr));gap:.4rem .6rem}.grid.methods img{width:100%}
 details{display:inline-block;vertical-align:top;margin:.2rem 1.4rem .5rem 0}details[open]{display:block;margin:.3rem 0 1rem}summary{cursor:pointer;color:var(--c0)}
 video{max-width:100%;max-height:40rem;display:block}
 img{max-width:100%;height:auto;display:block;border:1px solid var(--rule);background:#888}
 .strip img{width:100%}.strip .legend{display:grid;grid-auto-flow:column;grid-auto-columns:1fr;text-align:center;
-font-size:.8em;color:var(--muted)}
-.compared{position:relative;max-width:22rem;overflow:hidden;border:1px solid var(--rule)}
+font-size:.72em;color:var(--muted);overflow-wrap:normal}
+.compared{position:relative;max-width:19rem;overflow:hidden;border:1px solid var(--rule)}
 .compared div{position:absolute;inset:0;overflow:hidden}.compared img{position:absolute;max-width:none;border:0}
-.compared+input{width:100%;max-width:22rem;display:block;margin:.3rem 0 .6rem}
+.compared+input{width:100%;max-width:19rem;display:block;margin:.3rem 0 .6rem}
 @media print{.compared,.compared+input{display:none}}
 .player canvas{width:min(100%,48rem);height:30rem;display:block;background:#000;touch-action:none;cursor:grab}
 .player input{width:min(60%,24rem);vertical-align:middle}
-.studio .stage{position:relative;height:min(36rem,70vh);border:1px solid var(--rule);border-radius:.3rem;background:var(--card);overflow:hidden}
+.studio .stage{position:relative;height:min(32rem,66vh);border:1px solid var(--rule);border-radius:.3rem;background:var(--card);overflow:hidden}
 .studio canvas{display:block}.stage canvas{width:100%;height:100%;touch-action:none;cursor:grab}
 .studio .stage canvas:focus-visible,.studio .timeline:focus-visible{outline:2px solid var(--c0);outline-offset:-2px}
 .studio .names{position:absolute;inset:0;pointer-events:none;overflow:hidden;font-size:.78em;color:var(--muted)}

@@ -259,7 +259,7 @@ constexpr char kScript[] = R"js('use strict';
       state.distance = Math.min(8 * diagonal, Math.max(0.3 * diagonal, state.distance * Math.exp(event.deltaY * 0.001)));
       draw();
     }, {passive: false});
-    window.addEventListener('resize', draw);
+    new ResizeObserver(draw).observe(canvas);  // also when it is unfolded
     draw();
   }
   for (const box of document.querySelectorAll('.player')) {

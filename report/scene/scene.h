@@ -52,10 +52,11 @@ size_t PackedSize(size_t count, size_t joints, const std::vector<size_t>& widths
 
 /// Residuals over time in at most `most` parts of equal length: the strip below the viewer.
 struct SceneSpan {
-  size_t first = 0;    ///< time step
-  size_t worst = 0;    ///< time step of the largest residual, else of the most missing joints, in it
-  double rms_px = 0;   ///< there: root of the mean of squares over its joints; NaN without one
-  double missing = 0;  ///< share of the span's joints without a position
+  size_t first = 0;     ///< time step
+  size_t worst = 0;     ///< time step of the largest residual, else of the most missing joints, in it
+  double rms_px = 0;    ///< there: root of the mean of squares over its joints; NaN without one
+  double missing = 0;   ///< share of the span's joints without a position
+  size_t emptiest = 0;  ///< time step of the most missing joints
 };
 std::vector<SceneSpan> SpansOf(const ScenePeople& people, size_t most);
 

@@ -36,17 +36,19 @@ StepError ErrorOf(const ScenePeople& people, size_t step) {
 
 }  // namespace
 
-std::vector<SceneSpan> SpansOf(const ScenePeople& people, size_t most) {
+std::vector<SceneSpan> SpansOf(const ScenePeople& people, size_t max_spans) {
   std::vector<SceneSpan> spans;
-  const size_t steps = people.frames.size(), count = std::min(most, steps), cells = people.people.size() * people.joints.size();
+  const size_t steps = people.frames.size(), count = std::min(max_spans, steps),
+               cells = people.people.size() * people.joints.size();
   for (size_t i = 0; i < count; ++i) {
     const size_t first = i * steps / count, end = (i + 1) * steps / count;
-    SceneSpan span{first, first, 0, 0};
+    SceneSpan span{first, first, 0, 0, first};
     StepError worst;
-    size_t missing = 0;
+    size_t missing = 0, most = 0;
     for (size_t step = first; step < end; ++step) {
       const StepError error = ErrorOf(people, step);
       missing += error.missing;
+      if (error.missing > most) most = error.missing, span.emptiest = step;
       if (step == first || error.IsWorseThan(worst)) worst = error, span.worst = step;
     }
     span.rms_px = worst.rms_px;

@@ -9,12 +9,12 @@ function triple(text) {
 export function readState(hash) {
   if (!hash.includes('=')) return null;
   const given = new URLSearchParams(hash.slice(1)), frame = given.get('frame');
-  return { frame: frame !== null && frame !== '' && Number.isFinite(Number(frame)) ? Number(frame) : null, camera: given.get('camera'), joint: given.get('joint'), eye: triple(given.get('eye')), look: triple(given.get('look')) };
+  return { frame: frame !== null && frame !== '' && Number.isFinite(Number(frame)) ? Number(frame) : null, camera: given.get('camera'), show: given.get('show'), joint: given.get('joint'), eye: triple(given.get('eye')), look: triple(given.get('look')) };
 }
 
 export function writeState(state) {
   const kept = new URLSearchParams();
-  for (const key of ['frame', 'camera', 'joint']) if (state[key] !== null) kept.set(key, String(state[key]));
+  for (const key of ['frame', 'camera', 'joint', 'show']) if (state[key] !== null) kept.set(key, String(state[key]));
   for (const key of ['eye', 'look']) kept.set(key, state[key].map((v) => Number(v.toPrecision(4))).join(','));
   try {
     history.replaceState(null, '', '#' + kept.toString().replace(/%2C/g, ','));

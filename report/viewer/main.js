@@ -14,5 +14,11 @@ function isSoftware() {
 
 for (const root of document.querySelectorAll('.studio[data-scene]')) {
   const canvas = document.createElement('canvas'), context = contextOf(canvas, { antialias: !isSoftware(), alpha: false });
-  if (context) new Studio(root, canvas, context);
+  if (!context) continue;
+  new Studio(root, canvas, context);
+  // Its drawings are for those who have no view in 3D, and for paper.
+  for (const drawn of document.querySelectorAll('details.drawn')) {
+    drawn.open = false;
+    addEventListener('beforeprint', () => { drawn.open = true; });
+  }
 }

@@ -78,8 +78,8 @@ export class Studio {
     const bar = element('div', { class: 'bar' }, this.play, this.slider, this.told, speed);
     bar.hidden = !moves;
     this.measured = people.spans.some((span) => span[2] !== null);
-    this.strip = moves && people.spans.length > 1 && (this.measured || people.spans.some((span) => span[3] > 0)) ? new Strip(people, (step) => { this.pause(); this.go(step); }) : null;
-    this.root.replaceChildren(this.stage, bar, this.makeSwitches(), ...(this.strip ? [this.strip.root] : []), element('p', { class: 'muted' }, this.help()));
+    this.strip = moves && people.spans.length > 1 && (this.measured || people.spans.some((span) => span[3] > 0)) ? new Strip(people, scene.held_out || [], (step) => { this.pause(); this.go(step); }) : null;
+    this.root.replaceChildren(this.stage, bar, this.makeSwitches(), ...(this.strip ? [this.strip.root] : []), element('details', {}, element('summary', {}, 'Mouse and keys'), element('p', {}, this.help())));
     this.root.addEventListener('keydown', (event) => this.key(event));
   }
 
@@ -259,7 +259,7 @@ export class Studio {
       '[': () => cameras > 0 && this.chooseCamera((Math.max(this.camera, 0) - 1 + cameras) % cameras), ']': () => cameras > 0 && this.chooseCamera((this.camera + 1) % cameras),
       Home: () => { this.home(); this.keepAddress(); }, Escape: () => this.chooseCamera(-1),
     };
-    if (!actions[event.key] || (event.key === ' ' && (tag === 'BUTTON' || tag === 'INPUT'))) return;
+    if (!actions[event.key] || (event.key === ' ' && (tag === 'BUTTON' || tag === 'INPUT' || tag === 'SUMMARY'))) return;
     actions[event.key]();
     event.preventDefault();
   }
@@ -270,6 +270,7 @@ export class Studio {
     this.pause();
     const index = this.scene.cameras.findIndex((camera) => camera.name === state.camera), [person, ...joint] = (state.joint || '').split('.');
     const known = { person: this.people.ids.indexOf(Number(person)), joint: this.people.joints.indexOf(joint.join('.')) };
+    if (this.strip) this.strip.order(state.show);
     this.camera = index;
     this.joint = known.person >= 0 && known.joint >= 0 ? known : null;
     if (state.frame !== null && this.people.frames.length > 0) this.step = this.people.stepOf(state.frame);
@@ -284,7 +285,7 @@ export class Studio {
     if (this.root.dataset.state !== 'ready') return;
     const camera = this.scene.cameras[this.camera], world = (v) => v.toArray().map((x, i) => x + this.bounds.centre[i]);
     writeState({
-      frame: this.people.frames.length > 0 ? this.people.frames[this.step] : null, camera: camera ? camera.name : null,
+      frame: this.people.frames.length > 0 ? this.people.frames[this.step] : null, show: this.strip && this.strip.how !== 'all' ? this.strip.how : null, camera: camera ? camera.name : null,
       joint: this.joint ? this.people.ids[this.joint.person] + '.' + this.people.joints[this.joint.joint] : null,
       eye: world(this.view.position), look: world(this.turn.target),
     });

@@ -1,7 +1,6 @@
 #include "stages/overlay/run.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <map>
 #include <memory>
 #include <set>
@@ -12,12 +11,12 @@
 #include "dataset/footage/video_io.h"
 #include "dataset/session/session.h"
 #include "stages/overlay/draw_view.h"
+#include "stages/view/avatar_view.h"
 #include "stages/view/frame_store.h"
 #include "stages/view/mask_files.h"
 #include "stages/words.h"
 
 namespace mvstudio::stages {
-namespace fs = std::filesystem;
 namespace {
 
 constexpr double kUsualRateHz = 30;
@@ -45,14 +44,6 @@ double RateOf(const Scene& scene, double asked_hz) {
   return kUsualRateHz;
 }
 
-/// One camera's images below a folder of renders; none where it has no folder there.
-FilesByNumber RendersOf(const std::string& folder, const std::string& camera) {
-  const std::string of_camera = folder + "/" + dataset::Slug(camera);
-  std::error_code none;
-  if (folder.empty() || !fs::is_directory(of_camera, none)) return {};
-  return NumberedFiles(dataset::ListFootage(of_camera));
-}
-
 /// Videos in a folder, one of each name, begun with their first image.
 class OverlayVideos {
  public:
@@ -78,19 +69,13 @@ class OverlayVideos {
 class OverlayDrawer {
  public:
   OverlayDrawer(const Scene& scene, const OverlaySolids& solids, const OverlayOptions& options)
-      : scene_(scene), solids_(solids), options_(options), store_(scene.root, 0) {
-    std::error_code none;
-    if (!options.beside.empty() && !fs::is_directory(options.beside, none))
-      throw IoError(options.beside, "is no folder that is there");
-    for (const SceneCamera& camera : scene.cameras) {
+      : scene_(scene),
+        solids_(solids),
+        options_(options),
+        store_(scene.root, 0),
+        renders_(ReadRenders(scene, options.beside, "beside")) {
+    for (const SceneCamera& camera : scene.cameras)
       masks_.emplace_back(options.marks.masks ? camera.mask_folder : "", scene.root);
-      renders_.push_back(RendersOf(options.beside, camera.name));
-    }
-    const bool has_render = std::any_of(renders_.begin(), renders_.end(), [](const auto& files) { return !files.empty(); });
-    if (!options.beside.empty() && !has_render)
-      throw UsageError("option 'beside' " + options.beside + ": has no folder CAMERA of images for any of " +
-                       std::to_string(scene.cameras.size()) +
-                       " cameras; make one by mvstudio avatar render with option 'frame' camera");
   }
   std::vector<Image> At(int step) {
     std::vector<Image> tiles;

@@ -42,7 +42,15 @@ void ReadHeldOut(const std::string& folder, Scene* scene) {
   for (const json& image : ListAt(result, "/metrics/pictures")) {
     if (!image.is_object() || !image.contains("frame") || !image.contains("camera") || !image["camera"].is_string()) continue;
     const double ssim = image.contains("ssim") && image["ssim"].is_number() ? image["ssim"].get<double>() : std::nan("");
-    if (const auto step = StepOf(image["frame"])) scene->held_out[*step][image["camera"].get<std::string>()] = ssim;
+    const auto step = StepOf(image["frame"]);
+    if (!step) continue;
+    const auto camera = image["camera"].get<std::string>();
+    scene->held_out[*step][camera] = ssim;
+    if (!image.contains("path") || !image["path"].is_string()) continue;
+    const std::string name = std::filesystem::path(image["path"].get<std::string>()).filename().string();
+    const std::string drawn = folder + "/eval/" + name;  // the run may have been moved
+    std::error_code none;
+    if (std::filesystem::is_regular_file(drawn, none)) scene->scored[*step][camera] = drawn;
   }
 }
 

@@ -25,6 +25,7 @@ class MarksReader {
 
   bool has_masks() const;
   bool has_body() const { return solids_.body.has_value(); }
+  const OverlaySolids& solids() const { return solids_; }
   bool has_boards() const { return !solids_.boards.empty(); }
   /// Throws IoError, FormatError, UsageError.
   ViewMarks At(size_t camera_idx, int step);

@@ -28,6 +28,7 @@ struct ViewOptions {
   bool open = false;      ///< start the machine's browser
   double idle_min = 3;    ///< minutes without any request, after a page was there, that end it; 0: never
   std::string rerun;      ///< folder of the npm package @rerun-io/web-viewer, for MCAP files; empty: looked for
+  std::string avatar;     ///< folder of renders, CAMERA/*_%08d.png by time step; empty: the fitted body in its colours
   double cache_mb = 256;  ///< MB of images that are kept as they were sent
 };
 
@@ -39,6 +40,10 @@ void VisitFields(Visitor&& visit, ViewOptions& o) {
   visit("idle-min", o.idle_min, "minutes after which a page that asks for nothing counts as closed, and this ends; 0: never");
   visit("rerun", o.rerun,
         "folder of the npm package @rerun-io/web-viewer, which shows .mcap files; default: node_modules of the working folder");
+  VisitStyled(
+      visit, OptionStyle::kFolder, "avatar", o.avatar,
+      "folder of images to lay over each camera's, as `avatar render` with option 'frame' camera writes it; default: the "
+      "fitted body in its colours");
   visit("cache-mb", o.cache_mb, "MB of images that are kept in memory");
 }
 

@@ -7,11 +7,14 @@
 
 #include "core/disk/output.h"
 #include "core/error.h"
+#include "dataset/footage/image_io.h"
 #include "dataset/pose/markers.h"
 #include "geometry/rig/rig_io.h"
+#include "stages/view/avatar_view.h"
 #include "stages/view/frame_store.h"
 #include "stages/view/marks.h"
 #include "stages/view/rerun_site.h"
+#include "stages/view/scene_parts.h"
 #include "stages/view/view_page.h"
 
 namespace mvstudio::stages {
@@ -52,6 +55,7 @@ class ViewSite {
       : report_(*report),
         page_(std::move(page)),
         marks_(report->scene, std::move(solids)),
+        avatar_(report->scene, marks_.solids(), options.avatar),
         store_(report->scene.root, static_cast<size_t>(options.cache_mb * 1e6)),
         life_(options.idle_min) {}
 
@@ -65,11 +69,14 @@ class ViewSite {
     if (path == "view.css") return {200, "text/css; charset=utf-8", ViewPageStyle()};
     if (path == "icon.svg") return {200, "image/svg+xml", ViewPageIcon()};
     if (path == "view.js") return {200, "text/javascript; charset=utf-8", ViewPageScript()};
-    if (path == "scene.json") return {200, "application/json", ViewSceneJson(report_.scene, marks_, !page_.empty())};
+    if (path == "scene.json")
+      return {200, "application/json", ViewSceneJson(report_.scene, marks_, !page_.empty(), avatar_.any())};
     if (path == "alive" || path == "bye") return {200, "text/plain; charset=utf-8", ""};
     if (const auto step = NumbersOf(path, "step/", ".json", false); step && IsStep(step->second))
       return {200, "application/json", ViewStepJson(report_.scene, static_cast<int>(step->second))};
     if (const auto place = NumbersOf(path, "marks/", ".json", true)) return MarksAnswer(*place);
+    if (const auto place = NumbersOf(path, "avatar/", ".png", true)) return AvatarAnswer(*place);
+    if (const auto place = NumbersOf(path, "scored/", ".jpg", true)) return ScoredAnswer(*place);
     if (const auto image = NumbersOf(path, "image/", ".jpg", true)) return ImageAnswer(*image, 0);
     if (const auto image = NumbersOf(path, "thumb/", ".jpg", true)) return ImageAnswer(*image, kThumbPx);
     return NotHere();
@@ -82,6 +89,26 @@ class ViewSite {
     const auto [camera, step] = camera_and_step;
     if (static_cast<size_t>(camera) >= report_.scene.cameras.size() || !IsStep(step)) return NotHere();
     return {200, "application/json", ViewMarksJson(marks_.At(static_cast<size_t>(camera), static_cast<int>(step)))};
+  }
+
+  PageAnswer AvatarAnswer(const std::pair<int64_t, int64_t>& camera_and_step) {
+    const auto [camera, step] = camera_and_step;
+    if (static_cast<size_t>(camera) >= report_.scene.cameras.size() || !IsStep(step)) return NotHere();
+    const std::string png = avatar_.At(static_cast<size_t>(camera), static_cast<int>(step));
+    return png.empty() ? NotHere() : PageAnswer{200, "image/png", png};
+  }
+
+  /// Truth, render, error and nearest pose side by side.
+  PageAnswer ScoredAnswer(const std::pair<int64_t, int64_t>& camera_and_step) {
+    const auto [camera, step] = camera_and_step;
+    const Scene& scene = report_.scene;
+    if (static_cast<size_t>(camera) >= scene.cameras.size() || !IsStep(step)) return NotHere();
+    const auto images = scene.scored.find(static_cast<int>(step));
+    if (images == scene.scored.end()) return NotHere();
+    const auto image = images->second.find(scene.cameras[static_cast<size_t>(camera)].name);
+    if (image == images->second.end()) return NotHere();
+    RequireInside(image->second, scene.root);
+    return {200, "image/jpeg", dataset::EncodeImage(dataset::ReadImage(image->second), "scored.jpg")};
   }
 
   static bool IsStep(int64_t step) { return step <= std::numeric_limits<int>::max(); }
@@ -101,6 +128,7 @@ class ViewSite {
   ViewReport& report_;
   std::string page_;
   MarksReader marks_;
+  AvatarView avatar_;
   FrameStore store_;
   PageLife life_;
 };

@@ -39,6 +39,7 @@ struct Scene {
   std::map<std::string, dataset::Pose2dTrack> detections;    ///< camera -> 2D joints by frame number
   std::vector<int> steps;                                    ///< ascending
   std::map<int, std::map<std::string, double>> held_out;     ///< time step -> camera -> SSIM (NaN: none) of an avatar's score
+  std::map<int, std::map<std::string, std::string>> scored;  ///< time step -> camera -> what `avatar eval` drew of that: a file
   double fps_hz = 0;                                         ///< 0: not known
   std::string report_folder;                                 ///< with results for a report; empty: none
 };

@@ -18,7 +18,7 @@ namespace mvstudio::stages {
 namespace fs = std::filesystem;
 namespace {
 
-constexpr char kBodyMotionFile[] = "body_motion.bin";
+constexpr char kBodyMotionFile[] = "body_motion.bin", kBodyTextureFile[] = "body_texture.bin";
 constexpr double kFlat = 1e-9;  // metres off the board's plane
 
 std::vector<calib::Board> BoardsOf(const std::string& text) {
@@ -84,6 +84,10 @@ void UseBody(const std::vector<std::string>& places, OverlaySolids* solids, Inpu
     if (solids->body || !IsRegular(path)) continue;
     Attempt("the fitted body is", notes, [&] { solids->body = ReadMovingBody(path); });
     notes->inputs.push_back(path);
+    const std::string colours = (fs::path(path).parent_path() / kBodyTextureFile).string();
+    if (!solids->body || !IsRegular(colours)) continue;
+    Attempt("the body's colours are", notes, [&] { solids->colours = ReadBodyColours(colours, solids->body->rest.cols()); });
+    notes->inputs.push_back(colours);
   }
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "stages/view/body_colours.h"
 #include "stages/view/moving_body.h"
 #include "stages/view/scene.h"
 
@@ -22,6 +23,7 @@ struct PlacedBoard {
 struct OverlaySolids {
   std::map<int, std::vector<PlacedBoard>> boards;  ///< by time step
   std::optional<MovingBody> body;
+  std::optional<BodyColours> colours;  ///< of that body
 };
 
 /// Those of one time step.

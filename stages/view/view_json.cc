@@ -70,7 +70,7 @@ std::string TextOf(const ordered_json& json) { return json.dump(-1, ' ', false, 
 
 }  // namespace
 
-std::string ViewSceneJson(const Scene& scene, const MarksReader& marks, bool has_report) {
+std::string ViewSceneJson(const Scene& scene, const MarksReader& marks, bool has_report, bool has_avatar) {
   ordered_json json{{"title", scene.title},
                     {"kind", scene.kind},
                     {"fps_hz", scene.fps_hz},
@@ -83,6 +83,7 @@ std::string ViewSceneJson(const Scene& scene, const MarksReader& marks, bool has
                     {"has_masks", marks.has_masks()},
                     {"has_body", marks.has_body()},
                     {"has_boards", marks.has_boards()},
+                    {"has_avatar", has_avatar},
                     {"held_out", ordered_json::object()},
                     {"steps", ordered_json::array()}};
   for (const SceneCamera& camera : scene.cameras) {
@@ -102,6 +103,9 @@ std::string ViewSceneJson(const Scene& scene, const MarksReader& marks, bool has
     ordered_json& of_step = json["held_out"][std::to_string(step)] = ordered_json::object();
     for (const auto& [camera, ssim] : images) of_step[camera] = FiniteOrNull(std::round(ssim * 1e4) / 1e4);
   }
+  json["scored"] = ordered_json::object();
+  for (const auto& [step, images] : scene.scored)
+    for (const auto& [camera, path] : images) json["scored"][std::to_string(step)].push_back(camera);
   return TextOf(json);
 }
 

@@ -34,6 +34,9 @@ const char* ViewPageHtml() {
 <label hidden><input id="masks" type="checkbox" checked> masks</label>
 <label hidden><input id="body" type="checkbox" checked> fitted body</label>
 <label hidden><input id="boards" type="checkbox" checked> boards</label>
+<label hidden>Avatar <select id="avatar"><option value="">not drawn</option><option value="over">over the image</option>
+<option value="beside">beside it</option></select></label>
+<label hidden>its opacity <input id="opacity" type="range" min="5" max="100" value="100"></label>
 </form>
 <canvas id="time" height="44" tabindex="0" aria-label="Error over time; click to go there"></canvas>
 <p id="scale" hidden></p>
@@ -78,6 +81,9 @@ figure { margin: 0; min-width: 0; }
 figure div { position: relative; background: #222; overflow: hidden; cursor: zoom-in; }
 .one figure div { cursor: zoom-out; max-height: 82vh; margin: 0 auto; }
 figure img, figure svg { position: absolute; inset: 0; width: 100%; height: 100%; }
+figure > img { position: static; height: auto; }
+figure.two { display: grid; grid-template-columns: 1fr 1fr; gap: 2px; }
+.two div { width: 100%; } .two figcaption, .two > img { grid-column: 1 / -1; }
 figcaption { font-size: 0.85rem; overflow-wrap: anywhere; padding: 0.15rem 0; }
 .none { position: absolute; inset: 0; display: grid; place-items: center; color: #bbb; }
 .under { fill: none; stroke: #000; stroke-opacity: 0.6; vector-effect: non-scaling-stroke; stroke-width: 4; }
@@ -89,6 +95,7 @@ figcaption { font-size: 0.85rem; overflow-wrap: anywhere; padding: 0.15rem 0; }
 .arrow { fill: none; stroke: #ff4d3a; vector-effect: non-scaling-stroke; stroke-width: 2; }
 .mask { fill: none; stroke: #fff; vector-effect: non-scaling-stroke; stroke-width: 1.6; }
 .body { fill: #c480ff; fill-opacity: 0.22; fill-rule: evenodd; stroke: #c480ff; vector-effect: non-scaling-stroke; stroke-width: 1.6; }
+.clear .body { fill: none; }
 .board { fill: none; stroke: #ffd23f; vector-effect: non-scaling-stroke; stroke-width: 2; }
 .x-axis { stroke: #ff4d3a; } .y-axis { stroke: #6dff8a; }
 summary { cursor: pointer; margin-top: 0.8rem; }

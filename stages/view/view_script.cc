@@ -88,6 +88,7 @@ constexpr char kViewScript[] = R"js('use strict';
     const svg = document.createElementNS(svgns, 'svg');
     svg.setAttribute('viewBox', '0 0 ' + info.width + ' ' + info.height);
     svg.setAttribute('aria-hidden', 'true');
+    if (el('avatar').value === 'over') svg.setAttribute('class', 'clear');
     if (view.marks) drawMarks(svg, view.marks);
     if (el('show3d').checked) view.projected.forEach(function (p, i) {
       const d = path(p, scene.bones);
@@ -104,9 +105,12 @@ constexpr char kViewScript[] = R"js('use strict';
   }
   function figure(view, c, step) {
     const info = scene.cameras[c], fig = make('figure'), box = make('div'), img = make('img');
+    const how = el('avatar').value, second = how === 'beside' ? make('div') : null;
     const size = function () {
-      box.style.aspectRatio = info.width + ' / ' + info.height;
-      if (camera) box.style.maxWidth = 'calc(82vh * ' + info.width / info.height + ')';
+      [box].concat(second || []).forEach(function (b) {
+        b.style.aspectRatio = info.width + ' / ' + info.height;
+        if (camera) b.style.maxWidth = 'calc(82vh * ' + info.width / info.height + ')';
+      });
     };
     box.tabIndex = 0;
     box.setAttribute('role', 'button');
@@ -141,13 +145,34 @@ constexpr char kViewScript[] = R"js('use strict';
     const held = scene.held_out[step];
     if (held && held[info.name] !== undefined) words.push('held out' + (held[info.name] === null ? '' : ', SSIM ' + held[info.name].toFixed(3)));
     fig.append(box, make('figcaption', words.join(', ')));
+    if (second) { fig.className = 'two'; fig.insertBefore(second, box.nextSibling); }
     fig.waits = [];
+    if ((scene.scored[step] || []).indexOf(info.name) >= 0) {
+      const scored = make('img');
+      scored.alt = 'Scored: truth, render, error, nearest pose';
+      scored.src = 'scored/' + c + '/' + step + '.jpg';
+      scored.onerror = function () { scored.remove(); };
+      fig.appendChild(scored);
+      fig.waits.push(scored.decode().catch(function () {}));
+    }
+    if (how) fig.waits.push(addAvatar(second || box, c, step, how === 'over'));
     if (info.has_footage && view.frame !== null) fig.waits.push(img.decode().catch(function () {}));
     if (wantsMarks()) fig.waits.push(fetch('marks/' + c + '/' + step + '.json').then(function (r) {
-      if (!r.ok) return r.text().then(function (words) { fig.lastChild.textContent += ': ' + words; });
+      if (!r.ok) return r.text().then(function (words) { fig.querySelector('figcaption').textContent += ': ' + words; });
       return r.json().then(function (marks) { view.marks = marks; if (info.width) draw(); });
     }).catch(function () {}));
     return fig;
+  }
+  // Below the lines of the box.
+  function addAvatar(box, c, step, over) {
+    const img = make('img');
+    img.alt = '';
+    img.className = 'avatar';
+    img.style.opacity = over ? el('opacity').value / 100 : 1;
+    img.onerror = function () { img.remove(); };
+    img.src = 'avatar/' + c + '/' + step + '.png';
+    box.insertBefore(img, box.querySelector('svg'));
+    return img.decode().catch(function () {});
   }
   function wantsMarks() {
     return MARKS.some(function (id) { return !el(id).parentElement.hidden && el(id).checked; });
@@ -312,6 +337,14 @@ constexpr char kViewScript[] = R"js('use strict';
     if (!order.length) { el('filter').value = 'all'; order = sorted('all'); }
     go(0, true);
   };
+  const showAvatar = function () {
+    el('avatar').parentElement.hidden = !scene.has_avatar;
+    el('opacity').parentElement.hidden = el('avatar').value !== 'over';
+  };
+  el('avatar').onchange = function () { showAvatar(); go(at, true); };
+  el('opacity').oninput = function () {
+    document.querySelectorAll('.avatar').forEach(function (img) { img.style.opacity = el('opacity').value / 100; });
+  };
   ['show3d', 'show2d', 'arrows'].concat(MARKS).forEach(function (id) { el(id).onchange = function () { go(at, true); }; });
   window.addEventListener('hashchange', read);
   window.addEventListener('resize', function () { if (order.length) { drawTime(); drawStrip(); } });
@@ -333,6 +366,7 @@ constexpr char kViewScript[] = R"js('use strict';
     scene.cameras.forEach(function (info) { const o = make('option', info.name); o.value = info.name; el('camera').appendChild(o); });
     if (!scene.detected_joints.length) { ['show2d', 'arrows'].forEach(function (id) { el(id).parentElement.hidden = true; }); }
     MARKS.forEach(function (id) { el(id).parentElement.hidden = !scene['has_' + id]; });
+    showAvatar();
     el('show3d').parentElement.hidden = !scene.joints.length;
     el('filter').querySelector('[value=worst]').hidden = !errors.length;
     el('filter').querySelector('[value=missing]').hidden = scene.steps.every(function (s) { return s[2] >= scene.most; });

@@ -1,4 +1,5 @@
 """What the tests of pages share: claims that are counted, mvstudio as a program, and pages opened at a size."""
+import json
 import os
 import pathlib
 import re
@@ -27,6 +28,11 @@ class Claims:
 
     def equal(self, found, expected, text):
         return self.say(found == expected, f"{text}: expected {expected!r}", found)
+
+    def shows(self, page, expression, expected, text):
+        """Waits for it: what a click or a key does need not be done when the browser has taken it."""
+        page.wait(f"({expression}) === {json.dumps(expected)}")
+        return self.equal(page.run(expression), expected, text)
 
     def quiet(self, page, text):
         """No error, no warning, no request that was refused since the last time."""

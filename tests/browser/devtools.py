@@ -167,7 +167,7 @@ class Page:
             raise BrowserError(details.get("exception", {}).get("description", details["text"]))
         return answer["result"].get("value")
 
-    def wait(self, expression, seconds=20):
+    def wait(self, expression, seconds=PATIENCE_S):
         """Whether the expression becomes true in time."""
         end = time.monotonic() + seconds
         while not self.run(expression):

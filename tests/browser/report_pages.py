@@ -25,9 +25,9 @@ MAGENTA = """(() => { document.querySelector('.studio').dispatchEvent(new Event(
 SWITCH = "Array.from(document.querySelectorAll('.studio label')).find((l) => l.textContent.trim() === '%s')"
 
 
-def state(page):
-    """The view's state in the address."""
-    return page.run("Object.fromEntries(new URLSearchParams(location.hash.slice(1)))")
+def state(key):
+    """Of the view's state in the address; null: not there."""
+    return f"new URLSearchParams(location.hash.slice(1)).get('{key}')"
 
 
 def open_studio(page, url, claims):
@@ -41,40 +41,58 @@ def check_view(page, claims):
     colours, before = page.run(PICTURE)
     claims.say(colours > 20, "the studio is drawn", colours)
     page.drag(x, y, 140, 30)
-    eye = state(page).get("eye")
-    claims.say(eye and page.run(PICTURE)[1] != before, "a drag turns the view", eye)
+    claims.say(page.wait(f"{state('eye')} !== null && {PICTURE}[1] !== {before}"), "a drag turns the view", page.run(state("eye")))
+    eye = page.run(state("eye"))
     page.mouse("mouseWheel", x, y, deltaX=0, deltaY=-240)
-    page.wait("new URLSearchParams(location.hash.slice(1)).get('eye') !== '" + str(eye) + "'", 3)
-    claims.say(state(page).get("eye") != eye, "the wheel comes closer once the view was clicked")
+    claims.say(page.wait(f"{state('eye')} !== '{eye}'"), "the wheel comes closer once the view was clicked")
     slider = page.run("(() => { const b = document.querySelector('.studio .bar input[type=range]').getBoundingClientRect(); return [b.left, b.width, b.top + b.height / 2]; })()")
     page.click(slider[0] + 0.5 * slider[1], slider[2])
-    page.wait("location.hash.includes('frame=2')", 3)
+    page.wait(f"/frame 2[34]/.test({FRAME})")
     frame = page.run(FRAME)
     claims.say(frame in ("frame 23", "frame 24"), "a click in the middle of the slider goes to the middle of the take", frame)
     page.key("ArrowRight")
-    claims.equal(page.run(FRAME), "frame " + str(int(frame.split()[1]) + 1), "an arrow key on the slider goes one time step")
+    claims.shows(page, FRAME, "frame " + str(int(frame.split()[1]) + 1), "an arrow key on the slider goes one time step")
     page.click_on(".studio .bar button")
-    claims.say(page.wait(FRAME + " !== '" + page.run(FRAME) + "'", 5), "it plays")
+    claims.say(page.wait(FRAME + " !== '" + page.run(FRAME) + "'"), "it plays")
     page.click_on(".studio .bar button")
-    claims.equal(page.run("document.querySelector('.studio .bar button').textContent"), "Play", "it stops")
+    claims.shows(page, "document.querySelector('.studio .bar button').textContent", "Play", "it stops")
     box = page.run("(() => { const e = document.querySelector('.timeline'); e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect(); return [b.left, b.width, b.top + b.height / 2]; })()")
     page.click(box[0] + (WORST_FRAME + 0.5) / 48 * box[1], box[2])
-    claims.equal(page.run(FRAME), f"frame {WORST_FRAME}", "a click into the strip goes to the worst time step there")
+    claims.shows(page, FRAME, f"frame {WORST_FRAME}", "a click into the strip goes to the worst time step there")
+
+
+def check_orders(page, claims):
+    """Bars of the strip: the worst, the most missing, the held-out frames first."""
+    choose = "(() => { const s = document.querySelector('.studio figure select'); s.value = '%s'; s.dispatchEvent(new Event('change')); })()"
+    words = "document.querySelector('.timeline').getAttribute('aria-valuetext')"
+    count = "Number(document.querySelector('.timeline').getAttribute('aria-valuemax')) + 1"
+    for how, frame, num_bars, told in (("worst", WORST_FRAME, 48, "residual 6.5 px"), ("missing", MISSING_FRAME, 1, "14 % missing"),
+                                       ("heldout", 42, 3, "held out, SSIM 0.880"), ("all", 0, 48, "frame 0")):
+        page.run(choose % how)
+        claims.say(page.wait(f"{FRAME} === 'frame {frame}'"), f"{how}: frame {frame} first", page.run(FRAME))
+        claims.equal(page.run(count), num_bars, f"{how}: bars")
+        claims.say(told in page.run(words), f"{how}: the strip says so", page.run(words))
+        claims.shows(page, state("show"), None if how == "all" else how, f"{how} is in the address")
+    page.run(choose % "heldout")
+    page.run("document.querySelector('.timeline').focus()")
+    page.key("ArrowRight")
+    claims.say(page.wait(f"{FRAME} === 'frame 41'"), "an arrow key goes to the next bar", page.run(FRAME))
+    page.run(choose % "all")
 
 
 def check_body(page, claims):
     """The fitted body in its colours, without them, behind its Gaussians, and not at all."""
     click = lambda name: page.run(f"({SWITCH % name}).querySelector('input').click()")
-    claims.say(page.wait(f"!({SWITCH % 'its colours'}).hidden", 5), "the body's colours are there")
+    claims.say(page.wait(f"!({SWITCH % 'its colours'}).hidden"), "the body's colours are there")
     page.run("document.querySelector('.stage canvas').focus()")
     page.key("Home")
     drawn = page.run(MAGENTA)
     claims.say(drawn > 300, "the body is drawn in its colours", drawn)
     for name in ("its colours", "fitted body", "Gaussians"):
         click(name)
-        claims.equal(page.run(MAGENTA), 0, f"no colours after a click on '{name}'")
+        claims.shows(page, MAGENTA, 0, f"no colours after a click on '{name}'")
         click(name)
-        claims.equal(page.run(MAGENTA), drawn, f"the colours are back after another on '{name}'")
+        claims.shows(page, MAGENTA, drawn, f"the colours are back after another on '{name}'")
 
 
 def check_picks(page, claims):
@@ -86,12 +104,12 @@ def check_picks(page, claims):
           const span = Array.from(document.querySelectorAll('.names span')).find((s) => s.textContent === '{name}'), style = getComputedStyle(span), b = span.getBoundingClientRect();
           return [b.left - parseFloat(style.left), b.top - parseFloat(style.top)]; }})()""")
         page.click(*spot)
-        claims.equal(state(page).get("camera"), name, f"a click on camera {name} is in the address")
+        claims.shows(page, state("camera"), name, f"a click on camera {name} is in the address")
         claims.say(page.run(PANEL).startswith(name), f"its panel tells of camera {name}", page.run(PANEL)[:60])
     page.click_on(CANVAS)
     page.key("Escape")
     page.key("ArrowDown")
-    claims.equal(state(page).get("joint"), "0.Head", "the down key chooses a joint")
+    claims.shows(page, state("joint"), "0.Head", "the down key chooses a joint")
     claims.say("Head" in page.run(PANEL) and "4" in page.run(PANEL), "its panel tells its cameras and sigma", page.run(PANEL)[:80])
 
 
@@ -109,13 +127,13 @@ def check_keys(page, claims):
         claims.say(what in reached, f"Tab reaches {what}", reached[-6:])
     page.run("document.querySelector('.stage canvas').focus()")
     page.key("]")
-    claims.equal(state(page).get("camera"), "front", "] chooses the first camera")
+    claims.shows(page, state("camera"), "front", "] chooses the first camera")
     page.key("[")
-    claims.equal(state(page).get("camera"), "right", "[ chooses the one before")
+    claims.shows(page, state("camera"), "right", "[ chooses the one before")
     before = int(page.run(FRAME).split()[1])
     page.key("ArrowRight")
     page.key("ArrowLeft", shift=True)
-    claims.equal(page.run(FRAME), f"frame {max(0, before + 1 - 10)}", "an arrow goes one time step, with Shift ten")
+    claims.shows(page, FRAME, f"frame {max(0, before + 1 - 10)}", "an arrow goes one time step, with Shift ten")
 
 
 def check_slider(page, claims):
@@ -124,21 +142,33 @@ def check_slider(page, claims):
     x, y = page.middle(".compared + input")
     width = page.run("document.querySelector('.compared + input').clientWidth")
     page.drag(x, y, -0.3 * width, 0)
+    claims.say(page.wait(f"!['', 'inset(0px 0px 0px 50%)'].includes({edge})"), "the slider is dragged", page.run(edge))
     dragged = page.run(edge)
-    claims.say(dragged not in ("", "inset(0px 0px 0px 50%)"), "the slider is dragged", dragged)
     page.key("ArrowRight")
-    claims.say(page.run(edge) != dragged, "and moved by an arrow key", page.run(edge))
+    claims.say(page.wait(f"{edge} !== '{dragged}'"), "and moved by an arrow key", page.run(edge))
 
 
 def check_links(browser, url, claims):
     """An address opens the page at its place; so do the links of the page."""
     page = browser.page()
     open_studio(page, f"{url}#frame={WORST_FRAME}&camera=back", claims)
-    claims.equal(page.run(FRAME), f"frame {WORST_FRAME}", "the address's frame")
+    claims.shows(page, FRAME, f"frame {WORST_FRAME}", "the address's frame")
     claims.say("0.8" in page.run(PANEL) and "few places" in page.run(PANEL), "its camera, with what the report says of it", page.run(PANEL)[:160])
     page.click_on(f"header a[href^=\"#frame={MISSING_FRAME}\"]")
-    claims.say(page.wait(f"{FRAME} === 'frame {MISSING_FRAME}'", 5), "a link of the page leads to its frame", page.run(FRAME))
+    claims.say(page.wait(f"{FRAME} === 'frame {MISSING_FRAME}'"), "a link of the page leads to its frame", page.run(FRAME))
     claims.quiet(page, "links")
+    page.close()
+
+
+def check_length(browser, url, claims):
+    """Eight cameras: at most six screens before anything is unfolded, and what is folded is on paper."""
+    page = browser.page()
+    if open_studio(page, url, claims):
+        claims.equal(page.run("document.querySelector('details.drawn').open"), False, "the view in 3D folds the drawn rig")
+        height = page.run("document.documentElement.scrollHeight")
+        claims.say(height <= 6 * 800, "eight cameras: six screens of 800 px", height)
+        page.print()
+        claims.shows(page, "document.querySelector('details.drawn').open", True, "the drawn rig is printed")
     page.close()
 
 
@@ -149,7 +179,7 @@ def check_phone(browser, urls, claims):
             x, y = page.middle(CANVAS)
             before = page.run(PICTURE)[1]
             page.swipe(x, y, 70, 0)
-            claims.say(page.run(PICTURE)[1] != before, "a finger turns the view")
+            claims.say(page.wait(f"{PICTURE}[1] !== {before}"), "a finger turns the view")
         claims.fits(page, f"{name} at 390 px")
         claims.quiet(page, f"{name} at 390 px")
         page.close()
@@ -177,7 +207,7 @@ def check_hostile(browser, url, num_images, claims):
     if open_studio(page, url, claims):
         page.click_on(CANVAS)
         page.key("]")
-        claims.equal(page.run("document.querySelector('.studio aside h3').textContent"), HOSTILE, "a hostile name is text")
+        claims.shows(page, "document.querySelector('.studio aside h3').textContent", HOSTILE, "a hostile name is text")
     page.run("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     claims.equal(page.run("typeof window.harm"), "undefined", "a hostile name runs nothing")
     claims.equal(page.run("document.querySelectorAll('img:not(.studio *)').length"), num_images, "a hostile name makes no element")
@@ -190,6 +220,7 @@ def check_without_webgl(url, claims):
         page = browser.page().open(url)
         claims.say("needs WebGL" in page.run("document.querySelector('.studio').textContent"), "one line says that there is no WebGL")
         claims.say(page.run("document.querySelectorAll('#calibration svg').length") > 3, "the drawn figures are there")
+        claims.equal(page.run("document.querySelector('details.drawn').open"), True, "those of the rig are open")
         claims.equal(page.run("document.querySelectorAll('.compared').length"), 3, "the slider is there")
         claims.quiet(page, "without WebGL")
 
@@ -201,12 +232,13 @@ def main():
             studio.mvstudio("report", make_run(studio.folder / name, ssim=ssim))
         studio.mvstudio("report", studio.folder / "old", studio.folder / "new")
         studio.mvstudio("report", make_run(studio.folder / "hostile", (HOSTILE, "left", "back", "right")), "--title", HOSTILE)
+        studio.mvstudio("report", make_run(studio.folder / "eight", [f"cam_{i + 1:02d}" for i in range(8)]))
         studio.mvstudio("report", *make_study(studio.folder / "study"))
-        report, comparison, hostile, study = ((studio.folder / name).as_uri() for name in ("old/report.html", "new/comparison.html", "hostile/report.html", "study/study.html"))
+        report, comparison, hostile, study, eight = ((studio.folder / name).as_uri() for name in ("old/report.html", "new/comparison.html", "hostile/report.html", "study/study.html", "eight/report.html"))
         with Browser() as browser:
             page = browser.page()
             if open_studio(page, report, claims):
-                for check in (check_slider, check_body, check_view, check_picks, check_keys):
+                for check in (check_slider, check_body, check_view, check_orders, check_picks, check_keys):
                     check(page, claims)
                     claims.quiet(page, check.__name__)
             asked = page.run("performance.getEntriesByType('resource').map((e) => e.name).filter((n) => !/^(data|blob):/.test(n))")
@@ -214,6 +246,7 @@ def main():
             num_images = page.run("document.querySelectorAll('img:not(.studio *)').length")
             page.close()
             check_links(browser, report, claims)
+            check_length(browser, eight, claims)
             check_phone(browser, {"report": report, "comparison": comparison, "study": study}, claims)
             check_looks(browser, {"report": report, "comparison": comparison}, claims)
             check_hostile(browser, hostile, num_images, claims)

@@ -109,8 +109,8 @@ def main():
         process, url = studio.view(studio.folder / "take.mcap", "--rerun", package)
         with Browser() as browser:
             page = browser.page().open(url)
-            claims.say(page.wait("document.body.dataset.state === 'ready'", 90), "the viewer starts", page.complaints[:3])
-            end = time.monotonic() + 60
+            claims.say(page.wait("document.body.dataset.state === 'ready'", 180), "the viewer starts", page.complaints[:3])
+            end = time.monotonic() + 180
             while (missing := missing_colours(page)) and time.monotonic() < end:
                 time.sleep(1)
             claims.equal(missing, [], "it draws the images of all cameras")

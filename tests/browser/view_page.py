@@ -43,7 +43,7 @@ def check_frames(page, url, claims):
     claims.say(page.wait(f"{SETTLED} && !{WHERE}.startsWith('time step {WORST_FRAME},')"), "a thumbnail leads to its frame", page.run(WHERE))
     page.click_on("#play")
     here = page.run(WHERE)
-    claims.say(page.wait(f"{WHERE} !== {here!r}", 10), "it plays")
+    claims.say(page.wait(f"{WHERE} !== {here!r}"), "it plays")
     page.click_on("#play")
 
 
@@ -73,11 +73,31 @@ def check_marks(page, claims):
         claims.say(page.wait(f"{SETTLED} && {count(mark)} === 0"), f"a click hides the {mark}", page.run(count(mark)))
         page.click_on(f"#{box_id}")
         claims.say(page.wait(f"{SETTLED} && {count(mark)} > 0"), f"another shows the {mark}", page.run(count(mark)))
+    check_avatar(page, claims)
     page.run("(() => { const s = document.querySelector('#filter'); s.value = 'heldout'; s.dispatchEvent(new Event('change')); })()")
     claims.say(page.wait(is_at(42)) and page.run("location.hash.includes('show=heldout')"), "held out, the worst first", page.run(WHERE))
     claims.say(page.run(f"{SHOWN}.filter((text) => text.includes('held out, SSIM 0.880')).length") == 1, "its camera says so", page.run(SHOWN))
+    claims.equal(page.run("Array.from(document.querySelectorAll('#views figure > img'), (i) => i.naturalWidth)"), [4 * 48 + 6], "with truth, render and error")
     page.key("End")
     claims.say(page.wait(is_at(40)), "the best last", page.run(WHERE))
+
+
+def check_avatar(page, claims):
+    """The fitted body in its colours, magenta all over, over the images and beside them."""
+    choose = "(() => { const s = document.querySelector('#avatar'); s.value = '%s'; s.dispatchEvent(new Event('change')); })()"
+    shown = "Array.from(document.querySelectorAll('#views img.avatar'))"
+    magenta = f"""{shown}.map((img) => {{ const c = document.createElement('canvas'), g = c.getContext('2d'); c.width = img.naturalWidth;
+      c.height = img.naturalHeight; g.drawImage(img, 0, 0); const d = g.getImageData(0, 0, c.width, c.height).data; let n = 0;
+      for (let i = 0; i < d.length; i += 4) n += d[i] > 200 && d[i + 1] < 60 && d[i + 2] > 200 && d[i + 3] === 255; return n; }})"""
+    for how, place in (("over", "figure:not(.two) > div > img.avatar"), ("beside", "figure.two > div + div > img.avatar")):
+        page.run(choose % how)
+        claims.say(page.wait(f"{SETTLED} && document.querySelectorAll('#views {place}').length === 4"), f"the avatar {how}", page.run(f"{shown}.length"))
+        claims.say(min(page.run(magenta), default=0) > 300, f"in its colours, {how}", page.run(magenta))
+    page.run(choose % "over")
+    page.run("(() => { const o = document.querySelector('#opacity'); o.value = 50; o.dispatchEvent(new Event('input')); })()")
+    claims.say(page.wait(f"{SETTLED} && {shown}.length === 4 && {shown}.every((i) => i.style.opacity === '0.5')"), "half of it")
+    page.run(choose % "")
+    claims.say(page.wait(f"{SETTLED} && {shown}.length === 0"), "no avatar again")
 
 
 def check_report(page, claims):

@@ -81,7 +81,9 @@ TEST(PlayerFile, IsInsideTheReportWithItsScriptAlone) {
 TEST(PlayerInBrowser, DrawsAGaussianInItsColour) {
   if (std::system("command -v chromium >/dev/null 2>&1") != 0) GTEST_SKIP() << "needs chromium";
   const TempDir folder;
-  std::string html = ReportOf(folder, OneGaussian(204, 102, 51, 255)).html;
+  ReportOptions client;  // whose page has it unfolded
+  client.audience = "client";
+  std::string html = ReportOf(folder, OneGaussian(204, 102, 51, 255), client).html;
   const size_t policy = html.find("<meta http-equiv=\"Content-Security-Policy\"");
   html.erase(policy, html.find("\n", policy) - policy);  // so that the script below may run
   const std::string look = R"js(<script>

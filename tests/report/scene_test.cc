@@ -184,6 +184,7 @@ TEST(SceneSpans, EachNamesItsWorstTimeStep) {
   EXPECT_NEAR(spans[1].rms_px, std::sqrt((9 + 49) / 2.0), 1e-12);
   EXPECT_NEAR(spans[0].missing, 0.2, 1e-12);
   EXPECT_EQ(SpansOf(scene, 100).size(), 10u);
+  EXPECT_EQ(spans[0].emptiest, 4u);
   EXPECT_EQ(SpansOf(scene, 100)[4].missing, 1);
   EXPECT_TRUE(std::isnan(SpansOf(scene, 100)[4].rms_px));
   EXPECT_TRUE(SpansOf(Empty(0, 0, 0), 5).empty());

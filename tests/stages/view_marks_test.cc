@@ -8,6 +8,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "dataset/footage/image_io.h"
+#include "stages/view/avatar_view.h"
 #include "stages/view/marks.h"
 #include "stages/view/scene.h"
 #include "stages/view/scene_parts.h"
@@ -91,6 +92,17 @@ TEST(Outlines, OfADiscStayWithinTheTolerance) {
   EXPECT_NEAR(SignedArea(lines) / (M_PI * kRadius * kRadius), 1, 0.01);
 }
 
+/// A triangle that stands still at time step 4.
+MovingBody StandingTriangle() {
+  MovingBody body;
+  body.rest.resize(3, 3), body.faces.resize(3, 1), body.bones.setZero(4, 3), body.weights.setZero(4, 3);
+  body.rest << -0.5, 0.5, 0.5, -0.4, -0.4, 0.4, 1, 1, 1;
+  body.faces << 0, 1, 2;
+  body.weights.row(0).setOnes();
+  body.frames = {4}, body.at_frame = {{geometry::Rigid3()}};
+  return body;
+}
+
 /// One camera of 200 x 100 px at the origin that looks along z, with masks in a folder.
 Scene OneCamera(const std::string& masks) {
   Scene scene;
@@ -115,13 +127,7 @@ TEST(Marks, LieWhereTheLensAndTheMaskPutThem) {
   board.outline << 0, 1, 1, 0, 0, 0, 1, 1, 2, 2, 2, 2;
   board.axes << 0, 0.5, 0, 0, 0, 0.5, 2, 2, 2;
   solids.boards[4] = {board};
-  MovingBody body;  // a triangle that stands still
-  body.rest.resize(3, 3), body.faces.resize(3, 1), body.bones.setZero(4, 3), body.weights.setZero(4, 3);
-  body.rest << -0.5, 0.5, 0.5, -0.4, -0.4, 0.4, 1, 1, 1;
-  body.faces << 0, 1, 2;
-  body.weights.row(0).setOnes();
-  body.frames = {4}, body.at_frame = {{geometry::Rigid3()}};
-  solids.body = body;
+  solids.body = StandingTriangle();
   MarksReader reader(scene, solids);
   EXPECT_TRUE(reader.has_masks() && reader.has_body() && reader.has_boards());
   const ViewMarks marks = reader.At(0, 4);
@@ -136,6 +142,44 @@ TEST(Marks, LieWhereTheLensAndTheMaskPutThem) {
   EXPECT_THAT(ViewMarksJson(marks), HasSubstr(R"("x_axes":[[99.5,49.5,)"));
   const ViewMarks other = reader.At(0, 5);
   EXPECT_TRUE(other.mask.empty() && other.body.empty() && other.boards.empty()) << "another time step";
+}
+
+TEST(Avatar, IsTheBodyInItsColoursOrARender) {
+  const TempDir folder;
+  Image atlas(8, 8, 3);  // its left half red, its right half blue
+  for (int y = 0; y < 8; ++y)
+    for (int x = 0; x < 8; ++x) atlas.Pixel(x, y)[x < 4 ? 0 : 2] = 255;
+  const std::string image = dataset::EncodeImage(atlas, "atlas.png");
+  std::string file = "MVBTEX01";
+  const auto add = [&](auto number) { file.append(reinterpret_cast<const char*>(&number), sizeof number); };
+  for (const uint32_t count : {uint32_t{3}, uint32_t{1}, static_cast<uint32_t>(image.size()), 0u, 1u, 2u}) add(count);
+  for (const int share : {0, 0, 65535, 0, 65535, 65535}) add(static_cast<uint16_t>(share));
+  for (const uint32_t corner : {0u, 1u, 2u}) add(corner);
+  file += image;
+  WriteFileAtomic(folder / "body_texture.bin", file);
+  const Scene scene = OneCamera("");
+  OverlaySolids solids;
+  solids.body = StandingTriangle(), solids.colours = ReadBodyColours(folder / "body_texture.bin", 3);
+  const Image seen = BodyInColours(*solids.colours, SolidsAt(solids, 4).vertices, scene.rig.cameras[0], 1000);
+  ASSERT_EQ(seen.width, 200);
+  const auto at = [&](int x, int y) { return std::vector<int>(seen.Pixel(x, y), seen.Pixel(x, y) + 4); };
+  EXPECT_EQ(at(80, 15), (std::vector<int>{255, 0, 0, 255}));
+  EXPECT_EQ(at(120, 15), (std::vector<int>{0, 0, 255, 255}));
+  EXPECT_EQ(at(60, 80), (std::vector<int>{0, 0, 0, 0})) << "outside of the triangle";
+  EXPECT_EQ(BodyInColours(*solids.colours, SolidsAt(solids, 4).vertices, scene.rig.cameras[0], 100).height, 50);
+  const AvatarView view(scene, solids, "");
+  EXPECT_TRUE(view.any());
+  EXPECT_THAT(view.At(0, 4), HasSubstr("PNG"));
+  EXPECT_EQ(view.At(0, 5), "") << "another time step";
+  EXPECT_THROW(ReadBodyColours(folder / "body_texture.bin", 2), FormatError) << "of a larger body";
+  WriteFileAtomic(folder / "cut.bin", file.substr(0, 40));
+  EXPECT_THAT(MessageOf<FormatError>([&] { ReadBodyColours(folder / "cut.bin", 3); }), HasSubstr("it was cut"));
+  EXPECT_THAT(MessageOf<UsageError>([&] { AvatarView(scene, solids, folder.path()); }), HasSubstr("option 'avatar'"));
+  std::filesystem::create_directories(folder / "cam");
+  dataset::WriteImage(Image(4, 2, 4, 9), folder / "cam/x_00000007.png");
+  const AvatarView renders(scene, solids, folder.path());
+  EXPECT_THAT(renders.At(0, 7), HasSubstr("PNG"));
+  EXPECT_EQ(renders.At(0, 4), "") << "a folder of renders takes the body's place";
 }
 
 TEST(Marks, NoMaskThatALinkLeadsOutside) {
@@ -177,8 +221,10 @@ TEST(HeldOut, StepsOfTheProtocolAndScoresOfTheImages) {
   WriteFileAtomic(folder / "protocol.json", R"({"protocol": {"holdout": {"frames": [3, 4, -1, "x", 1e300]}}})");
   WriteFileAtomic(
       folder / "avatar_eval.result.json",
-      R"({"metrics": {"pictures": [{"camera": "b", "frame": 4, "ssim": 0.9}, {"camera": "a", "frame": 4, "ssim": 0.8},
+      R"({"metrics": {"pictures": [{"camera": "b", "frame": 4, "ssim": 0.9}, {"camera": "a", "frame": 4, "ssim": 0.8, "path": "/moved/eval/a.png"},
                       {"camera": "a", "frame": 5}, {"camera": 1, "frame": 6}, 7, {"frame": 8}]}})");
+  std::filesystem::create_directories(folder / "eval");
+  WriteFileAtomic(folder / "eval/a.png", "");
   Scene scene = OneCamera("");
   scene.steps = {3, 4, 5, 6};
   ReadHeldOut(folder.path(), &scene);
@@ -186,9 +232,11 @@ TEST(HeldOut, StepsOfTheProtocolAndScoresOfTheImages) {
   EXPECT_TRUE(scene.held_out.at(3).empty());
   EXPECT_EQ(scene.held_out.at(4).at("a"), 0.8);
   EXPECT_TRUE(std::isnan(scene.held_out.at(5).at("a")));
-  const std::string json = ViewSceneJson(scene, MarksReader(scene, {}), false);
+  const std::string json = ViewSceneJson(scene, MarksReader(scene, {}), false, false);
   EXPECT_THAT(json, HasSubstr(R"("held_out":{"3":{},"4":{"a":0.8,"b":0.9},"5":{"a":null}})"));
   EXPECT_THAT(json, HasSubstr(R"("steps":[[3,null,0,null],[4,null,0,0.8],[5,null,0,null],[6,null,0,-1]])"));
+  EXPECT_THAT(json, HasSubstr(R"("scored":{"4":["a"]})"));
+  EXPECT_EQ(scene.scored.at(4).at("a"), folder / "eval/a.png");
   EXPECT_THAT(json, HasSubstr(R"("has_masks":false)"));
   for (const char* damaged : {"", "[1", "{\"metrics\": 3}", "{\"protocol\": {\"holdout\": {\"frames\": 7}}}"}) {
     WriteFileAtomic(folder / "protocol.json", damaged);
