@@ -4,6 +4,10 @@
 
 #include <chrono>
 #include <cstdlib>
+#include <functional>
+#include <random>
+#include <sstream>
+#include <string>
 #include <thread>
 
 #include "core/check.h"
@@ -12,6 +16,7 @@
 #if defined(USE_C10D_GLOO) && __has_include(<gloo/config.h>)
 #define MVSTUDIO_GLOO 1
 #include <torch/csrc/distributed/c10d/FileStore.hpp>
+#include <torch/csrc/distributed/c10d/PrefixStore.hpp>
 #include <torch/csrc/distributed/c10d/ProcessGroupGloo.hpp>
 #endif
 
@@ -37,11 +42,12 @@ class GlooRanks : public Ranks {
  public:
   explicit GlooRanks(const RankPlace& place) : place_(place) {
     const auto store = c10::make_intrusive<c10d::FileStore>(place.rendezvous, place.size);
-    WaitForAll(*store);
+    const std::string team = WaitForAll(*store);
     Guarded("did not find the other ranks", [&] {
       const auto options = c10d::ProcessGroupGloo::Options::create();
       options->devices.push_back(DeviceFor(place));
-      group_ = c10::make_intrusive<c10d::ProcessGroupGloo>(store, place.rank, place.size, options);
+      const auto own = c10::make_intrusive<c10d::PrefixStore>(team, store);
+      group_ = c10::make_intrusive<c10d::ProcessGroupGloo>(own, place.rank, place.size, options);
     });
   }
 
@@ -64,21 +70,78 @@ class GlooRanks : public Ranks {
   }
 
  private:
-  /// Gloo itself would wait for half an hour.
-  void WaitForAll(c10d::FileStore& store) const {
+  /// Gloo itself would wait for half an hour, and would take the addresses that a killed training left in the file for those
+  /// of this one. So each rank has a name that no other run has; the first rank lists the names, and goes on when all have
+  /// confirmed the list that holds its own. Returns the list.
+  std::string WaitForAll(c10d::FileStore& store) const {
+    const std::string own = NewName();
+    Set(store, "here_" + std::to_string(place_.rank), own);
+    std::string team;
+    const auto is_listed = [&] {
+      team = Get(store, "team");
+      return PartOf(team, place_.rank) == own;
+    };
+    if (place_.rank == 0) {
+      Wait([&] { return IsTeam(store, own, &team); });
+      Set(store, "go", team);
+    } else {
+      Wait([&] {
+        if (is_listed() && Get(store, Confirmed(place_.rank)) != team) Set(store, Confirmed(place_.rank), team);
+        return is_listed() && Get(store, "go") == team;
+      });
+    }
+    return team;
+  }
+
+  /// Lists who is there now; true when every one of them has confirmed that list.
+  bool IsTeam(c10d::FileStore& store, const std::string& own, std::string* team) const {
+    std::string now = own;
+    for (int rank = 1; rank < place_.size; ++rank) now += ' ' + Get(store, "here_" + std::to_string(rank));
+    if (now != *team) Set(store, "team", *team = now);
+    for (int rank = 1; rank < place_.size; ++rank) {
+      if (Get(store, Confirmed(rank)) != now) return false;
+    }
+    return true;
+  }
+
+  static std::string Confirmed(int rank) { return "confirmed_" + std::to_string(rank); }
+
+  static std::string NewName() {
+    std::random_device random;
+    return std::to_string(random()) + "." + std::to_string(random());
+  }
+
+  static std::string PartOf(const std::string& team, int rank) {
+    std::istringstream names(team);
+    std::string name;
+    for (int i = 0; i <= rank; ++i) names >> name;
+    return names ? name : "";
+  }
+
+  void Set(c10d::FileStore& store, const std::string& key, const std::string& value) const {
+    Guarded("cannot use the file", [&] { store.set(key, std::vector<uint8_t>(value.begin(), value.end())); });
+  }
+
+  /// Empty where nobody has set it.
+  std::string Get(c10d::FileStore& store, const std::string& key) const {
+    std::vector<uint8_t> value;
+    Guarded("cannot use the file", [&] {
+      if (store.check({key})) value = store.get(key);
+    });
+    return {value.begin(), value.end()};
+  }
+
+  void Wait(const std::function<bool()>& are_there) const {
     constexpr auto kPause = std::chrono::milliseconds(50);
     constexpr auto kLongest = std::chrono::minutes(5);
-    const auto key = [](int rank) { return "here_" + std::to_string(rank); };
-    Guarded("cannot use the file", [&] { store.set(key(place_.rank), std::vector<uint8_t>{1}); });
     const auto start = std::chrono::steady_clock::now();
-    for (int rank = 0; rank < place_.size; ++rank) {
-      while (!store.check({key(rank)})) {
-        if (place_.while_waiting) place_.while_waiting();
-        if (std::chrono::steady_clock::now() - start > kLongest)
-          throw IoError(place_.rendezvous, "rank " + std::to_string(rank) + " of " + std::to_string(place_.size) +
-                                               " did not come within five minutes; start all of them again with a new file");
-        std::this_thread::sleep_for(kPause);
-      }
+    while (!are_there()) {
+      if (place_.while_waiting) place_.while_waiting();
+      if (std::chrono::steady_clock::now() - start > kLongest)
+        throw IoError(place_.rendezvous, "not all of " + std::to_string(place_.size) +
+                                             " ranks came within five minutes of rank " + std::to_string(place_.rank) +
+                                             "; start all of them again");
+      std::this_thread::sleep_for(kPause);
     }
   }
 

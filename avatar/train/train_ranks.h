@@ -12,8 +12,8 @@ namespace mvstudio::avatar {
 struct RankPlace {
   int rank = 0;
   int size = 1;
-  std::string rendezvous;               ///< a file visible to all ranks; it must not exist before the first of them starts
-  bool one_machine = true;              ///< they communicate over the loopback address; else over that of the machine's name
+  std::string rendezvous;   ///< a file visible to all ranks; what a training that was killed left in it is passed over
+  bool one_machine = true;  ///< they communicate over the loopback address; else over that of the machine's name
   std::function<void()> while_waiting;  ///< called several times a second until all have joined; may throw to give up
 };
 

@@ -9,6 +9,7 @@
 #include <set>
 #include <string_view>
 #include <tuple>
+#include <utility>
 
 #include "core/check.h"
 #include "core/csv.h"
@@ -209,13 +210,14 @@ bool MeanJoint(const std::vector<const JointRow*>& joints, const std::vector<int
 }  // namespace
 
 bool WritePose3d(const Pose3d& pose, const std::string& folder) {
-  bool written = false;
+  constexpr std::ptrdiff_t kRowsAtOnce = 20'000;  // their text is held
+  auto begin = pose.rows.begin();
   return WritePose3d(
       pose,
       [&](std::vector<JointRow>* rows) {
-        if (written) return false;
-        *rows = pose.rows;
-        return written = true;
+        const auto end = begin + std::min(kRowsAtOnce, pose.rows.end() - begin);
+        rows->assign(begin, end);
+        return std::exchange(begin, end) != end;
       },
       folder);
 }

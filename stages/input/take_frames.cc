@@ -20,6 +20,7 @@ namespace {
 
 triangulate::DetectedPerson ToDetected(const dataset::Person2d& person) {
   triangulate::DetectedPerson detected;
+  detected.reserve(person.keypoints.size());
   for (const dataset::Keypoint2d& key : person.keypoints) detected.push_back({{key.x_px, key.y_px}, key.score});
   return detected;
 }

@@ -114,11 +114,12 @@ void TriangulateAtOnce(const std::optional<FoundTake>& found, double started_s, 
   KeepInput(input, report);
   const TakeTiming timing = ApplyTiming(found, options, run, &input, &report->notes);
   report->offsets = timing.offsets;
+  input.tracks.clear();  // the frames hold them
   if (options.budget.Asked()) ChooseWithinBudget(input, started_s, run, report);
   PointStatistics statistics = StatisticsFor(input);
   SolveWhole(input, run, &statistics, report);
   JudgeTake(
-      input, statistics, [&] { return input.frames; }, run, report);
+      input, statistics, [&] { return std::move(input.frames); }, run, report);
   if (report->points.num_points == 0) return;
   report->views =
       WriteJointViews(SolvedRig(*report), report->take, input.skeleton, ImagesOf(found, options, timing), options.out);

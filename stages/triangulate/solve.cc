@@ -4,25 +4,27 @@
 
 #include "dataset/pose/pose3d.h"
 #include "stages/input/take_frames.h"
+#include "triangulate/take/blocks.h"
 #include "triangulate/take/steps.h"
 #include "triangulate/take/stream.h"
 
 namespace mvstudio::stages {
 namespace {
 
+bool Filters(const TriangulateOptions& options) { return options.markers.filter != "none" || options.markers.fill_frames > 0; }
+
 /// What is done with the take once its single points are there: joints of each person together where that predicts left-out
 /// cameras better, and what such cameras say of the filter.
 void RefineTake(const PoseInput& input, const RunContext& run, TriangulateReport* report) {
   const TriangulateOptions& given = report->options;
   triangulate::TakeResult& take = report->take;
-  const bool filters = given.markers.filter != "none" || given.markers.fill_frames > 0;
-  if (!(given.refine || filters) || take.method.IsExhaustiveDlt()) return;
+  if (!(given.refine || Filters(given)) || take.method.IsExhaustiveDlt()) return;
   triangulate::TakeOptions options = given.points;
   options.select_views |= options.method.IsAuto();
   triangulate::TakeProblem problem;
   problem.rig = triangulate::Prepare(input.rig, options.ignore_distortion);
   const triangulate::PointSolver solve = SolverFor(input.rig, problem, options, take.method);
-  if (filters) report->filter = CheckFilter(problem.rig, take, solve, input.skeleton, given.markers, run);
+  if (Filters(given)) report->filter = CheckFilter(problem.rig, take, solve, input.skeleton, given.markers, run);
   if (!given.refine) return;
   report->refined_without_bones = input.skeleton.bones.empty();
   triangulate::SkeletonRefineResult refined =
@@ -97,11 +99,26 @@ std::vector<triangulate::DetectedFrame> SampleOf(const PoseParts& parts, size_t 
 }
 
 void SolveWhole(const PoseInput& input, const RunContext& run, PointStatistics* statistics, TriangulateReport* report) {
+  constexpr size_t kKeptFrames = 500;
   const TriangulateOptions& options = report->options;
+  statistics->AddFrames(input.frames, options.points);
+  if (!options.refine && !Filters(options) && !report->project) {
+    triangulate::TakeBlocks blocks(input.rig, input.frames, BodyOf(input.skeleton), options.points, run, kKeptFrames);
+    const auto next = [&](std::vector<dataset::JointRow>* rows) {
+      triangulate::TakeResult block;
+      if (!blocks.Next(&block)) return false;
+      statistics->Add(block);
+      *rows = ToPose3d(block, input.skeleton).rows;
+      return true;
+    };
+    report->take.method = options.points.method;
+    dataset::WritePose3d(WithHead(ToPose3d({}, input.skeleton), *report), next, options.out);
+    report->take = blocks.Finish();
+    return;
+  }
   report->take = triangulate::TriangulateTake(input.rig, input.frames, BodyOf(input.skeleton), options.points, run);
   RefineTake(input, run, report);
   statistics->Add(report->take);
-  statistics->AddFrames(input.frames, options.points);
   dataset::Pose3d pose = WithHead(ToPose3d(report->take, input.skeleton), *report);
   if (report->project) WriteProjectParts(input.rig, options.project, options.out, &pose, &*report->project);
   dataset::WritePose3d(pose, options.out);

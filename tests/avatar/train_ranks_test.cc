@@ -69,6 +69,28 @@ TEST(Ranks, SumAndBroadcast) {
   });
 }
 
+/// Such a file is what ranks leave that are killed while they train: here a copy of it, and theirs have ended.
+TEST(Ranks, WhatKilledOnesLeftInTheFileIsPassedOver) {
+  const std::string path = Rendezvous("left"), left = path + ".copy";
+  const auto train = [](int size, const std::string& file, const std::function<void()>& meanwhile) {
+    std::vector<std::thread> threads;
+    for (int rank = 0; rank < size; ++rank) {
+      threads.emplace_back([=] {
+        const auto ranks = JoinRanks({rank, size, file, true, {}});
+        at::Tensor values = at::full({3}, rank + 1.0, at::kDouble);
+        ranks->Sum(values);
+        EXPECT_EQ(values[0].item<double>(), size * (size + 1) / 2.0);
+        if (rank == 0) meanwhile();
+        ranks->Sum(values);  // none ends before
+      });
+    }
+    for (std::thread& thread : threads) thread.join();
+  };
+  train(3, path, [&] { std::filesystem::copy_file(path, left); });
+  for (const int size : {3, 2, 3}) train(size, left, [] {});
+  std::filesystem::remove(path), std::filesystem::remove(left);
+}
+
 /// The first moments are a tenth of the gradient after one step.
 TEST(Ranks, GradientsOfTwoAreThoseOfTheDoubleBatch) {
   const AvatarPack pack = MakeSyntheticPack(7, 32, 4);

@@ -2,7 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "tests/triangulate/support.h"
+#include "triangulate/take/blocks.h"
+#include "triangulate/take/steps.h"
 
 namespace mvstudio::triangulate {
 namespace {
@@ -55,13 +59,49 @@ TEST(TakeStream, GivesThePointsAndPersonsOfTheWholeTake) {
   std::map<std::tuple<int, int, int>, Point> expected;
   for (const TakePoint& point : whole.points) expected[{point.frame, point.person, point.joint_idx}] = point.point;
   // The numbers of the two may be exchanged, but then everywhere.
-  const bool swapped =
-      (points[0].point.x_in_world - expected[{points[0].frame, points[0].person, 0}].x_in_world).norm() > 0.1;
+  const bool swapped = (points[0].point.x_in_world - expected[{points[0].frame, points[0].person, 0}].x_in_world).norm() > 0.1;
   for (const TakePoint& point : points) {
     const Point& other = expected[{point.frame, swapped ? 1 - point.person : point.person, point.joint_idx}];
     ASSERT_EQ(point.point.status, other.status);
     EXPECT_EQ(point.point.x_in_world, other.x_in_world) << "frame " << point.frame << " person " << point.person;
   }
+}
+
+/// More frames than a block has. Solved by themselves, the points are the same; a take's spread frames stay.
+TEST(TakeBlocks, GiveThePointsOfTheWholeAndKeepSomeFrames) {
+  constexpr size_t kFrames = kTakeBlockFrames + 120, kKept = 50;
+  const geometry::Rig rig = MakeRing(4);
+  const std::vector<DetectedFrame> frames = Crossing(rig, static_cast<int>(kFrames));
+  TakeOptions options;
+  options.max_persons = 2;
+  options.method = ByPoint(PointMethod::kRobust);
+  options.holdout_points = 300;
+  const TakeProblem problem = PrepareTake(rig, frames, kJoints, options, {});
+  const PointSolver solve = SolverFor(rig, problem, options, options.method);
+  const std::vector<Point> expected = SolvePoints(problem, solve, 1);
+  TakeBlocks blocks(rig, frames, kJoints, options, {}, kKept);
+  size_t at = 0, num_blocks = 0;
+  for (TakeResult block; blocks.Next(&block); ++num_blocks) {
+    ASSERT_EQ(block.points.size(), block.observations.size());
+    for (size_t i = 0; i < block.points.size(); ++i, ++at) {
+      ASSERT_EQ(block.points[i].frame, problem.labels[at].frame);
+      ASSERT_EQ(block.points[i].point.status, expected[at].status);
+      EXPECT_EQ(block.points[i].point.x_in_world, expected[at].x_in_world);
+      EXPECT_EQ(block.points[i].point.covariance, expected[at].covariance);
+    }
+  }
+  EXPECT_EQ(at, expected.size());
+  EXPECT_EQ(num_blocks, 2u);
+  const TakeResult kept = blocks.Finish();
+  std::set<int> numbers;
+  for (const TakePoint& point : kept.points) numbers.insert(point.frame);
+  EXPECT_LE(numbers.size(), kKept);
+  EXPECT_GT(numbers.size(), kKept * 9 / 10);
+  EXPECT_GT(*numbers.rbegin(), static_cast<int>(kFrames * 9 / 10)) << "to the end";
+  EXPECT_EQ(kept.sigma_px, problem.sigma_px);
+  EXPECT_EQ(kept.holdout.all.num_samples, HoldOut(problem, solve, options.holdout_points, 1).all.num_samples);
+  EXPECT_EQ(kept.holdout.all.median_px, HoldOut(problem, solve, options.holdout_points, 1).all.median_px);
+  EXPECT_EQ(kept.cameras.size(), rig.cameras.size());
 }
 
 TEST(TakeStream, SettlesNoiseAndMethodFromASample) {

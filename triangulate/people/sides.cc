@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 
 #include "core/check.h"
 #include "core/parallel.h"
@@ -14,11 +15,23 @@ namespace {
 using internal::Candidate;
 using Pairs = std::vector<std::pair<int, int>>;
 
-/// One person in one frame.
+/// One person in one frame, and the cameras that see it.
 struct PersonObservation {
-  size_t frame_idx = 0;
-  std::vector<Candidate> views;
+  size_t frame_idx = 0, person = 0;
+  std::vector<int> cameras;
 };
+
+/// The person's detections; their rays are not kept, as a take has many.
+std::vector<Candidate> ViewsOf(const PreparedRig& rig, const DetectedFrame& frame, const std::vector<int>& choice,
+                               const AssociationOptions& options) {
+  DetectedFrame own{frame.frame, std::vector<std::vector<DetectedPerson>>(frame.people.size())};
+  for (size_t c = 0; c < own.people.size(); ++c) {
+    if (choice[c] >= 0) own.people[c].push_back(frame.people[c][static_cast<size_t>(choice[c])]);
+  }
+  std::vector<Candidate> views = internal::MakeCandidates(rig, own, options);
+  for (Candidate& view : views) view.person_idx = choice[static_cast<size_t>(view.camera_idx)];
+  return views;
+}
 
 /// Labels of a observation's views: +1, or -1 for mirrored.
 struct Labels {
@@ -32,13 +45,11 @@ std::vector<PersonObservation> CollectObservations(const PreparedRig& rig, const
                                                    const AssociationOptions& options, int num_threads) {
   std::vector<std::vector<PersonObservation>> by_frame(frames.size());
   ParallelFor(static_cast<int64_t>(frames.size()), num_threads, [&](int64_t f) {
-    const std::vector<Candidate> all = internal::MakeCandidates(rig, frames[f], options);
     for (size_t p = 0; p < assignment[f].size(); ++p) {
-      PersonObservation observation{static_cast<size_t>(f), {}};
-      for (const Candidate& view : all) {
-        if (assignment[f][p][view.camera_idx] == view.person_idx) observation.views.push_back(view);
-      }
-      if (observation.views.size() >= 2) by_frame[f].push_back(std::move(observation));
+      PersonObservation observation{static_cast<size_t>(f), p, {}};
+      for (const Candidate& view : ViewsOf(rig, frames[f], assignment[f][p], options))
+        observation.cameras.push_back(view.camera_idx);
+      if (observation.cameras.size() >= 2) by_frame[f].push_back(std::move(observation));
     }
   });
   std::vector<PersonObservation> observations;
@@ -178,7 +189,7 @@ struct Rates {
   double Of(const std::vector<size_t>& party, const PersonObservation& observation) const {
     double sum = 0;
     for (const size_t view : party) {
-      const int camera = observation.views[view].camera_idx;
+      const int camera = observation.cameras[view];
       sum += judged[camera] > 0 ? swapped[camera] / judged[camera] : 0;
     }
     return party.empty() ? 0 : sum / static_cast<double>(party.size());
@@ -224,75 +235,68 @@ std::vector<Verdict> JudgeViews(const std::vector<Candidate>& views, const Mirro
   return verdicts;
 }
 
-/// Verdicts on all observations. [observation][view]
-std::vector<std::vector<Verdict>> Judge(const std::vector<PersonObservation>& observations, const MirrorGroups& groups,
-                                        size_t num_cameras, double sigma_px, double min_gain_joints, int num_threads,
-                                        int* num_undecided) {
+/// Verdicts on all observations, whose detections `views_of` gives. [observation][view]
+std::vector<std::vector<Verdict>> Judge(const std::vector<PersonObservation>& observations,
+                                        const std::function<std::vector<Candidate>(const PersonObservation&)>& views_of,
+                                        const MirrorGroups& groups, size_t num_cameras, double sigma_px, double min_gain_joints,
+                                        int num_threads, int* num_undecided) {
   std::vector<Labels> labels(observations.size());
-  ParallelFor(static_cast<int64_t>(observations.size()), num_threads,
-              [&](int64_t i) { labels[i] = LabelViews(observations[i].views, groups, sigma_px, min_gain_joints); });
+  std::vector<std::vector<Verdict>> verdicts(observations.size());
+  ParallelFor(static_cast<int64_t>(observations.size()), num_threads, [&](int64_t i) {
+    const std::vector<Candidate> views = views_of(observations[i]);
+    labels[i] = LabelViews(views, groups, sigma_px, min_gain_joints);
+    if (!labels[i].is_tie) verdicts[i] = JudgeViews(views, groups, labels[i], sigma_px, min_gain_joints);
+  });
   Rates rates(num_cameras);
   for (size_t i = 0; i < labels.size(); ++i) {
     if (labels[i].is_tie) continue;
-    for (const size_t view : labels[i].small) ++rates.swapped[observations[i].views[view].camera_idx];
+    for (const size_t view : labels[i].small) ++rates.swapped[observations[i].cameras[view]];
     for (const auto* party : {&labels[i].small, &labels[i].large}) {
-      for (const size_t view : *party) ++rates.judged[observations[i].views[view].camera_idx];
+      for (const size_t view : *party) ++rates.judged[observations[i].cameras[view]];
     }
   }
-  std::vector<std::vector<Verdict>> verdicts(observations.size());
   for (size_t i = 0; i < labels.size(); ++i) {
-    if (labels[i].is_tie && !SettleTie(observations[i], rates, &labels[i])) {
-      ++*num_undecided;
-      verdicts[i].resize(observations[i].views.size());
+    if (!labels[i].is_tie) continue;
+    if (SettleTie(observations[i], rates, &labels[i])) {
+      verdicts[i] = JudgeViews(views_of(observations[i]), groups, labels[i], sigma_px, min_gain_joints);
     } else {
-      verdicts[i] = JudgeViews(observations[i].views, groups, labels[i], sigma_px, min_gain_joints);
+      ++*num_undecided;
+      verdicts[i].resize(observations[i].cameras.size());
     }
   }
   return verdicts;
 }
 
-void CheckGroups(const MirrorGroups& groups, const std::vector<PersonObservation>& observations) {
-  MVS_CHECK(groups.size() <= 32, groups.size() << " groups");
-  for (const PersonObservation& observation : observations) {
-    for (const Candidate& view : observation.views) {
-      const int num_joints = static_cast<int>(view.rays.size());
-      for (const Pairs& pairs : groups) {
-        for (const auto& [l, r] : pairs) {
-          MVS_CHECK(l >= 0 && r >= 0 && l < num_joints && r < num_joints, "pair " << l << ", " << r << " of " << num_joints);
-        }
-      }
+void CheckGroups(const MirrorGroups& groups, const DetectedPerson& person) {
+  const int num_joints = static_cast<int>(person.size());
+  for (const Pairs& pairs : groups) {
+    for (const auto& [l, r] : pairs) {
+      MVS_CHECK(l >= 0 && r >= 0 && l < num_joints && r < num_joints, "pair " << l << ", " << r << " of " << num_joints);
     }
   }
 }
 
-/// Swaps the groups named by the mask; true when these are all.
-bool SwapGroups(const MirrorGroups& groups, uint32_t mask, DetectedPerson* person) {
-  bool is_whole = true;
-  for (size_t g = 0; g < groups.size(); ++g) {
-    const bool is_swapped = mask >> g & 1u;
-    is_whole &= is_swapped;
-    for (const auto& [l, r] : groups[g]) {
-      if (is_swapped) std::swap((*person)[l], (*person)[r]);
-    }
-  }
-  return is_whole;
-}
-
-/// Writes what was found into the frames and the report.
-void Apply(const std::vector<PersonObservation>& observations, const std::vector<std::vector<Verdict>>& verdicts,
-           const MirrorGroups& groups, std::vector<DetectedFrame>* frames, SideReport* report) {
+/// What was found, also in the report.
+std::vector<SwappedView> ToSwaps(const std::vector<PersonObservation>& observations,
+                                 const std::vector<std::vector<std::vector<int>>>& assignment,
+                                 const std::vector<std::vector<Verdict>>& verdicts, const MirrorGroups& groups,
+                                 const std::vector<DetectedFrame>& frames, SideReport* report) {
+  const auto all = static_cast<uint32_t>((uint64_t{1} << groups.size()) - 1);
+  std::vector<SwappedView> swaps;
   for (size_t i = 0; i < observations.size(); ++i) {
-    DetectedFrame& frame = (*frames)[observations[i].frame_idx];
-    for (size_t v = 0; v < observations[i].views.size(); ++v) {
-      const Candidate& view = observations[i].views[v];
-      CameraSides& camera = report->cameras[view.camera_idx];
-      camera.num_frames += verdicts[i][v].is_judged;
-      if (verdicts[i][v].swapped == 0) continue;
-      const bool is_whole = SwapGroups(groups, verdicts[i][v].swapped, &frame.people[view.camera_idx][view.person_idx]);
-      ++camera.num_swapped, camera.num_partly += !is_whole;
-      if (camera.frames.empty() || camera.frames.back() != frame.frame) camera.frames.push_back(frame.frame);
+    const auto& [frame_idx, person, cameras] = observations[i];
+    for (size_t v = 0; v < cameras.size(); ++v) {
+      CameraSides& camera = report->cameras[cameras[v]];
+      const Verdict& verdict = verdicts[i][v];
+      camera.num_frames += verdict.is_judged;
+      if (verdict.swapped == 0) continue;
+      swaps.push_back({frame_idx, cameras[v], assignment[frame_idx][person][cameras[v]], verdict.swapped});
+      ++camera.num_swapped, camera.num_partly += verdict.swapped != all;
+      const int frame = frames[frame_idx].frame;
+      if (camera.frames.empty() || camera.frames.back() != frame) camera.frames.push_back(frame);
     }
   }
+  return swaps;
 }
 
 void Finish(SideReport* report) {
@@ -305,34 +309,55 @@ void Finish(SideReport* report) {
   }
 }
 
-double SampleSigma(const std::vector<PersonObservation>& observations, const AssociationOptions& options) {
-  constexpr size_t kMaxObservations = 200;
-  std::vector<std::vector<Candidate>> sample;
-  const size_t step = std::max<size_t>(1, observations.size() / kMaxObservations);
-  for (size_t i = 0; i < observations.size(); i += step) sample.push_back(observations[i].views);
-  return internal::AssociationSigma(sample, options);
+}  // namespace
+
+std::vector<SwappedView> FindSwaps(const PreparedRig& rig, const std::vector<std::vector<std::vector<int>>>& assignment,
+                                   const MirrorGroups& groups, const SideOptions& options, const RunContext& run,
+                                   const std::vector<DetectedFrame>& frames, SideReport* report) {
+  constexpr size_t kMaxSample = 200;
+  MVS_CHECK(assignment.size() == frames.size(), assignment.size() << " frames of " << frames.size());
+  MVS_CHECK(groups.size() <= 32, groups.size() << " groups");
+  *report = {};
+  for (const PreparedCamera& camera : rig.cameras) report->cameras.push_back({camera.name, 0, 0, 0, {}, {}});
+  AssociationOptions reading;
+  reading.min_score = options.min_score;
+  const std::vector<PersonObservation> observations = CollectObservations(rig, frames, assignment, reading, run.num_threads);
+  const auto views_of = [&](const PersonObservation& of) {
+    return ViewsOf(rig, frames[of.frame_idx], assignment[of.frame_idx][of.person], reading);
+  };
+  for (const auto& [frame_idx, person, cameras] : observations)
+    CheckGroups(groups, frames[frame_idx].people[cameras[0]][assignment[frame_idx][person][cameras[0]]]);
+  report->sigma_px = options.sigma_px;
+  if (!(report->sigma_px > 0)) {
+    std::vector<std::vector<Candidate>> sample;
+    const size_t step = std::max<size_t>(1, observations.size() / kMaxSample);
+    for (size_t i = 0; i < observations.size(); i += step) sample.push_back(views_of(observations[i]));
+    report->sigma_px = internal::AssociationSigma(sample, reading);
+  }
+  if (!(report->sigma_px > 0)) return {};
+  const auto verdicts = Judge(observations, views_of, groups, rig.cameras.size(), report->sigma_px, options.min_gain_joints,
+                              run.num_threads, &report->num_undecided);
+  std::vector<SwappedView> swaps = ToSwaps(observations, assignment, verdicts, groups, frames, report);
+  Finish(report);
+  return swaps;
 }
 
-}  // namespace
+void SwapSides(const std::vector<SwappedView>& swaps, const MirrorGroups& groups, std::vector<DetectedFrame>* frames) {
+  for (const SwappedView& view : swaps) {
+    DetectedPerson& person = (*frames)[view.frame_idx].people[view.camera_idx][view.person_idx];
+    for (size_t g = 0; g < groups.size(); ++g) {
+      for (const auto& [l, r] : groups[g]) {
+        if (view.groups >> g & 1u) std::swap(person[l], person[r]);
+      }
+    }
+  }
+}
 
 SideReport FixSides(const PreparedRig& rig, const std::vector<std::vector<std::vector<int>>>& assignment,
                     const MirrorGroups& groups, const SideOptions& options, const RunContext& run,
                     std::vector<DetectedFrame>* frames) {
-  MVS_CHECK(assignment.size() == frames->size(), assignment.size() << " frames of " << frames->size());
   SideReport report;
-  for (const PreparedCamera& camera : rig.cameras) report.cameras.push_back({camera.name, 0, 0, 0, {}, {}});
-  AssociationOptions reading;
-  reading.min_score = options.min_score;
-  std::vector<PersonObservation> observations = CollectObservations(rig, *frames, assignment, reading, run.num_threads);
-  CheckGroups(groups, observations);
-  report.sigma_px = options.sigma_px;
-  if (!(report.sigma_px > 0)) report.sigma_px = SampleSigma(observations, reading);
-  if (!(report.sigma_px > 0)) return report;
-
-  const auto verdicts = Judge(observations, groups, rig.cameras.size(), report.sigma_px, options.min_gain_joints,
-                              run.num_threads, &report.num_undecided);
-  Apply(observations, verdicts, groups, frames, &report);
-  Finish(&report);
+  SwapSides(FindSwaps(rig, assignment, groups, options, run, *frames, &report), groups, frames);
   return report;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <utility>
 #include <vector>
@@ -35,7 +36,14 @@ struct SideReport {
   double sigma_px = 0;               ///< given or estimated
 };
 
-/// Finds detections with left and right swapped and swaps them back in place.
+/// One camera's detection of a person whose left and right are exchanged.
+struct SwappedView {
+  size_t frame_idx = 0;
+  int camera_idx = 0, person_idx = 0;
+  uint32_t groups = 0;  ///< a bit for each group of joints
+};
+
+/// Finds detections with left and right swapped.
 ///
 /// In each frame, a camera's detection of a person is labelled correct or mirrored. The evidence for a label comes from
 /// the distances between the rays of the camera's joints and the points of the other cameras' joints, as those are
@@ -49,6 +57,14 @@ struct SideReport {
 ///
 /// `assignment` is [frame][person][camera] as AssociateTake returns it. The result does not depend on the number of
 /// threads.
+std::vector<SwappedView> FindSwaps(const PreparedRig& rig, const std::vector<std::vector<std::vector<int>>>& assignment,
+                                   const MirrorGroups& groups, const SideOptions& options, const RunContext& run,
+                                   const std::vector<DetectedFrame>& frames, SideReport* report);
+
+/// Swaps them back.
+void SwapSides(const std::vector<SwappedView>& swaps, const MirrorGroups& groups, std::vector<DetectedFrame>* frames);
+
+/// Both.
 SideReport FixSides(const PreparedRig& rig, const std::vector<std::vector<std::vector<int>>>& assignment,
                     const MirrorGroups& groups, const SideOptions& options, const RunContext& run,
                     std::vector<DetectedFrame>* frames);

@@ -33,23 +33,22 @@ Eigen::Vector2d LeftOut(const Eigen::Vector2d& residual, const Eigen::Matrix<dou
   return rest.determinant() > 0.04 ? Eigen::Vector2d(rest.inverse() * residual) : residual;
 }
 
-void AddSamples(const PreparedRig& rig, const DiagnosedPoint& entry, std::vector<Samples>* samples) {
+void AddSamples(const PreparedRig& rig, const DiagnosedPoint& entry, size_t camera_idx, Samples* samples) {
   const Point& point = *entry.point;
+  const PreparedCamera& camera = rig.cameras[camera_idx];
   for (size_t i = 0; i < entry.observations->size(); ++i) {
     const Observation& seen = (*entry.observations)[i];
-    const PreparedCamera& camera = rig.cameras[seen.camera_idx];
-    if (!seen.px.allFinite()) continue;
+    if (static_cast<size_t>(seen.camera_idx) != camera_idx || !seen.px.allFinite()) continue;
     const auto projection = camera.projector.ProjectWithJacobians(camera.ToCam(point.x_in_world - rig.origin_in_world));
-    Samples& of_camera = (*samples)[seen.camera_idx];
     const bool used = std::binary_search(point.used.begin(), point.used.end(), static_cast<int>(i));
-    of_camera.num_rejected += !used;
+    samples->num_rejected += !used;
     if (projection.status != Status::kOk) continue;
     const Eigen::Vector2d residual = seen.px - projection.px;
     const Eigen::Matrix<double, 2, 3> px_from_world = projection.d_px_d_x * camera.cam_from_local_rotation;
-    of_camera.residuals_px.push_back(residual);
-    of_camera.left_out_residuals_px.push_back(used ? LeftOut(residual, px_from_world, point, seen.sigma_px) : residual);
-    of_camera.from_center_px.push_back(projection.px - camera.projector.camera().params.segment<2>(2));
-    of_camera.frames.insert(entry.frame);
+    samples->residuals_px.push_back(residual);
+    samples->left_out_residuals_px.push_back(used ? LeftOut(residual, px_from_world, point, seen.sigma_px) : residual);
+    samples->from_center_px.push_back(projection.px - camera.projector.camera().params.segment<2>(2));
+    samples->frames.insert(entry.frame);
   }
 }
 
@@ -133,12 +132,14 @@ CameraDiagnosis Diagnose(const PreparedCamera& camera, const Samples& samples) {
 }  // namespace
 
 std::vector<CameraDiagnosis> DiagnoseCameras(const PreparedRig& rig, const std::vector<DiagnosedPoint>& points) {
-  std::vector<Samples> samples(rig.cameras.size());
-  for (const DiagnosedPoint& entry : points) {
-    if (entry.point->status == Status::kOk) AddSamples(rig, entry, &samples);
-  }
   std::vector<CameraDiagnosis> result;
-  for (size_t c = 0; c < samples.size(); ++c) result.push_back(Diagnose(rig.cameras[c], samples[c]));
+  for (size_t c = 0; c < rig.cameras.size(); ++c) {  // one after the other: the samples of all are large
+    Samples samples;
+    for (const DiagnosedPoint& entry : points) {
+      if (entry.point->status == Status::kOk) AddSamples(rig, entry, c, &samples);
+    }
+    result.push_back(Diagnose(rig.cameras[c], samples));
+  }
   return result;
 }
 

@@ -169,16 +169,20 @@ std::vector<Stretch> Stretches(const std::vector<Window>& persons, bool only_cut
   return stretches;
 }
 
-/// Points of the stretches side by side; of each bone the median length, sigma 0 where none was estimated.
-void Merge(const std::vector<Window>& persons, const std::vector<Stretch>& stretches, std::vector<WindowSolution> parts,
-           std::vector<WindowSolution>* wholes, int* num_unrefined) {
+/// Puts the points of a stretch side by side with those of the others. The stretch keeps none: long takes have many.
+void PutPoints(const Stretch& s, size_t joints, WindowSolution* part, WindowSolution* whole) {
+  std::move(part->points.begin() + static_cast<std::ptrdiff_t>((s.first - s.begin) * joints),
+            part->points.begin() + static_cast<std::ptrdiff_t>((s.last - s.begin) * joints),
+            whole->points.begin() + static_cast<std::ptrdiff_t>(s.first * joints));
+  part->points = {};
+}
+
+/// Of each bone the median length, sigma 0 where none was estimated.
+void MergeLengths(const std::vector<Stretch>& stretches, const std::vector<WindowSolution>& parts,
+                  std::vector<WindowSolution>* wholes, int* num_unrefined) {
   std::map<size_t, std::vector<std::vector<KnownLength>>> lengths;  // person, bone
   for (size_t k = 0; k < stretches.size(); ++k) {
     const Stretch& s = stretches[k];
-    const size_t joints = persons[s.person].num_joints;
-    std::move(parts[k].points.begin() + static_cast<std::ptrdiff_t>((s.first - s.begin) * joints),
-              parts[k].points.begin() + static_cast<std::ptrdiff_t>((s.last - s.begin) * joints),
-              (*wholes)[s.person].points.begin() + static_cast<std::ptrdiff_t>(s.first * joints));
     if (!parts[k].solved) *num_unrefined += static_cast<int>(s.last - s.first);
     auto& of_person = lengths[s.person];
     of_person.resize(parts[k].lengths.size());
@@ -217,11 +221,13 @@ std::vector<WindowSolution> SolvePersons(const PreparedRig& rig, const std::vect
     ParallelFor(static_cast<int64_t>(parts.size()), threads, [&](int64_t k) {
       const Stretch& s = (*stretches)[static_cast<size_t>(k)];
       const Window part = Part(persons[s.person], s.begin, s.end);
-      parts[static_cast<size_t>(k)] = SolveWindow(rig, part, bones, known[s.person], terms, kIterations, run);
+      WindowSolution& solved = parts[static_cast<size_t>(k)];
+      solved = SolveWindow(rig, part, bones, known[s.person], terms, kIterations, run);
+      PutPoints(s, part.num_joints, &solved, &wholes[s.person]);
       stage.Advance();
     });
     *num_unrefined = stretches == &all ? 0 : *num_unrefined;
-    Merge(persons, *stretches, std::move(parts), &wholes, num_unrefined);
+    MergeLengths(*stretches, parts, &wholes, num_unrefined);
     for (const Stretch& s : again) {
       for (size_t b = 0; b < bones.size(); ++b) {
         if (wholes[s.person].lengths[b].sigma_m > 0) known[s.person][b] = wholes[s.person].lengths[b];
@@ -279,7 +285,7 @@ SkeletonRefineResult RefineSkeleton(const PreparedRig& rig, const TakeResult& ta
   for (const auto& [a, b] : bones) {
     MVS_CHECK(a >= 0 && b >= 0 && a != b, "bone " << a << "-" << b);
   }
-  SkeletonRefineResult result{take.points, {}};
+  SkeletonRefineResult result;
   Bones known_bones;
   for (const auto& bone : bones) {
     if (static_cast<size_t>(std::max(bone.first, bone.second)) < num_joints) known_bones.push_back(bone);
@@ -292,6 +298,7 @@ SkeletonRefineResult RefineSkeleton(const PreparedRig& rig, const TakeResult& ta
 
   const std::vector<WindowSolution> solutions =
       SolvePersons(rig, persons, known_bones, terms, run, &result.report.num_unrefined_frames);
+  result.points = take.points;
   for (size_t p = 0; p < persons.size(); ++p) {
     for (size_t i = 0; i < persons[p].cells.size(); ++i) {
       const size_t at = persons[p].cells[i].take_idx;

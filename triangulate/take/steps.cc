@@ -33,16 +33,18 @@ AssociationOptions ToAssociationOptions(const TakeOptions& o, const MirrorGroups
   return options;
 }
 
-/// What the cameras saw of one joint; sigmas are relative to that of a detection with score 1.
+bool Counts(const Keypoint& key, const TakeOptions& options) { return key.score > 0 && !(key.score < options.min_score); }
+
+/// What the cameras saw of one joint; `sigma_px` of a detection with score 1.
 std::vector<Observation> Observe(const DetectedFrame& frame, const std::vector<int>& choice, int joint_idx,
-                                 const TakeOptions& options) {
+                                 const TakeOptions& options, double sigma_px) {
   std::vector<Observation> observations;
   for (size_t c = 0; c < choice.size(); ++c) {
     if (choice[c] < 0) continue;
     const Keypoint& key = frame.people[c][choice[c]][joint_idx];
-    if (!(key.score > 0) || key.score < options.min_score) continue;
+    if (!Counts(key, options)) continue;
     const double score = std::min(key.score, 1.0);
-    observations.push_back({static_cast<int>(c), key.px, std::pow(score, -options.score_power), key.score});
+    observations.push_back({static_cast<int>(c), key.px, std::pow(score, -options.score_power) * sigma_px, key.score});
   }
   return observations;
 }
@@ -51,18 +53,6 @@ double MeanDiagonalPx(const geometry::Rig& rig) {
   double sum = 0;
   for (const geometry::RigCamera& camera : rig.cameras) sum += std::hypot(camera.camera.width_px, camera.camera.height_px);
   return sum / static_cast<double>(rig.cameras.size());
-}
-
-void ResolveSigma(const geometry::Rig& rig, const TakeOptions& options, int num_threads, TakeProblem* problem) {
-  problem->sigma_px = options.sigma_px;
-  if (options.method.IsExhaustiveDlt()) return;
-  if (options.sigma_px == 0) {
-    problem->sigma_px = EstimateNoiseScale(problem->rig, problem->observations, ToPointOptions(options, options.method),
-                                           0.005 * MeanDiagonalPx(rig), 1.0, num_threads);
-  }
-  for (auto& each : problem->observations) {
-    for (Observation& observation : each) observation.sigma_px *= problem->sigma_px;
-  }
 }
 
 void CheckFrames(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, int num_joints) {
@@ -74,19 +64,6 @@ void CheckFrames(const geometry::Rig& rig, const std::vector<DetectedFrame>& fra
         MVS_CHECK(static_cast<int>(person.size()) == num_joints, "frame " << frame.frame << ": " << person.size() << " joints");
       }
     }
-  }
-}
-
-void Collect(const std::vector<DetectedFrame>& frames, const std::vector<std::vector<std::vector<int>>>& assignment,
-             int num_joints, const TakeOptions& options, TakeProblem* problem) {
-  for (size_t f = 0; f < frames.size(); ++f) {
-    for (size_t p = 0; p < assignment[f].size(); ++p) {
-      for (int j = 0; j < num_joints; ++j) {
-        problem->observations.push_back(Observe(frames[f], assignment[f][p], j, options));
-        problem->labels.push_back({frames[f].frame, static_cast<int>(p), j});
-      }
-    }
-    problem->num_persons = std::max(problem->num_persons, static_cast<int>(assignment[f].size()));
   }
 }
 
@@ -145,28 +122,96 @@ void CheckOptions(const geometry::Rig& rig, const TakeOptions& o) {
           "option 'method' exhaustive-dlt takes at most 20 cameras; use auto");
 }
 
+TakePeople::TakePeople(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
+                       const TakeOptions& options, const RunContext& run, TakeProblem* problem)
+    : options_(options), num_joints_(static_cast<size_t>(body.num_joints)), given_(&frames) {
+  CheckOptions(rig, options);
+  CheckFrames(rig, frames, body.num_joints);
+  problem->rig = Prepare(rig, options.ignore_distortion || options.method.IsExhaustiveDlt());
+  TakeAssociation people = AssociatePeople(problem->rig, frames, ToAssociationOptions(options, body.mirror), run);
+  problem->num_ghosts = people.num_ghosts;
+  assignment_ = std::move(people.assignment);
+  first_.assign(1, 0);
+  for (const auto& persons : assignment_) {
+    problem->num_persons = std::max(problem->num_persons, static_cast<int>(persons.size()));
+    first_.push_back(first_.back() + persons.size() * num_joints_);
+  }
+  FindSides(rig, body, run, problem);
+  EstimateSigma(rig, run.num_threads, problem);
+}
+
+void TakePeople::FindSides(const geometry::Rig& rig, const TakeBody& body, const RunContext& run, TakeProblem* problem) {
+  if (!options_.fix_sides || body.mirror.empty() || options_.method.IsExhaustiveDlt()) return;
+  SideOptions sides;
+  sides.min_score = options_.min_score;
+  const std::vector<SwappedView> swaps =
+      FindSwaps(problem->rig, assignment_, body.mirror, sides, run, *given_, &problem->sides);
+  if (swaps.empty()) return;
+  swapped_ = *given_;
+  SwapSides(swaps, body.mirror, &swapped_);
+  if (!FitsWorse(rig, *given_, swapped_, options_, run)) return;
+  problem->sides = NothingSwapped(problem->sides);
+  swapped_ = {};
+}
+
+void TakePeople::EstimateSigma(const geometry::Rig& rig, int num_threads, TakeProblem* problem) const {
+  constexpr size_t kMaxPoints = 600;
+  problem->sigma_px = options_.sigma_px;
+  if (options_.method.IsExhaustiveDlt() || options_.sigma_px != 0) return;
+  problem->sigma_px = 1;
+  Collect(Spread(2, kMaxPoints), problem);
+  problem->sigma_px = EstimateNoiseScale(problem->rig, problem->observations, ToPointOptions(options_, options_.method),
+                                         0.005 * MeanDiagonalPx(rig), 1.0, num_threads, static_cast<int>(kMaxPoints));
+}
+
+void TakePeople::Append(size_t frame, size_t person, int joint_idx, TakeProblem* problem) const {
+  const DetectedFrame& of = frames()[frame];
+  const double sigma_px = options_.method.IsExhaustiveDlt() ? 1 : problem->sigma_px;
+  problem->observations.push_back(Observe(of, assignment_[frame][person], joint_idx, options_, sigma_px));
+  problem->labels.push_back({of.frame, static_cast<int>(person), joint_idx});
+}
+
+void TakePeople::Collect(size_t begin, size_t end, TakeProblem* problem) const {
+  problem->observations.clear(), problem->labels.clear();
+  for (size_t f = begin; f < end; ++f) {
+    for (size_t p = 0; p < assignment_[f].size(); ++p) {
+      for (size_t j = 0; j < num_joints_; ++j) Append(f, p, static_cast<int>(j), problem);
+    }
+  }
+}
+
+void TakePeople::Collect(const std::vector<size_t>& points, TakeProblem* problem) const {
+  problem->observations.clear(), problem->labels.clear();
+  for (const size_t i : points) {
+    const size_t f = static_cast<size_t>(std::upper_bound(first_.begin(), first_.end(), i) - first_.begin()) - 1;
+    const size_t in_frame = i - first_[f];
+    Append(f, in_frame / num_joints_, static_cast<int>(in_frame % num_joints_), problem);
+  }
+}
+
+std::vector<size_t> TakePeople::Spread(size_t min_views, size_t max_points) const {
+  std::vector<uint32_t> usable;
+  for (size_t f = 0; f < assignment_.size(); ++f) {
+    for (size_t i = first_[f]; i < first_[f + 1]; ++i) {
+      const std::vector<int>& choice = assignment_[f][(i - first_[f]) / num_joints_];
+      size_t views = 0;
+      for (size_t c = 0; c < choice.size(); ++c) {
+        views += choice[c] >= 0 && Counts(frames()[f].people[c][choice[c]][(i - first_[f]) % num_joints_], options_);
+      }
+      if (views >= min_views) usable.push_back(static_cast<uint32_t>(i));
+    }
+  }
+  const size_t count = std::min(usable.size(), max_points);
+  std::vector<size_t> spread;
+  for (size_t k = 0; k < count; ++k) spread.push_back(usable[k * usable.size() / count]);
+  return spread;
+}
+
 TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& detected, const TakeBody& body,
                         const TakeOptions& options, const RunContext& run) {
-  CheckOptions(rig, options);
-  CheckFrames(rig, detected, body.num_joints);
   TakeProblem problem;
-  problem.rig = Prepare(rig, options.ignore_distortion || options.method.IsExhaustiveDlt());
-  const TakeAssociation people = AssociatePeople(problem.rig, detected, ToAssociationOptions(options, body.mirror), run);
-  problem.num_ghosts = people.num_ghosts;
-  if (options.fix_sides && !body.mirror.empty() && !options.method.IsExhaustiveDlt()) {
-    std::vector<DetectedFrame> frames = detected;
-    SideOptions sides;
-    sides.min_score = options.min_score;
-    problem.sides = FixSides(problem.rig, people.assignment, body.mirror, sides, run, &frames);
-    if (problem.sides.num_swapped > 0 && FitsWorse(rig, detected, frames, options, run)) {
-      problem.sides = NothingSwapped(problem.sides);
-      frames = detected;
-    }
-    Collect(frames, people.assignment, body.num_joints, options, &problem);
-  } else {
-    Collect(detected, people.assignment, body.num_joints, options, &problem);
-  }
-  ResolveSigma(rig, options, run.num_threads, &problem);
+  const TakePeople people(rig, detected, body, options, run, &problem);
+  people.Collect(0, people.num_frames(), &problem);
   return problem;
 }
 

@@ -17,7 +17,39 @@ struct TakeProblem {
   SideReport sides;
 };
 
-/// Associates the people and estimates the noise. Arguments and errors as in TriangulateTake.
+/// Who is seen where in a take. What cameras saw of its points, 5 kB for each frame of 4 cameras and 25 joints, is made as it
+/// is needed.
+class TakePeople {
+ public:
+  /// Associates the people and estimates the noise; the problem gets all but labels and observations. Keeps a reference to
+  /// `frames`. Arguments and errors as in TriangulateTake.
+  TakePeople(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
+             const TakeOptions& options, const RunContext& run, TakeProblem* problem);
+
+  size_t num_frames() const { return assignment_.size(); }
+  size_t num_points() const { return first_.back(); }
+  /// Labels and observations of the frames [begin, end).
+  void Collect(size_t begin, size_t end, TakeProblem* problem) const;
+  /// The same of points by their indices in the take.
+  void Collect(const std::vector<size_t>& points, TakeProblem* problem) const;
+  /// At most `max_points` points with `min_views` or more, evenly spaced.
+  std::vector<size_t> Spread(size_t min_views, size_t max_points) const;
+
+ private:
+  const std::vector<DetectedFrame>& frames() const { return swapped_.empty() ? *given_ : swapped_; }
+  void Append(size_t frame, size_t person, int joint_idx, TakeProblem* problem) const;
+  void FindSides(const geometry::Rig& rig, const TakeBody& body, const RunContext& run, TakeProblem* problem);
+  void EstimateSigma(const geometry::Rig& rig, int num_threads, TakeProblem* problem) const;
+
+  TakeOptions options_;
+  size_t num_joints_ = 0;
+  const std::vector<DetectedFrame>* given_ = nullptr;
+  std::vector<DetectedFrame> swapped_;                     // the same with left and right put back, where any were exchanged
+  std::vector<std::vector<std::vector<int>>> assignment_;  // [frame][person][camera]
+  std::vector<size_t> first_;                              // index of each frame's first point, then their number
+};
+
+/// The same with all observations.
 TakeProblem PrepareTake(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const TakeBody& body,
                         const TakeOptions& options, const RunContext& run);
 
@@ -32,7 +64,7 @@ std::vector<Observation> FewerViews(const PreparedRig& rig, const std::vector<Ob
 /// All points, one per label. The result does not depend on the number of threads.
 std::vector<Point> SolvePoints(const TakeProblem& problem, const PointSolver& solve, int num_threads);
 
-/// Leave-one-camera-out errors on at most about `max_points` points, evenly spaced over the take.
+/// Leave-one-camera-out errors on at most about `max_points` points, evenly spaced over those of the problem.
 LeftOutSummary HoldOut(const TakeProblem& problem, const PointSolver& solve, int max_points, int num_threads);
 
 }  // namespace mvstudio::triangulate
