@@ -61,7 +61,7 @@ geometry::RigCamera LensOf(const pugi::xml_node& sensor, const std::string& name
                                   : "its sensor has no calibration: align the photos first");
   const auto number = [&](const char* key) {
     const pugi::xml_node node = calibration.child(key);
-    return node ? ParseNumber(node.child_value(), {place.path, place.where + "." + key}) : 0;
+    return node ? NumbersIn(node, 1, {place.path, place.where + "." + key})[0] : 0;
   };
   if (number("k4") != 0 || number("p3") != 0 || number("p4") != 0)
     throw FormatError(place.path, place.where,

@@ -309,7 +309,7 @@ void WriteDataset(const BuildInputs& inputs, const BuildOptions& options, const 
     AddGaps(r, report);
     if (!given.empty()) AddGivenMasks(r.built, inputs.masks, report);
   }
-  internal::WarnOfFootage(results, poses, folder->work_path(), options, !given.empty(), run, &report->warnings);
+  internal::WarnOfFootage(results, poses, folder->work_path(), options, inputs.masks, run, &report->warnings);
   if (!given.empty()) report->masks = given.begin()->second.meaning;
   if (!given.empty() && report->given_masks == 0)
     throw FormatError(inputs.masks, "",

@@ -20,8 +20,9 @@ void WarnOfWeakMasks(const BuiltCamera& c, std::vector<Notice>* warnings) {
 }
 
 /// Masks of other programs against joints and images: of another camera or time, mirrored, inverted, empty, of all ones.
-void WarnOfGivenMasks(const std::vector<CameraResult>& results, const std::map<int, People>& poses, const std::string& folder,
-                      const std::set<std::string>& but, const RunContext& run, std::vector<Notice>* warnings) {
+void WarnOfGivenMasks(const std::string& masks, const std::vector<CameraResult>& results, const std::map<int, People>& poses,
+                      const std::string& folder, const std::set<std::string>& but, const RunContext& run,
+                      std::vector<Notice>* warnings) {
   PanopticDataset data;
   data.root = folder, data.poses = poses;
   CameraFrames frames;
@@ -34,7 +35,9 @@ void WarnOfGivenMasks(const std::vector<CameraResult>& results, const std::map<i
   MaskMeaning written;  // 0 to 255, whatever was given
   written.form = MaskMeaning::Form::kSoft;
   std::vector<Finding> found = CompareJointsWithMasks(data, written, frames, run);
-  for (Finding& finding : CompareImagesWithMasks(data, written, frames, run)) found.push_back(std::move(finding));
+  if (!std::filesystem::exists(masks + "/mask.result.json")) {  // `mvstudio mask` made its own of these images
+    for (Finding& finding : CompareImagesWithMasks(data, written, frames, run)) found.push_back(std::move(finding));
+  }
   for (const Finding& finding : found) {
     std::string text = "camera " + std::filesystem::path(finding.path).filename().string() + ": " + finding.text;
     for (const auto& [name, alias] : aliases) {
@@ -50,7 +53,8 @@ void WarnOfGivenMasks(const std::vector<CameraResult>& results, const std::map<i
 }  // namespace
 
 void WarnOfFootage(const std::vector<CameraResult>& results, const std::map<int, People>& poses, const std::string& folder,
-                   const BuildOptions& options, bool given, const RunContext& run, std::vector<Notice>* warnings) {
+                   const BuildOptions& options, const std::string& masks, const RunContext& run,
+                   std::vector<Notice>* warnings) {
   geometry::Rig rig;
   std::map<std::string, std::string> aliases;
   for (const CameraResult& r : results) rig.cameras.push_back(r.camera), aliases[r.built.name] = r.built.alias;
@@ -65,9 +69,9 @@ void WarnOfFootage(const std::vector<CameraResult>& results, const std::map<int,
         {"DAT-EXCHANGED", found.Text(a, b),
          "give each its own footage (option 'video' " + a + "=FILE, or the files of the session) and build again"});
   }
-  if (options.masks && given) WarnOfGivenMasks(results, poses, folder, named, run, warnings);
+  if (options.masks && !masks.empty()) WarnOfGivenMasks(masks, results, poses, folder, named, run, warnings);
   for (const CameraResult& r : results) {
-    if (options.masks && !given && named.count(r.built.name) == 0) WarnOfWeakMasks(r.built, warnings);
+    if (options.masks && masks.empty() && named.count(r.built.name) == 0) WarnOfWeakMasks(r.built, warnings);
   }
 }
 

@@ -73,11 +73,15 @@ void NoteJoinedAndResized(const BuildInputs& inputs, const std::map<std::string,
     if (found == given.end() || found->second.files.empty()) continue;
     if (!found->second.objects.empty()) joined += (joined.empty() ? "" : ", ") + footage.camera;
     const std::string& file = found->second.files.begin()->second;
-    const ImageHeader mask = ReadImageHeader(file);
-    const FootageInfo images = DescribeFootage(footage.path);
-    if (mask.width != images.width || mask.height != images.height)
-      resized += (resized.empty() ? "" : ", ") + footage.camera + " from " + std::to_string(mask.width) + "x" +
-                 std::to_string(mask.height);
+    try {
+      const ImageHeader mask = ReadImageHeader(file);
+      const FootageInfo images = DescribeFootage(footage.path);
+      if (mask.width != images.width || mask.height != images.height)
+        resized += (resized.empty() ? "" : ", ") + footage.camera + " from " + std::to_string(mask.width) + "x" +
+                   std::to_string(mask.height);
+    } catch (const Error&) {
+      continue;  // who reads them says why
+    }
   }
   if (!joined.empty())
     notices->push_back({"DAT-MASK",

@@ -72,7 +72,7 @@ void AddFiles(const std::string& folder, const MaskPaths& paths, FrameMasks* mas
   if (std::set<int64_t>(numbers.begin(), numbers.end()).size() < paths.size() && AddObjectsOfNames(paths, masks)) return;
   for (size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
-    if (!NumberInName(path))
+    if (!IsPattern(folder) && !NumberInName(path))
       throw FormatError(path, "", "its name has no number: masks are found by the number of their frame");
     const auto [at, is_new] = masks->files.emplace(numbers[i], path);
     if (!is_new)

@@ -343,7 +343,7 @@ TEST(MatrixText, KindsThatHoldSeveralCameras) {
   for (const MatrixCamera& c : {a, b}) {
     const std::string name = c.k(0, 0) < 850 ? "a" : "b";
     par += name + ".png " + TextOf(c.k, " ") + TextOf(c.r, " ") + TextOf(c.t, " ");
-    par.erase(std::remove(par.begin() + static_cast<long>(par.rfind(name + ".png")), par.end(), '\n'), par.end());
+    std::replace(par.begin() + static_cast<long>(par.rfind(name + ".png")), par.end(), '\n', ' ');
     par += "\n";
     Eigen::Matrix<double, 3, 4> rt;
     rt << c.r, c.t;

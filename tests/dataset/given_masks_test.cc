@@ -34,7 +34,8 @@ TEST(GivenMasks, WhatIsNoFolderOfMasksIsSaidByItsKind) {
   EXPECT_THAT(message(folder / "none"), HasSubstr("no such folder"));
   std::ofstream(folder / "coco.json") << "{}";
   EXPECT_THAT(message(folder / "coco.json"), AllOf(HasSubstr("is a file"), HasSubstr("COCO's RLE")));
-  EXPECT_THAT(message(folder.path()), AllOf(HasSubstr("none of the cameras"), HasSubstr("cam1")));
+  const testing::TempDir empty;
+  EXPECT_THAT(message(empty.path()), AllOf(HasSubstr("none of the cameras"), HasSubstr("cam1")));
   EXPECT_THAT(message(folder / "coco.json"), HasSubstr("RLE or polygons"));
   for (const char* file : {"cam1/000000.npy", "cam1.mp4"}) {
     const testing::TempDir other;

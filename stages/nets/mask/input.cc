@@ -278,7 +278,11 @@ TruthScore CompareWithTruth(const std::string& truth, const std::string& folder,
       ++score.missing;
       continue;
     }
-    const Image a = dataset::ReadImage(own, true), b = dataset::MaskOfFrame(exact, frame, a.width, a.height);
+    const dataset::ImageHeader size = dataset::ReadImageHeader(path);
+    const Image a = dataset::ReadImage(own, true);
+    if (a.width != size.width || a.height != size.height)
+      throw FormatError(path, "", "is " + SizeText(size.width, size.height) + ", the footage " + SizeText(a.width, a.height));
+    const Image b = dataset::MaskOfFrame(exact, frame, a.width, a.height);
     double both = 0, either = 0;
     for (size_t i = 0; i < a.pixels.size(); ++i) {
       const bool m = a.pixels[i] > 127, t = b.pixels[i] > 127;
