@@ -31,7 +31,7 @@ section{padding:1rem 0 .4rem;border-top:1px solid var(--rule)}section:first-chil
 border:1px solid currentColor}
 .badge.pass{color:var(--pass);background:var(--pass-bg)}.badge.warn{color:var(--warn);background:var(--warn-bg)}
 .badge.fail{color:var(--fail);background:var(--fail-bg)}.badge.idle{color:var(--muted)}
-.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(46%,13rem),1fr));gap:.5rem;margin:.4rem 0 .8rem}
+.cards{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,13rem),1fr));gap:.5rem;margin:.4rem 0 .8rem}
 .card{border:1px solid var(--rule);border-left:4px solid var(--muted);border-radius:.4rem;padding:.4rem .6rem;background:var(--card)}
 .card.pass{border-left-color:var(--pass)}.card.warn{border-left-color:var(--warn)}.card.fail{border-left-color:var(--fail)}
 .pair{display:flex;flex-wrap:wrap;gap:.2rem 1.6rem;align-items:flex-start}.pair>figure{flex:1 1 19rem}.pair>.scroll{max-width:100%}

@@ -98,7 +98,7 @@ constexpr char kScript[] = R"js(
 
 constexpr char kBody[] = R"html(
 <section id="begin">
-<p>You will see three pictures at a time. The one in the middle is real. <strong>Which of the other two is more like it?</strong>
+<p>You will see three images at a time. The one in the middle is real. <strong>Which of the other two is more like it?</strong>
 There is always an answer to give: take your first impression when you see no difference. Left and right have nothing to do with each
 other from one question to the next.</p>
 <p><label>Your name or initials (may stay empty): <input id="rater" autocomplete="off" maxlength="60"></label></p>
