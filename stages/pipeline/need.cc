@@ -32,39 +32,44 @@ struct NeedFormula {
   NeedTerms memory, disk;
 };
 
-/// Seconds of one thread: a fixed part, for each megapixel of each camera, for each image, and for each megapixel of all
-/// images.
+constexpr int64_t kFramesOfChecks = 600;  // triangulate::kMostClockFrames
+
+/// Seconds of one thread, without the start of the program: a fixed part, for each camera, for each megapixel of each camera,
+/// for each image, for each megapixel of all images, for each image of the frames that checks look at, and for each pair of
+/// cameras.
 struct TimeTerms {
-  double fixed = NAN, per_camera_megapixel = 0, per_image = 0, per_image_megapixel = 0;
+  double fixed = NAN, per_camera = 0, per_camera_megapixel = 0, per_image = 0, per_image_megapixel = 0, per_checked_image = 0,
+         per_pair = 0;
 
   double At(const FootageSize& size) const {
     const double images = size.cameras * static_cast<double>(size.num_frames);
-    return fixed + size.cameras * size.megapixels * per_camera_megapixel +
-           images * (per_image + size.megapixels * per_image_megapixel);
+    const double checked = size.cameras * static_cast<double>(std::min(size.num_frames, kFramesOfChecks));
+    return fixed + size.cameras * (per_camera + size.megapixels * per_camera_megapixel + size.cameras * per_pair) +
+           images * (per_image + size.megapixels * per_image_megapixel) + checked * per_checked_image;
   }
 };
 
-/// Measured with one thread: docs/scale.md, "What was measured", and scripts/scale_rates.py.
+/// Measured with one thread: docs/how-to-run-on-a-cluster.md, "Seconds".
 TimeTerms TimeTermsOf(StageKind kind) {
   switch (kind) {
     case StageKind::kCalibrate:
-      return {1.7, 0, 0, 0.48};
+      return {0.4, 0, 0, 0.0085, 0.072, 0, 0.0105};
     case StageKind::kPose2d:
-      return {1.7, 0, 0.41};
+      return {0.5, 0, 0, 0.41};
     case StageKind::kSync:
     case StageKind::kTriangulate:
-      return {1.7, 0, 0.00017};
+      return {0.03, 0.02, 0, 0.0001, 0, 0.0007};
     case StageKind::kMask:
-      return {1.7, 12.3, 0.13, 0.21};
+      return {0.3, 1.5, 6.6, 0.025, 0.15};
     case StageKind::kDataset:
-      return {1.7, 0, 0, 0.13};
+      return {0.05, 0, 0, 0.0005, 0.045};
     case StageKind::kVerify:
-      return {1.7, 0, 0.01, 0.13};
+      return {0, 0, 0, 0.0002, 0.057};
     case StageKind::kPack:
-      return {1.7, 0, 0.02, 0.03};
+      return {0.02, 0, 0, 0.0017, 0.025};
     case StageKind::kSplit:
     case StageKind::kReport:
-      return {2};
+      return {0.1};
     default:  // trainings take what their steps take
       return {};
   }

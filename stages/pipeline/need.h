@@ -14,9 +14,9 @@ struct FootageSize {
   int64_t num_frames = 0;  ///< of the camera with the most
 };
 
-/// By the flags' defaults; memory and disk of a measured run are within a factor of two, seconds were foretold two to five
-/// times too long for a small studio (docs/how-to-run-on-a-cluster.md). Not known for networks whose weights differ, for what
-/// was not measured, and for footage of unknown length.
+/// By the flags' defaults; memory and disk of a measured run are within a factor of two, seconds of stages over a second within
+/// one of 1.5 (docs/how-to-run-on-a-cluster.md). Seconds are without the start of the program. Not known for networks whose
+/// weights differ, for what was not measured, and for footage of unknown length.
 StageNeed NeedOf(StageKind kind, const FootageSize& size);
 /// Of one thread; the part of NeedOf that grows with the images.
 double ImageSeconds(StageKind kind, double megapixels);

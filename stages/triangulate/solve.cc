@@ -99,7 +99,7 @@ std::vector<triangulate::DetectedFrame> SampleOf(const PoseParts& parts, size_t 
 }
 
 void SolveWhole(const PoseInput& input, const RunContext& run, PointStatistics* statistics, TriangulateReport* report) {
-  constexpr size_t kKeptFrames = 500;
+  constexpr size_t kKeptFrames = 250;
   const TriangulateOptions& options = report->options;
   statistics->AddFrames(input.frames, options.points);
   if (!options.refine && !Filters(options) && !report->project) {

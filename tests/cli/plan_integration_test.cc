@@ -123,8 +123,8 @@ TEST_F(PlanCommands, PartsGiveWhatOneRunGives) {
     return files;
   };
   const auto masks = [&](const std::string& session) { return images(session, "masks"); };
-  const CliRun plan = RunCli({"plan", Path("cut"), "--out", Path("parts"), "--to", "verify", "--task-seconds", "0.1", "--write",
-                              "ninja", "slurm", "snakemake"});
+  const CliRun plan = RunCli({"plan", Path("cut"), "--out", Path("parts"), "--to", "verify", "--task-seconds", "0.05",
+                              "--write", "ninja", "slurm", "snakemake"});
   ASSERT_EQ(plan.exit, 0) << plan.err;
   EXPECT_THAT(plan.out, HasSubstr("mask take1 frames=cam_02"));
   EXPECT_THAT(Slurp(Path("parts/submit.sh")), HasSubstr("--job-name=mask-frames --array=0-2 "));

@@ -75,17 +75,24 @@ std::vector<size_t> BusiestCameras(const geometry::Rig& rig, const std::vector<D
   return order;
 }
 
-/// A take of some of the cameras alone.
+/// A take of some of the cameras alone. Where these are all, the frames are the caller's.
 struct Take {
   geometry::Rig rig;
-  std::vector<DetectedFrame> frames;
+  std::vector<DetectedFrame> fewer;
+  const std::vector<DetectedFrame>* given = nullptr;
+
+  const std::vector<DetectedFrame>& frames() const { return given ? *given : fewer; }
 };
 
 Take WithCameras(const geometry::Rig& rig, const std::vector<DetectedFrame>& frames, const std::vector<size_t>& cameras) {
   Take take;
   for (const size_t c : cameras) take.rig.cameras.push_back(rig.cameras[c]);
+  if (cameras.size() == rig.cameras.size()) {
+    take.given = &frames;
+    return take;
+  }
   for (const DetectedFrame& frame : frames) {
-    DetectedFrame& own = take.frames.emplace_back();
+    DetectedFrame& own = take.fewer.emplace_back();
     own.frame = frame.frame;
     for (const size_t c : cameras) own.people.push_back(frame.people[c]);
   }
@@ -113,7 +120,7 @@ Sample Draw(const std::vector<DetectedFrame>& frames, const Judge& judge) {
 /// Views that a point needs: two always agree somewhere along their epipolar lines, so three where the take has them.
 int ViewsNeeded(const Take& take, double min_score) {
   int64_t by_two = 0, by_three = 0;
-  for (const DetectedFrame& frame : take.frames) {
+  for (const DetectedFrame& frame : take.frames()) {
     by_two += NumTriangulable(frame, min_score, 1, 2) > 0, by_three += NumTriangulable(frame, min_score, 1, 3) > 0;
   }
   return 2 * by_three >= by_two ? 3 : 2;
@@ -153,10 +160,10 @@ void Try(const Assumption& assumption, const std::vector<FrameFit>& given, const
 /// Other clocks have other frames in common; the sample is drawn anew.
 void TryClocks(const Take& take, const std::vector<FrameFit>& given, const Judge& judge, bool find_rates, const RunContext& run,
                CauseReport* report) {
-  const std::vector<Clock> clocks = internal::ClocksAskedFor(take.rig, take.frames, judge.options, find_rates, run);
+  const std::vector<Clock> clocks = internal::ClocksAskedFor(take.rig, take.frames(), judge.options, find_rates, run);
   if (clocks.empty()) return;
   Assumption other = internal::WithClocks(take.rig, clocks);
-  other.frames = Draw(ApplyClocks(take.frames, clocks), judge).judge;
+  other.frames = Draw(ApplyClocks(take.frames(), clocks), judge).judge;
   if (other.frames.size() < 2) return;
   Try(other, given, judge, report);
   for (const Clock& clock : clocks)
@@ -213,7 +220,7 @@ std::optional<Setup> SetUp(const geometry::Rig& rig, const std::vector<DetectedF
   setup.take = WithCameras(rig, frames, BusiestCameras(rig, frames, options.max_cameras));
   if (setup.take.rig.cameras.size() < 2) return std::nullopt;
   setup.judge = JudgeOf(setup.take, options, run);
-  setup.sample = Draw(setup.take.frames, setup.judge);
+  setup.sample = Draw(setup.take.frames(), setup.judge);
   if (setup.sample.choose.empty()) return std::nullopt;
   setup.given = FitFrames(setup.take.rig, setup.sample.judge, setup.judge);
   SetFigures(setup.given, &setup.report.as_given);
@@ -257,7 +264,7 @@ CauseTrial FitAsGiven(const geometry::Rig& rig, const std::vector<DetectedFrame>
   const Take take = WithCameras(rig, frames, BusiestCameras(rig, frames, options.max_cameras));
   if (take.rig.cameras.size() < 2) return trial;
   const Judge judge = JudgeOf(take, options, run);
-  SetFigures(FitFrames(take.rig, Draw(take.frames, judge).judge, judge), &trial);
+  SetFigures(FitFrames(take.rig, Draw(take.frames(), judge).judge, judge), &trial);
   return trial;
 }
 

@@ -90,10 +90,11 @@ TakeBlocks::TakeBlocks(const geometry::Rig& rig, const std::vector<DetectedFrame
   result.holdout = HoldOut(problem, impl_->solve, std::numeric_limits<int>::max(), run.num_threads);
   result.sides = problem.sides;
   result.num_ghosts = problem.num_ghosts, result.num_persons = problem.num_persons, result.sigma_px = problem.sigma_px;
-  const size_t num_frames = impl_->people.num_frames();
+  const size_t num_frames = impl_->people.num_frames(), num_points = impl_->people.num_points();
   impl_->keep_every = num_frames / max_kept_frames + (num_frames % max_kept_frames != 0);
-  if (impl_->keep_every <= 1)
-    result.points.reserve(impl_->people.num_points()), result.observations.reserve(impl_->people.num_points());
+  const size_t num_kept =
+      num_points / std::max<size_t>(1, impl_->keep_every) + num_points / std::max<size_t>(1, num_frames) + 1;
+  result.points.reserve(num_kept), result.observations.reserve(num_kept);
   impl_->stage.Advance();
 }
 
