@@ -151,7 +151,7 @@ class GlooRanks : public Ranks {
       call();
     } catch (const std::exception& error) {
       throw IoError(place_.rendezvous, "rank " + std::to_string(place_.rank) + " of " + std::to_string(place_.size) + " " +
-                                           what + " (" + FirstLine(error) + "); start all of them again with a new file");
+                                           what + " (" + FirstLine(error) + "); start all of them again");
     }
   }
 

@@ -15,7 +15,7 @@ export class Strip {
     this.ssim = new Map(heldOut.map(([frame, ssim]) => [people.stepOf(frame), ssim]).filter(([step], i) => people.frames[step] === heldOut[i][0]));
     this.canvas = element('canvas', { height: HEIGHT });
     this.here = element('i');
-    const text = 'Residual over time: full height at ' + Number(this.most.toPrecision(2)) + '\u2009px; green up to ' + GOOD_PX + '\u2009px, orange from ' + BAD_PX + '\u2009px; grey from above: joints without a position. Click a bar for its worst time step.';
+    const text = 'Residual over time: full height at ' + Number(this.most.toPrecision(2)) + '\u2009px; green up to ' + GOOD_PX + '\u2009px, orange from ' + BAD_PX + '\u2009px; grey from above: joints without a position. Click a bar to go there.';
     this.box = element('div', { class: 'timeline', role: 'slider', tabindex: '0', 'aria-label': 'Residual over time', 'aria-valuemin': '0', title: text, onclick: (event) => this.click(event), onkeydown: (event) => this.key(event) }, this.canvas, this.here);
     const orders = Object.keys(ORDERS).filter((how) => this.barsOf(how).length > 0);
     this.chooser = element('select', { onchange: () => { this.order(this.chooser.value); go(this.bars[0][1]); } }, ...orders.map((how) => element('option', { value: how }, ORDERS[how])));

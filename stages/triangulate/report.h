@@ -45,6 +45,7 @@ struct TriangulateReport {
   geometry::Skeleton skeleton;
   std::vector<std::string> cameras;    ///< that have 2D joints
   std::optional<OffsetUse> offsets;    ///< of a calibration that states some
+  triangulate::TakeResult beginning;   ///< of a take of which `take` is a sample: what images are drawn of
   triangulate::TakeResult take;        ///< in chunks: of the sample that stands for the take
   std::optional<FilterCheck> filter;   ///< where marker files are filled or filtered
   bool refined_without_bones = false;  ///< the joints have none whose lengths could be held

@@ -106,6 +106,18 @@ void TriangulateChunks(const RunContext& run, TriangulateReport* report) {
   JudgeTake(parts.input(), statistics, sample, run, report);
 }
 
+/// What images are drawn of: the beginning, and what is kept of the rest.
+triangulate::TakeResult DrawnPoints(TriangulateReport* report) {
+  triangulate::TakeResult drawn = std::move(report->beginning);
+  if (drawn.points.empty()) return report->take;
+  const int last = drawn.points.back().frame;
+  for (size_t i = 0; i < report->take.points.size(); ++i) {
+    if (report->take.points[i].frame <= last) continue;
+    drawn.points.push_back(report->take.points[i]), drawn.observations.push_back(report->take.observations[i]);
+  }
+  return drawn;
+}
+
 void TriangulateAtOnce(const std::optional<FoundTake>& found, double started_s, const RunContext& run,
                        TriangulateReport* report) {
   const TriangulateOptions& options = report->options;
@@ -122,7 +134,7 @@ void TriangulateAtOnce(const std::optional<FoundTake>& found, double started_s, 
       input, statistics, [&] { return std::move(input.frames); }, run, report);
   if (report->points.num_points == 0) return;
   report->views =
-      WriteJointViews(SolvedRig(*report), report->take, input.skeleton, ImagesOf(found, options, timing), options.out);
+      WriteJointViews(SolvedRig(*report), DrawnPoints(report), input.skeleton, ImagesOf(found, options, timing), options.out);
 }
 
 }  // namespace

@@ -109,6 +109,7 @@ void SolveWhole(const PoseInput& input, const RunContext& run, PointStatistics* 
       if (!blocks.Next(&block)) return false;
       statistics->Add(block);
       *rows = ToPose3d(block, input.skeleton).rows;
+      if (report->beginning.points.empty()) report->beginning = std::move(block);
       return true;
     };
     report->take.method = options.points.method;

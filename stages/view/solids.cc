@@ -13,6 +13,7 @@
 #include "core/text/number_cell.h"
 #include "stages/calib/board_poses.h"
 #include "stages/input/session_input.h"
+#include "stages/view/scene_parts.h"
 
 namespace mvstudio::stages {
 namespace fs = std::filesystem;
@@ -79,14 +80,20 @@ bool IsRegular(const std::string& path) {
   return fs::is_regular_file(path, none);
 }
 
-void UseBody(const std::vector<std::string>& places, OverlaySolids* solids, InputNotes* notes) {
+void UseBody(const std::vector<std::string>& places, const std::string& root, OverlaySolids* solids, InputNotes* notes) {
   for (const std::string& path : places) {
     if (solids->body || !IsRegular(path)) continue;
-    Attempt("the fitted body is", notes, [&] { solids->body = ReadMovingBody(path); });
+    Attempt("the fitted body is", notes, [&] {
+      RequireInside(path, root);
+      solids->body = ReadMovingBody(path);
+    });
     notes->inputs.push_back(path);
     const std::string colours = (fs::path(path).parent_path() / kBodyTextureFile).string();
     if (!solids->body || !IsRegular(colours)) continue;
-    Attempt("the body's colours are", notes, [&] { solids->colours = ReadBodyColours(colours, solids->body->rest.cols()); });
+    Attempt("the body's colours are", notes, [&] {
+      RequireInside(colours, root);
+      solids->colours = ReadBodyColours(colours, solids->body->rest.cols());
+    });
     notes->inputs.push_back(colours);
   }
 }
@@ -131,13 +138,15 @@ OverlaySolids ReadSolids(const ViewSceneOptions& options, const SolidsWanted& wa
   OverlaySolids solids;
   if (scene.kind != "session") {
     const std::string& folder = options.path;
-    if (wanted.body) UseBody({folder + "/" + kBodyMotionFile, folder + "/avatar/" + kBodyMotionFile}, &solids, notes);
+    if (wanted.body)
+      UseBody({folder + "/" + kBodyMotionFile, folder + "/avatar/" + kBodyMotionFile}, scene.root, &solids, notes);
     return solids;
   }
   InputNotes said;  // by ReadScene already
   const auto found = FindTake({options.path, options.take, options.allow_outside}, &said);
   const dataset::Session& session = found->session;
-  if (wanted.body) UseBody({dataset::TakeFolder(session, "avatar", found->take.name) + "/" + kBodyMotionFile}, &solids, notes);
+  if (wanted.body)
+    UseBody({dataset::TakeFolder(session, "avatar", found->take.name) + "/" + kBodyMotionFile}, scene.root, &solids, notes);
   const std::string calib = dataset::CalibrationOf(session, options.allow_outside);
   const std::string poses = (fs::path(calib).parent_path() / kBoardPosesFile).string();
   const bool films_boards = found->take.kind == dataset::TakeKind::kBoard;

@@ -137,7 +137,8 @@ constexpr char kViewScript[] = R"js('use strict';
       box.appendChild(make('span', 'no frame of this time step')).className = 'none';
     }
     if (!info.width && !info.has_footage) { info.width = 16; info.height = 9; }
-    if (info.width) draw(); else box.style.aspectRatio = '16 / 9';
+    if (info.width) draw();
+    else [box].concat(second || []).forEach(function (b) { b.style.aspectRatio = '16 / 9'; });
     const words = [info.name];
     if (view.frame !== null && info.has_footage) words.push('frame ' + view.frame);
     if (view.median_px !== null) words.push('median residual ' + view.median_px.toFixed(1) + ' px');

@@ -209,7 +209,7 @@ TEST(TriangulatePoints, CamerasAreWarnedOfOnce) {
   std::vector<std::string> said;
   for (const Notice& notice : CameraNotices(take)) said.push_back(notice.code + " " + notice.text);
   EXPECT_THAT(said, ::testing::ElementsAre("TRI-CAMERA-OFF a is off", "TRI-CAMERA-SCALED b is scaled",
-                                           "TRI-CAMERA-LEFTOUT c: 51 of its 100 detections fit no point of the other cameras",
+                                           "TRI-CAMERA-LEFTOUT c: 51 of 100 of its detections that were looked at fit no point of the other cameras",
                                            "TRI-SIDES-SWAPPED b: 5 of 100"));
 }
 

@@ -104,6 +104,7 @@ bool TakeBlocks::Next(TakeResult* block) {
   TakeProblem& problem = impl_->problem;
   const size_t begin = impl_->next_frame, end = std::min(begin + kTakeBlockFrames, impl_->people.num_frames());
   *block = {};
+  impl_->stage.Advance(begin == end ? 1 : 0);  // throws before the caller's files are put in place
   if (begin == end) return false;
   impl_->people.Collect(begin, end, &problem);
   const Stopwatch watch;
@@ -123,7 +124,6 @@ bool TakeBlocks::Next(TakeResult* block) {
 
 TakeResult TakeBlocks::Finish() {
   impl_->result.cameras = Diagnose(impl_->problem.rig, impl_->result);
-  impl_->stage.Advance();
   return std::move(impl_->result);
 }
 

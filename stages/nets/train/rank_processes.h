@@ -28,10 +28,9 @@ void VisitFields(Visitor&& visit, RankArguments& a) {
         "batch as many times as large");
   visit("rank", a.rank, "which process this is, from 0, when you start them yourself (several machines)");
   visit("world-size", a.world_size, "how many processes you start");
-  VisitStyled(
-      visit, OptionStyle::kUnset, "rendezvous", a.rendezvous,
-      "a new file that all of them can see; slurm: `srun` started them, and its variables tell option 'rank' and option "
-      "'world-size'");
+  VisitStyled(visit, OptionStyle::kUnset, "rendezvous", a.rendezvous,
+              "a file that all of them can see; slurm: `srun` started them, and its variables tell option 'rank' and option "
+              "'world-size'");
 }
 
 /// The processes that `arguments` ask for, with their files in `folder`. `typed`: the command line, program and all, which the
