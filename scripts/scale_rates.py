@@ -23,7 +23,7 @@ MASK_SETUP = 12.3  # s for each camera and megapixel: the 102 s of WIDE before i
 
 POSE = 0.41            # s an image: movenet, balanced, 8 VGA images, with the search for the person
 TRIANGULATE = 0.17e-3  # s an image of long takes, and
-POINT_BYTES = 10.5e3   # bytes an image: docs/triangulation.md, 100 to 10,000 frames of 4 cameras
+POINT_BYTES = 1.1e3    # bytes an image: docs/notes/growth.md, 1,000 to 4,000 frames of 4 cameras
 JSON_BYTES = 1450      # of an image's 2D joints
 
 # Stage -> stages that it waits for, whether it is of a take: `mvstudio plan SESSION --to split`, and the report.
