@@ -126,6 +126,13 @@ bool Fits(const BoardCheckReport& report, double share) {
                      [&](const BoardTrial& t) { return t.num_images > 0 && t.num_images >= share * report.num_images; });
 }
 
+/// Whether a board is in half of the images; lone tags may hang on any wall.
+bool HasBoard(const BoardCheckReport& report, bool tags_count) {
+  return std::any_of(report.trials.begin(), report.trials.end(), [&](const BoardTrial& t) {
+    return (tags_count || t.board.kind != Board::Kind::kTag) && t.num_images > 0 && 2 * t.num_images >= report.num_images;
+  });
+}
+
 /// The slow search for the chessboard that came out best, unless it is in all images already.
 void TryHarder(const TrialImages& trial_images, Trials* trials, BoardCheckReport* report) {
   if (!report->best || report->trials[0].board.kind != Board::Kind::kChessboard) return;
@@ -168,8 +175,13 @@ BoardCheckReport CheckBoard(const std::optional<Board>& given, const std::vector
   Candidates scratch = candidates;  // a chessboard with markers in its squares is no chessboard
   if (few.grey.size() < trial_images.grey.size() && !add_marked(few, &scratch)) try_chessboards();
   stage.Advance(1, "chessboards in a few images");
+  const bool of_few = !shown.empty();
   add_marked(trial_images, &candidates);
   trials.TryNew(candidates);
+  if (of_few && !HasBoard(report, tags_asked)) {  // what the few show may be clutter, or another board
+    shown.clear(), add_marked(trial_images, &candidates);
+    trials.TryNew(candidates);
+  }
   stage.Advance(1, "AprilTag families and ArUco dictionaries");
   try_chessboards();
   if (!Fits(report, 0.5) && !tags_asked) AddCircleGuesses(trial_images, num_threads, &candidates);

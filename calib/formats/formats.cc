@@ -37,10 +37,13 @@ constexpr std::string_view kNames[] = {
                         "[width, height]}}, x_camera = R x_world + T");
 }
 
-/// How names of files end that hold a camera each (internal::ReadMatrixText); of a folder of others OpenCV's ending.
+/// How names of files end that hold a camera each (internal::ReadMatrixText), as the first one's content says; of a folder of
+/// others OpenCV's ending.
 std::string OneCameraFilesIn(const std::string& folder) {
   for (const char* ending : {".krtd", ".camera", "_cam.txt", "_P.txt"}) {
-    if (fs::is_directory(folder) && !FilesNamed(folder, "", ending).empty()) return ending;
+    const std::vector<std::string> files =
+        fs::is_directory(folder) ? FilesNamed(folder, "", ending) : std::vector<std::string>();
+    if (!files.empty() && internal::IsMatrixText(ReadFile(files[0]))) return ending;
   }
   return ".yml";
 }

@@ -31,6 +31,7 @@ struct TextCamera {
   Eigen::VectorXd distortion;
   Eigen::Vector2d size = Eigen::Vector2d::Zero();  ///< 0: not in the file
   bool centred = false;                            ///< the principal point is the image's middle
+  bool placed = true;
 };
 
 std::optional<double> NumberIn(const std::string& word) {
@@ -117,6 +118,7 @@ std::optional<TextCamera> FromProjection(const Eigen::MatrixXd& p) {
   camera.translation = camera.k.inverse() * p.col(3) * sign;
   camera.k /= camera.k(2, 2);
   if (std::abs(camera.k(0, 1)) < 1e-9 * camera.k(0, 0)) camera.k(0, 1) = 0;
+  if (camera.k.diagonal().head<2>().minCoeff() <= 1.001) return std::nullopt;  // a pose [R t]
   return camera;
 }
 
@@ -183,11 +185,10 @@ std::vector<TextCamera> Bundler(const Rows& rows) {
     const size_t at = 2 + 5 * i;
     if (!Sizes(rows, at, {3, 3, 3, 3, 3})) return {};
     const Eigen::VectorXd lens = VectorOf(rows[at]);
-    if (lens[0] == 0) continue;  // not placed
     TextCamera camera{"camera_" + std::to_string(i), CameraMatrix(lens[0], lens[0], 0, 0),
                       axes.asDiagonal() * Block(rows, at + 1, 3, 3), axes.cwiseProduct(Eigen::Vector3d(VectorOf(rows[at + 4]))),
                       Eigen::Vector4d(lens[1], lens[2], 0, 0)};
-    camera.centred = true;
+    camera.centred = true, camera.placed = lens[0] != 0;
     cameras.push_back(std::move(camera));
   }
   return cameras;
@@ -211,11 +212,16 @@ ImportedRig ReadMatrixText(const std::vector<std::string>& paths, const ReadOpti
   ImportedRig imported;
   imported.rig.gauge = geometry::RigGauge::Other("the world of " + std::filesystem::path(paths[0]).filename().string());
   for (const std::string& path : paths) {
+    std::vector<std::string> left_out;
     const std::vector<TextCamera> cameras = CamerasIn(ReadFile(path));
     if (cameras.empty()) throw FormatError(path, "", "holds no camera as matrices in text, as the files beside it do");
     for (TextCamera text : cameras) {
       const std::string name = text.name.empty() ? NameOfFile(path) : text.name;
       const Place place{path, cameras.size() > 1 ? "camera " + Printable(name) : ""};
+      if (!text.placed) {
+        left_out.push_back(name);
+        continue;
+      }
       const Eigen::Vector2d given(options.width_px, options.height_px), size = text.size[0] > 0 ? text.size : given;
       if (size[0] <= 0 || size[1] <= 0)
         throw UsageError(path + ": the file does not give the image size; pass option 'size' WIDTHxHEIGHT");
@@ -227,6 +233,8 @@ ImportedRig ReadMatrixText(const std::vector<std::string>& paths, const ReadOpti
                               geometry::Rigid3{MakeRotation(text.rotation, place), text.translation * options.metres_per_unit};
       AddCamera(std::move(camera), place, &imported.rig);
     }
+    if (left_out.size() == cameras.size()) throw FormatError(path, "", "none of its cameras is placed: all have f = 0");
+    AddLeftOut(path, left_out, &imported.notes);
   }
   imported.notes.push_back(UnitNote(options.metres_per_unit));
   return imported;

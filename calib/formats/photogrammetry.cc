@@ -2,6 +2,8 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
+#include <set>
 #include <sstream>
 
 #include "calib/formats/format_camera.h"
@@ -10,6 +12,7 @@
 #include "core/disk/files.h"
 #include "core/error.h"
 #include "core/some_of.h"
+#include "core/text/words.h"
 #include "geometry/rig/foreign_layout.h"
 
 namespace mvstudio::calib::internal {
@@ -36,15 +39,54 @@ struct ChunkTransform {
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
 };
 
-ChunkTransform TransformOf(const pugi::xml_node& chunk, const std::string& path) {
+std::optional<ChunkTransform> TransformOf(const pugi::xml_node& parent, const std::string& name, const std::string& path) {
+  const pugi::xml_node transform = parent.child("transform");
+  const std::string where = name + ".transform.";
+  if (!transform) return std::nullopt;
   ChunkTransform out;
-  const pugi::xml_node transform = chunk.child("transform");
-  if (const auto node = transform.child("rotation")) out.rotation = RowsIn(node, 3, {path, "chunk.transform.rotation"});
-  if (const auto node = transform.child("translation"))
-    out.translation = NumbersIn(node, 3, {path, "chunk.transform.translation"});
-  if (const auto node = transform.child("scale")) out.scale = NumbersIn(node, 1, {path, "chunk.transform.scale"})[0];
-  if (!(out.scale > 0)) throw FormatError(path, "chunk.transform.scale", "must be above 0");
+  if (const auto node = transform.child("rotation")) out.rotation = RowsIn(node, 3, {path, where + "rotation"});
+  if (const auto node = transform.child("translation")) out.translation = NumbersIn(node, 3, {path, where + "translation"});
+  if (const auto node = transform.child("scale")) out.scale = NumbersIn(node, 1, {path, where + "scale"})[0];
+  if (!(out.scale > 0)) throw FormatError(path, where + "scale", "must be above 0");
   return out;
+}
+
+/// The transforms of a chunk's cameras: a component's own, else that of the chunk.
+class ChunkWorlds {
+ public:
+  ChunkWorlds(const pugi::xml_node& chunk, const std::string& path)
+      : path_(path), of_chunk_(TransformOf(chunk, "chunk", path)) {
+    for (const pugi::xml_node& component : chunk.child("components").children("component"))
+      of_component_[component.attribute("id").value()] = TransformOf(component, "component", path);
+  }
+
+  /// Of an aligned camera. Throws FormatError where components have no world in common.
+  ChunkTransform Of(const pugi::xml_node& camera) {
+    const std::string id = camera.attribute("component_id").value();
+    const auto found = of_component_.find(id);
+    const bool own = found != of_component_.end() && found->second;
+    seen_.insert(id), borrowed_ |= !own;
+    if (borrowed_ && seen_.size() > 1)
+      throw FormatError(path_, "components",
+                        "cameras are of several components, and one has no transform: they have no world in common; align "
+                        "them together, or export one component");
+    return own ? *found->second : of_chunk_.value_or(ChunkTransform());
+  }
+
+ private:
+  std::string path_;
+  std::optional<ChunkTransform> of_chunk_;
+  std::map<std::string, std::optional<ChunkTransform>> of_component_;
+  std::set<std::string> seen_;
+  bool borrowed_ = false;  ///< a camera's component has no transform of its own
+};
+
+/// Labels are names of images, or any others: `rig.A` has no ending.
+std::string ImageOfLabel(const std::string& label) {
+  static const std::set<std::string> kEndings = {"jpg", "jpeg", "png",  "tif", "tiff", "bmp",
+                                                 "dng", "exr",  "webp", "jp2", "ppm"};
+  const size_t dot = label.find_last_of('.');
+  return dot != std::string::npos && kEndings.count(PlainWord(label.substr(dot + 1))) > 0 ? label : label + ".jpg";
 }
 
 /// u = width / 2 + cx + x f + x b1 + y b2 counts the middle of the first pixel as 0.5.
@@ -71,8 +113,8 @@ geometry::RigCamera LensOf(const pugi::xml_node& sensor, const std::string& name
   const Eigen::Vector2d size(resolution.attribute("width").as_double(), resolution.attribute("height").as_double());
   Eigen::Matrix3d k = Eigen::Matrix3d::Identity();
   k(0, 0) = number("f") + number("b1"), k(1, 1) = number("f"), k(0, 1) = number("b2");
-  if (!calibration.child("f")) k(0, 0) = number("fx"), k(1, 1) = number("fy");
   const bool whole = !calibration.child("f");  // PhotoScan's fx, fy: cx and cy from the image's corner
+  if (whole) k(0, 0) = number("fx"), k(1, 1) = number("fy"), k(0, 1) = number("skew");
   k(0, 2) = number("cx") + (whole ? 0 : 0.5 * size[0]) - 0.5, k(1, 2) = number("cy") + (whole ? 0 : 0.5 * size[1]) - 0.5;
   Eigen::VectorXd distortion(5);
   distortion << number("k1"), number("k2"), number("p2"), number("p1"), number("k3");
@@ -126,6 +168,12 @@ geometry::RigCamera MvgCamera(const MvgLens& lens, const std::string& name, cons
 
 }  // namespace
 
+void AddLeftOut(const std::string& path, const std::vector<std::string>& names, std::vector<Notice>* notes) {
+  if (names.empty()) return;
+  notes->push_back({"CAL-IGNORED", path + ": cameras that were not aligned are left out: " + SomeOf(names),
+                    "align them, or disable them, in the program that wrote the file"});
+}
+
 bool IsMetashapeCameras(std::string_view text) {
   return geometry::IsMetashape(text) && text.find("<sensors") != std::string_view::npos &&
          text.find("<camera") != std::string_view::npos;
@@ -139,7 +187,7 @@ ImportedRig ReadMetashape(const std::string& path, const ReadOptions& options) {
   std::map<std::string, pugi::xml_node> sensors;
   for (const pugi::xml_node& sensor : chunk.child("sensors").children("sensor"))
     sensors[sensor.attribute("id").value()] = sensor;
-  const ChunkTransform world = TransformOf(chunk, path);
+  ChunkWorlds worlds(chunk, path);
   ImportedRig imported;
   imported.rig.gauge = geometry::RigGauge::Other("Metashape's chunk");
   std::vector<ImageCamera> images;
@@ -153,6 +201,7 @@ ImportedRig ReadMetashape(const std::string& path, const ReadOptions& options) {
       left_out.push_back(Printable(label));
       continue;
     }
+    const ChunkTransform world = worlds.Of(node);
     const Eigen::MatrixXd chunk_from_cam = RowsIn(node.child("transform"), 4, place);
     const Eigen::Quaterniond rotation =
         MakeRotation((world.rotation * chunk_from_cam.topLeftCorner<3, 3>()).transpose(), place);
@@ -161,13 +210,11 @@ ImportedRig ReadMetashape(const std::string& path, const ReadOptions& options) {
         options.metres_per_unit;
     geometry::RigCamera camera = LensOf(sensor->second, label, options, place, &imported.notes);
     camera.cam_from_world = camera.cam_from_world * geometry::Rigid3{rotation, -(rotation * centre)};
-    images.push_back({label, Stem(label), std::move(camera), place});
+    images.push_back({ImageOfLabel(label), Stem(ImageOfLabel(label)), std::move(camera), place});
   }
   if (images.empty()) throw FormatError(path, "cameras", "none of them is aligned: align the photos and export again");
   AddImageCameras(std::move(images), &imported);
-  if (!left_out.empty())
-    imported.notes.push_back({"CAL-IGNORED", path + ": cameras that were not aligned are left out: " + SomeOf(left_out),
-                              "align them, or disable them"});
+  AddLeftOut(path, left_out, &imported.notes);
   imported.notes.push_back(UnitNote(options.metres_per_unit));
   return imported;
 }
@@ -186,12 +233,16 @@ ImportedRig ReadOpenMvg(const std::string& path, const ReadOptions& options) {
   ImportedRig imported;
   imported.rig.gauge = geometry::RigGauge::Other("openMVG's world");
   std::vector<ImageCamera> images;
+  std::vector<std::string> left_out;
   for (size_t i = 0; i < views.ListSize(); ++i) {
     const ValueView view = views[i]["value"]["ptr_wrapper"]["data"];
     const auto pose_at = pose_of.find(view["id_pose"].Number());
     const auto lens = lenses.find(view["id_intrinsic"].Number());
-    if (pose_at == pose_of.end() || lens == lenses.end()) continue;  // not reconstructed
     const std::string file = view["filename"].Text();
+    if (pose_at == pose_of.end() || lens == lenses.end()) {
+      left_out.push_back(Printable(file));
+      continue;
+    }
     const ValueView pose = poses[pose_at->second]["value"];
     const Eigen::Quaterniond rotation = MakeRotation(pose["rotation"].Matrix(3, 3), pose.place());
     const Eigen::Vector3d centre = Eigen::Vector3d(pose["center"].Vector(3)) * options.metres_per_unit;
@@ -202,6 +253,7 @@ ImportedRig ReadOpenMvg(const std::string& path, const ReadOptions& options) {
   }
   if (images.empty()) throw FormatError(path, "extrinsics", "no view has a pose; give the sfm_data of a reconstruction");
   AddImageCameras(std::move(images), &imported);
+  AddLeftOut(path, left_out, &imported.notes);
   imported.notes.push_back(UnitNote(options.metres_per_unit));
   return imported;
 }

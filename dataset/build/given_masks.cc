@@ -102,9 +102,10 @@ std::map<std::string, GivenMasks> FindGivenMasks(const BuildInputs& inputs) {
                                                                ", those of COCO's RLE, too"
                                                          : "no such folder of masks");
   }
-  std::vector<std::string> paths;
-  for (const CameraFootage& footage : inputs.footage) {
-    const std::vector<std::string> of_camera = (all[footage.camera] = FindMasks(inputs.masks, footage.camera)).Paths();
+  std::vector<std::string> paths, cameras;
+  for (const CameraFootage& footage : inputs.footage) cameras.push_back(footage.camera);
+  for (const std::string& camera : cameras) {
+    const std::vector<std::string> of_camera = (all[camera] = FindMasks(inputs.masks, camera, cameras)).Paths();
     paths.insert(paths.end(), of_camera.begin(), of_camera.end());
   }
   if (paths.empty()) FailWithoutMasks(inputs);

@@ -26,13 +26,16 @@ std::string MaskExtension(const fs::path& path) {
   return extension;
 }
 
+/// PNG and JPEG; others where there are none of these, since they may be something else beside the masks.
 MaskPaths MasksIn(const std::string& folder) {
-  static const std::set<std::string> kImages = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".pgm"};
-  MaskPaths masks;
+  static const std::set<std::string> kUsual = {".png", ".jpg", ".jpeg"}, kOthers = {".tif", ".tiff", ".bmp", ".webp", ".pgm"};
+  MaskPaths masks, others;
   for (const std::string& path : FilesIn(folder)) {
-    if (kImages.count(MaskExtension(path)) > 0) masks.push_back(path);
+    const std::string extension = MaskExtension(path);
+    if (kUsual.count(extension) > 0) masks.push_back(path);
+    if (kOthers.count(extension) > 0) others.push_back(path);
   }
-  return masks;
+  return masks.empty() ? others : masks;
 }
 
 MaskPaths FoldersIn(const std::string& folder) {
@@ -67,12 +70,15 @@ bool AddObjectsOfNames(const MaskPaths& paths, FrameMasks* masks) {
   return true;
 }
 
-void AddFiles(const std::string& folder, const MaskPaths& paths, FrameMasks* masks) {
+/// Whether each name must have the number of its frame, rather than the files their positions where none has one.
+enum class MaskNames { kNumbered, kAny };
+
+void AddFiles(const std::string& folder, const MaskPaths& paths, MaskNames names, FrameMasks* masks) {
   const std::vector<int64_t> numbers = NumberFrames(folder, paths).numbers;
   if (std::set<int64_t>(numbers.begin(), numbers.end()).size() < paths.size() && AddObjectsOfNames(paths, masks)) return;
   for (size_t i = 0; i < paths.size(); ++i) {
     const std::string& path = paths[i];
-    if (!IsPattern(folder) && !NumberInName(path))
+    if (names == MaskNames::kNumbered && !NumberInName(path))
       throw FormatError(path, "", "its name has no number: masks are found by the number of their frame");
     const auto [at, is_new] = masks->files.emplace(numbers[i], path);
     if (!is_new)
@@ -82,14 +88,14 @@ void AddFiles(const std::string& folder, const MaskPaths& paths, FrameMasks* mas
 }
 
 /// Folders in that of a camera: one for all its masks, for each object, or for each frame.
-void AddFolders(const std::string& folder, FrameMasks* masks) {
+void AddFolders(const std::string& folder, MaskNames names, FrameMasks* masks) {
   std::vector<std::pair<std::string, MaskPaths>> inside;
   size_t most = 0;
   for (const std::string& path : FoldersIn(folder)) {
     if (MaskPaths files = MasksIn(path); !files.empty()) most = std::max(most, files.size()), inside.emplace_back(path, files);
   }
   if (inside.size() == 1 && (most > 1 || !NumberInName(inside[0].first)))
-    return AddFiles(inside[0].first, inside[0].second, masks);
+    return AddFiles(inside[0].first, inside[0].second, names, masks);
   if (inside.size() == most) return;  // frames or objects
   for (const auto& [path, files] : inside) {
     for (const std::string& file : files) {
@@ -100,23 +106,51 @@ void AddFolders(const std::string& folder, FrameMasks* masks) {
 }
 
 /// The folder of a camera, in its spelling before all others; empty: there is none.
-std::string FolderOfCamera(const std::string& in, const std::string& camera) {
+std::string FolderOfCamera(const std::string& in, const std::string& camera, const std::vector<std::string>& cameras) {
   std::string found = in + "/" + camera;
   if (fs::is_directory(found)) return found;
   found.clear();
   for (const std::string& path : FoldersIn(in)) {
-    if (PlainWord(fs::path(path).filename().string()) != PlainWord(camera)) continue;
+    const std::string name = fs::path(path).filename().string();
+    if (PlainWord(name) != PlainWord(camera) || std::count(cameras.begin(), cameras.end(), name) > 0) continue;
     if (!found.empty()) return "";
     found = path;
   }
   return found;
 }
 
-/// CAMERA.png, CAMERA_anything.png.
-bool IsOfCamera(const std::string& path, const std::string& camera) {
+/// CAMERA, CAMERA_anything: how many letters of the stem are the camera's name; 0: none. `spelled`: letter for letter.
+size_t LettersOf(const std::string& camera, const std::string& stem, bool spelled) {
+  for (size_t end = 1; end <= stem.size(); ++end) {
+    if (end < stem.size() && std::isalnum(static_cast<unsigned char>(stem[end]))) continue;
+    const std::string name = stem.substr(0, end);
+    if (spelled ? name == camera : PlainWord(name) == PlainWord(camera)) return end;
+  }
+  return 0;
+}
+
+/// Of several cameras whose names begin the file's the longest counts, in its own spelling before all others.
+bool IsOfCamera(const std::string& path, const std::string& camera, const std::vector<std::string>& cameras) {
   const std::string stem = fs::path(path).stem().string();
-  return stem.compare(0, camera.size(), camera) == 0 &&
-         (stem.size() == camera.size() || !std::isalnum(static_cast<unsigned char>(stem[camera.size()])));
+  const auto rank = [&](const std::string& name) {
+    const size_t spelled = LettersOf(name, stem, true);
+    return std::pair(spelled, spelled > 0 ? 0 : LettersOf(name, stem, false));
+  };
+  const auto own = rank(camera);
+  return own != std::pair<size_t, size_t>() &&
+         std::none_of(cameras.begin(), cameras.end(), [&](const auto& other) { return other != camera && rank(other) > own; });
+}
+
+FrameMasks MasksOf(const std::string& folder_or_pattern, MaskNames names) {
+  FrameMasks masks;
+  const bool is_folder = fs::is_directory(folder_or_pattern);
+  const MaskPaths files = is_folder ? MasksIn(folder_or_pattern) : FilesMatching(folder_or_pattern);
+  if (files.empty() && is_folder) {
+    AddFolders(folder_or_pattern, names, &masks);
+  } else {
+    AddFiles(folder_or_pattern, files, names, &masks);
+  }
+  return masks;
 }
 
 /// Another object of the same frame.
@@ -147,32 +181,23 @@ std::vector<std::string> FrameMasks::Paths() const {
 
 void FrameMasks::CountFrom(int first) { NumberFrom(first, &files), NumberFrom(first, &objects); }
 
-FrameMasks FindMasks(const std::string& folder_or_pattern) {
-  FrameMasks masks;
-  const bool is_folder = fs::is_directory(folder_or_pattern);
-  const MaskPaths files = is_folder ? MasksIn(folder_or_pattern) : FilesMatching(folder_or_pattern);
-  if (files.empty() && is_folder) {
-    AddFolders(folder_or_pattern, &masks);
-  } else {
-    AddFiles(folder_or_pattern, files, &masks);
-  }
-  return masks;
-}
+FrameMasks FindMasks(const std::string& folder_or_pattern) { return MasksOf(folder_or_pattern, MaskNames::kAny); }
 
-FrameMasks FindMasks(const std::string& in, const std::string& camera) {
-  const std::string folder = FolderOfCamera(in, camera);
-  if (!folder.empty()) return FindMasks(folder);
+FrameMasks FindMasks(const std::string& in, const std::string& camera, const std::vector<std::string>& cameras) {
+  const std::string folder = FolderOfCamera(in, camera, cameras);
+  if (!folder.empty()) return MasksOf(folder, MaskNames::kNumbered);
   FrameMasks masks;
   MaskPaths flat;
   for (const std::string& path : MasksIn(in)) {
-    if (IsOfCamera(path, camera) && fs::path(path).stem() != camera) flat.push_back(path);
+    if (IsOfCamera(path, camera, cameras) && PlainWord(fs::path(path).stem().string()) != PlainWord(camera))
+      flat.push_back(path);
   }
-  if (!flat.empty()) AddFiles(in, flat, &masks);
+  if (!flat.empty()) AddFiles(in, flat, MaskNames::kNumbered, &masks);
   for (const std::string& step : flat.empty() ? FoldersIn(in) : MaskPaths()) {
     const auto frame = NumberInName(step);
     if (!frame) continue;
     for (const std::string& path : MasksIn(step)) {
-      if (IsOfCamera(path, camera)) AddObject(*frame, path, &masks);
+      if (IsOfCamera(path, camera, cameras)) AddObject(*frame, path, &masks);
     }
   }
   return masks;

@@ -1,9 +1,12 @@
 #include <algorithm>
+#include <limits>
 #include <optional>
+#include <set>
 
 #include "core/error.h"
 #include "core/join.h"
 #include "core/label.h"
+#include "core/text/words.h"
 #include "dataset/arrays/npz.h"
 #include "dataset/pose/score_scale.h"
 #include "dataset/trackers/tracker_readers.h"
@@ -14,7 +17,7 @@ namespace mvstudio::dataset {
 namespace {
 
 constexpr char kOneCamera[] = "frames x joints x 2 (x, y) or 3 (with a score), or frames x people x joints x 2 or 3";
-constexpr int64_t kMostPeople = 20;  // of the axis of people; more are frames
+constexpr int64_t kMostPeople = 20;  // of the axis of people; more are frames, unless there are more frames than those
 
 struct PointArrays {
   NpyArray points, scores;  ///< scores: without the last axis; empty: none
@@ -27,6 +30,12 @@ std::string AxesText(const NpyArray& array) {
 
 bool HoldsPixels(const NpyArray& array) {
   return array.shape.size() >= 3 && array.shape.size() <= 5 && (array.shape.back() == 2 || array.shape.back() == 3);
+}
+
+bool IsNameOfScores(const std::string& name) {
+  static const std::set<std::string> kNames = {"scores",     "score",          "confidence", "conf",
+                                               "likelihood", "keypointscores", "visibility"};
+  return kNames.count(PlainWord(name)) > 0;
 }
 
 std::vector<std::string> NamesIn(const std::map<std::string, std::string>& members, std::initializer_list<const char*> keys,
@@ -49,7 +58,7 @@ PointArrays ReadArchive(const std::string& path) {
   arrays.joints = NamesIn(members, {"joint_names", "keypoint_names", "names"}, path);
   arrays.cameras = NamesIn(members, {"cameras", "camera_names"}, path);
   std::vector<std::string> found, all;
-  std::vector<NpyArray> others;
+  std::map<std::string, NpyArray> scores;
   for (const auto& [name, bytes] : members) {
     std::optional<NpyArray> array;
     try {
@@ -58,10 +67,10 @@ PointArrays ReadArchive(const std::string& path) {
       continue;
     }
     all.push_back(name + " " + AxesText(*array));
-    if (HoldsPixels(*array)) {
+    if (IsNameOfScores(name)) {
+      scores[name] = std::move(*array);
+    } else if (HoldsPixels(*array)) {
       found.push_back(name), arrays.points = std::move(*array);
-    } else {
-      others.push_back(std::move(*array));
     }
   }
   if (found.size() != 1)
@@ -69,23 +78,32 @@ PointArrays ReadArchive(const std::string& path) {
                       found.empty()
                           ? "holds no array of 2D joints, " + std::string(kOneCamera) + "; its arrays: " + Join(all, ", ")
                           : "holds several arrays of 2D joints: " + Join(found, ", ") + "; leave one in it");
-  for (NpyArray& other : others) {
-    const std::vector<int64_t> shape(arrays.points.shape.begin(), arrays.points.shape.end() - 1);
-    if (other.shape == shape && arrays.points.shape.back() == 2) arrays.scores = std::move(other);
+  std::vector<int64_t> shape(arrays.points.shape.begin(), arrays.points.shape.end() - 1);
+  std::string name_of_scores;
+  for (auto& [name, array] : scores) {
+    if (array.shape.size() == shape.size() + 1 && array.shape.back() == 1) array.shape.pop_back();
+    if (array.shape != shape || arrays.points.shape.back() != 2) continue;
+    if (!name_of_scores.empty())
+      throw FormatError(path, "", "holds two arrays of scores: " + name_of_scores + ", " + name + "; leave one in it");
+    name_of_scores = name, arrays.scores = std::move(array);
   }
   return arrays;
 }
 
 PointArrays ReadPoints(const std::string& path) {
-  std::string extension = path.substr(path.find_last_of('.') + 1);
   PointArrays arrays;
-  if (extension == "npz") {
+  if (PlainWord(path.substr(path.find_last_of('.') + 1)) == "npz") {
     arrays = ReadArchive(path);
   } else {
     arrays.points = ReadNpy(path);
   }
   if (!HoldsPixels(arrays.points))
     throw FormatError(path, "", "is an array of " + AxesText(arrays.points) + "; 2D joints of a camera are " + kOneCamera);
+  for (const int64_t size : arrays.points.shape) {
+    if (size < 1 || size > std::numeric_limits<int>::max())
+      throw FormatError(path, "",
+                        "is an array of " + AxesText(arrays.points) + (size < 1 ? ": it holds no joints" : ": it is too long"));
+  }
   const size_t count = static_cast<size_t>(arrays.points.shape[arrays.points.shape.size() - 2]);
   if (!arrays.joints.empty() && arrays.joints.size() != count)
     throw FormatError(path, "joint_names",
@@ -134,7 +152,8 @@ bool IsPointArray(std::string_view head) { return head.substr(0, 6) == "\x93NUMP
 TrackedPoints ReadPointArray(const std::string& path, const std::string& camera) {
   const PointArrays arrays = ReadPoints(path);
   const std::vector<int64_t>& axes = arrays.points.shape;
-  if (axes.size() == 5 || (axes.size() == 4 && axes[1] > kMostPeople))
+  const bool long_axis = axes.size() == 4 && axes[1] > kMostPeople && axes[1] >= axes[0];
+  if (axes.size() == 5 || arrays.cameras.size() > 1 || long_axis)
     throw FormatError(path, "",
                       "is an array of " + AxesText(arrays.points) + ", cameras first; of one camera it is " + kOneCamera +
                           ". Give each camera its part, or all as option 'points2d' FILE.npz with the names in `cameras`");
@@ -158,6 +177,8 @@ std::vector<TrackedPoints> ReadPointArrays(const std::string& path) {
                           std::to_string(arrays.cameras.size()) + " cameras instead of " + std::to_string(num_cameras) +
                           ": numpy.savez(FILE, points=…, cameras=[…], joint_names=[…]) gives them, or give each camera's part "
                           "as option 'pose2d' NAME=FILE.npy");
+  if (std::set<std::string>(arrays.cameras.begin(), arrays.cameras.end()).size() < num_cameras)
+    throw FormatError(path, "cameras", "names a camera twice: " + Join(arrays.cameras, ", "));
   axes.erase(axes.begin());
   const size_t size = arrays.points.values.size() / std::max<size_t>(num_cameras, 1);
   std::vector<TrackedPoints> cameras;

@@ -78,6 +78,20 @@ TEST(CheckBoard, ABoardInOneOfManyImages) {
   EXPECT_EQ(report.trials[*report.best].num_images, 1);
 }
 
+/// The images that are looked at first (0, 2, 4, 7, 9) show another board than most.
+TEST(CheckBoard, WhatAFewImagesShowIsNotAllThereIs) {
+  const std::vector<Image> other = Photos("charuco:5x4:40mm:30mm:4x4_50"), most = Photos("charuco:7x5:40mm:30mm:6x6_250");
+  std::vector<Image> images;
+  for (const int i : {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11}) {
+    const bool first = i == 0 || i == 2 || i == 4 || i == 7 || i == 9;
+    images.push_back((first ? other : most)[static_cast<size_t>(i) % 2]);
+  }
+  const BoardCheckReport report = CheckBoard(std::nullopt, images, RunContext());
+  ASSERT_TRUE(report.best);
+  EXPECT_EQ(report.trials[*report.best].board.dictionary, "6x6_1000");
+  EXPECT_EQ(report.trials[*report.best].num_images, 7);
+}
+
 TEST(CheckBoard, CharucoMistakes) {
   const std::string printed = "charuco:7x6:40mm:30mm:5x5_250:legacy";
   const CheckOutcome exchanged = Check(printed, "charuco:6x7:40mm:30mm:5x5_250");

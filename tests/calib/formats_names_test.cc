@@ -85,6 +85,7 @@ TEST(CalibrationIn, FindsWhatAFolderHolds) {
   EXPECT_EQ(CalibrationIn(folder / "run"), folder / "run/calibration.json");
   EXPECT_EQ(CalibrationIn(folder / "project"), folder / "project/sparse/0");
   EXPECT_EQ(CalibrationIn(folder / "flat"), folder / "flat/sparse");
+  WriteFileAtomic(folder / "panoptic/hd_cam.txt", "notes of the day");  // its name alone makes it no camera
   EXPECT_EQ(CalibrationIn(folder / "panoptic"), folder / "panoptic/calibration_a.json");
   EXPECT_EQ(CalibrationIn(folder / "nerf"), folder / "nerf");
   EXPECT_EQ(CalibrationIn(folder / "nerf/transforms.json"), folder / "nerf/transforms.json");

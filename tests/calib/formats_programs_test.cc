@@ -285,7 +285,7 @@ struct MatrixCamera {
 std::string TextOf(const Eigen::MatrixXd& m, const char* between = "\n") {
   std::string text;
   for (int y = 0; y < m.rows(); ++y) {
-    for (int x = 0; x < m.cols(); ++x) text += Format("%.17g", m(y, x)) + (x + 1 < m.cols() ? " " : "");
+    for (int x = 0; x < m.cols(); ++x) text += mvstudio::Format("%.17g", m(y, x)) + (x + 1 < m.cols() ? " " : "");
     text += y + 1 < m.rows() ? between : "\n";
   }
   return text;
@@ -334,6 +334,14 @@ TEST(MatrixText, KindsThatHoldOneCameraAFile) {
   EXPECT_THAT(MessageOf<UsageError>([&] { ReadProgramFile(k + r + t + "0\n", kCv, {}, "a.krtd"); }), HasSubstr("'size'"));
   EXPECT_THAT(MessageOf<FormatError>([&] { ReadProgramFile(k + TextOf(2 * c.r) + t + "0\n", kCv, InMetres(), "a.krtd"); }),
               HasSubstr("rotation"));
+  EXPECT_THAT(RefusedFile(TextOf(rt), kCv, InMetres()), HasSubstr("not a calibration")) << "a pose has no focal length";
+}
+
+/// Whether a note names what is left out.
+bool IsLeftOut(const ImportedRig& imported, const char* name) {
+  return std::any_of(imported.notes.begin(), imported.notes.end(), [&](const Notice& note) {
+    return note.code == "CAL-IGNORED" && note.text.find(name) != std::string::npos;
+  });
 }
 
 TEST(MatrixText, KindsThatHoldSeveralCameras) {
@@ -357,8 +365,10 @@ TEST(MatrixText, KindsThatHoldSeveralCameras) {
     EXPECT_EQ(rig.cameras[1].camera.name, "b");
     ExpectCamera(rig, 0, a), ExpectCamera(rig, 1, b);
   }
-  const geometry::Rig rig = ReadProgramFile(bundle, kCv, InMetres(), "bundle.out").rig;
+  const ImportedRig bundled = ReadProgramFile(bundle, kCv, InMetres(), "bundle.out");
+  const geometry::Rig& rig = bundled.rig;
   ASSERT_EQ(rig.cameras.size(), 2u) << "one is not placed";
+  EXPECT_TRUE(IsLeftOut(bundled, "camera_0"));
   EXPECT_EQ(rig.cameras[0].camera.name, "camera_1");
   const auto radial = [](const Eigen::Vector2d& x) {
     const double r2 = x.squaredNorm();
@@ -394,8 +404,7 @@ TEST(Metashape, CamerasOfAChunk) {
   const ImportedRig imported = ReadProgramFile(document("frame"), kCv, InMetres(), "cameras.xml");
   ASSERT_EQ(imported.rig.cameras.size(), 1u);
   EXPECT_EQ(imported.rig.cameras[0].camera.name, "a");
-  EXPECT_TRUE(std::any_of(imported.notes.begin(), imported.notes.end(),
-                          [](const Notice& note) { return note.text.find("lost.jpg") != std::string::npos; }));
+  EXPECT_TRUE(IsLeftOut(imported, "lost.jpg"));
   MatrixCamera expected = c;
   expected.k(0, 2) = 320 + 1 - 0.5, expected.k(1, 2) = 240 - 0.25 - 0.5;
   ExpectCamera(imported.rig, 0, expected, [](const Eigen::Vector2d& x) {
@@ -404,6 +413,30 @@ TEST(Metashape, CamerasOfAChunk) {
                            x.y() * radial + p2 * (r2 + 2 * x.y() * x.y()) + 2 * p1 * x.x() * x.y());
   });
   EXPECT_THAT(RefusedFile(document("fisheye"), kCv, InMetres()), HasSubstr("type fisheye"));
+
+  // Newer exports: the transform is that of a component.
+  std::string text = document("frame");
+  const auto put = [&](const std::string& old, const std::string& now) { text.replace(text.find(old), old.size(), now); };
+  const size_t begin = text.find("<transform><rotation>"), end = text.find("</chunk>");
+  const std::string transform = text.substr(begin, end - begin);
+  put(transform, "<components><component id=\"3\">" + transform + "</component><component id=\"4\"/></components>");
+  put("<camera id=\"0\"", "<camera id=\"0\" component_id=\"3\"");
+  put("a.jpg", "rig.A");
+  const geometry::Rig of_component = ReadProgramFile(text, kCv, InMetres(), "cameras.xml").rig;
+  EXPECT_EQ(of_component.cameras[0].camera.name, "rig.A");
+  ExpectCentre(of_component, 0, c.centre().x(), c.centre().y(), c.centre().z());
+  const std::string pose = "<transform>" + TextOf(Eigen::Matrix4d::Identity(), " ") + "</transform></camera>";
+  put("id=\"1\" sensor_id=\"0\" label=\"lost.jpg\"/>", "id=\"1\" component_id=\"3\" sensor_id=\"0\" label=\"rig.B\">" + pose);
+  const geometry::Rig both = ReadProgramFile(text, kCv, InMetres(), "cameras.xml").rig;
+  ASSERT_EQ(both.cameras.size(), 2u);
+  ExpectCentre(both, 1, 1, 2, 3);
+  put("id=\"1\" component_id=\"3\"", "id=\"1\" component_id=\"4\"");
+  EXPECT_THAT(RefusedFile(text, kCv, InMetres()), HasSubstr("no world in common"));
+
+  text = document("frame");  // PhotoScan's
+  const size_t f_begin = text.find("<f>"), f_end = text.find("</f>");
+  text.replace(f_begin, f_end + 4 - f_begin, "<fx>800</fx><fy>801</fy><skew>5</skew>");
+  EXPECT_THAT(RefusedFile(text, kCv, InMetres()), HasSubstr("skew"));
 }
 
 TEST(OpenMvg, ViewsWithAPose) {
@@ -420,7 +453,7 @@ TEST(OpenMvg, ViewsWithAPose) {
   const std::string view =
       "\"ptr_wrapper\": {\"data\": {\"local_path\": \"\", \"filename\": \"a.jpg\", \"id_intrinsic\": 7, \"id_pose\": 3}}";
   std::string lost = view;
-  lost.replace(lost.find("\"id_pose\": 3"), 12, "\"id_pose\": 4");
+  lost.replace(lost.find("\"id_pose\": 3"), 12, "\"id_pose\": 4"), lost.replace(lost.find("a.jpg"), 5, "lost.jpg");
   const std::string text =
       "{\"sfm_data_version\": \"0.3\", \"views\": [{\"key\": 0, \"value\": {" + view + "}}, {\"key\": 1, \"value\": {" + lost +
       "}}], \"intrinsics\": [{\"key\": 7, \"value\": {\"polymorphic_id\": 2147483649, \"polymorphic_name\": "
@@ -429,8 +462,10 @@ TEST(OpenMvg, ViewsWithAPose) {
       "3, "
       "\"value\": {\"rotation\": [" +
       list(c.r) + "], \"center\": " + list(c.centre().transpose()) + "}}]}";
-  const geometry::Rig rig = ReadProgramFile(text, kCv, InMetres(), "sfm_data.json").rig;
+  const ImportedRig imported = ReadProgramFile(text, kCv, InMetres(), "sfm_data.json");
+  const geometry::Rig& rig = imported.rig;
   ASSERT_EQ(rig.cameras.size(), 1u);
+  EXPECT_TRUE(IsLeftOut(imported, "lost.jpg"));
   ExpectCamera(rig, 0, c, [](const Eigen::Vector2d& x) {
     const double r2 = x.squaredNorm(), radial = 1 - 0.1 * r2 + 0.02 * r2 * r2 + 0.003 * r2 * r2 * r2, t1 = 0.001, t2 = 0.002;
     return Eigen::Vector2d(x.x() * radial + t2 * (r2 + 2 * x.x() * x.x()) + 2 * t1 * x.x() * x.y(),

@@ -61,7 +61,9 @@ TEST(GivenMasks, LayoutsOfOtherPrograms) {
                           [](int c, int f) { return Format("Cam%d/%06d.jpg.png", c, f); },
                           [](int c, int f) { return Format("cam_%d/masks/%06d.PNG", c, f); },
                           [](int c, int f) { return Format("cam_%d_%06d.png", c, f); },
+                          [](int c, int f) { return Format("Cam%d-%06d.png", c, f); },
                           [](int c, int f) { return Format("%06d/cam_%d.png", f, c); },
+                          [](int c, int f) { return Format("%06d/CAM-%d.png", f, c); },
                           [](int c, int f) { return Format("frame_%d/cam_%d_alpha.png", f, c); }};
   for (const Name& name : layouts) {
     const testing::TempDir folder;
@@ -83,6 +85,38 @@ TEST(GivenMasks, LayoutsOfOtherPrograms) {
       }
     }
   }
+}
+
+/// `front` begins the name of `front_left`, and `cam_1` that of a file of `cam1`.
+TEST(GivenMasks, AnotherCamerasFilesAreNotJoined) {
+  using Name = std::string (*)(const std::string& camera);
+  const Name layouts[] = {[](const std::string& camera) { return "000123/" + camera + ".png"; },
+                          [](const std::string& camera) { return camera + "_000123.png"; }};
+  const std::vector<std::string> cameras = {"front", "front_left", "cam1", "cam_1"};
+  for (const Name& name : layouts) {
+    const testing::TempDir folder;
+    for (size_t c = 0; c < cameras.size(); ++c) WriteImage(MarkedMask(static_cast<uint8_t>(c)), folder / name(cameras[c]));
+    for (size_t c = 0; c < cameras.size(); ++c) {
+      const FrameMasks masks = FindMasks(folder.path(), cameras[c], cameras);
+      EXPECT_EQ(masks.files, (std::map<int64_t, std::string>{{123, folder / name(cameras[c])}}));
+      EXPECT_TRUE(masks.objects.empty()) << name(cameras[c]);
+    }
+  }
+}
+
+/// Of a camera's folder numbers are demanded; a pattern's wildcards and positions number the others. Other kinds of images
+/// beside PNG are no masks.
+TEST(GivenMasks, NumbersOfPatternsAndFilesBesideMasks) {
+  const testing::TempDir folder;
+  for (const char* name : {"gt/0004/mask.png", "gt/0009/mask.png", "cam/a.png", "cam/b.png", "own/0.png"})
+    WriteImage(MarkedMask(0), folder / name);
+  WriteFileAtomic(folder / "own/0.tif", "depth"), WriteFileAtomic(folder / "own/1.bmp", "depth");
+  using Files = std::map<int64_t, std::string>;
+  EXPECT_EQ(FindMasks(folder / "gt/*/mask.png").files,
+            (Files{{4, folder / "gt/0004/mask.png"}, {9, folder / "gt/0009/mask.png"}}));
+  EXPECT_EQ(FindMasks(folder / "cam").files, (Files{{0, folder / "cam/a.png"}, {1, folder / "cam/b.png"}}));
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] { FindMasks(folder.path(), "cam", {"cam"}); }), HasSubstr("no number"));
+  EXPECT_EQ(FindMasks(folder.path(), "own", {"own"}).files, (Files{{0, folder / "own/0.png"}}));
 }
 
 TEST(GivenMasks, ObjectsOfAFrameAreJoined) {

@@ -183,6 +183,23 @@ TEST_F(WideCsv, ArraysOfOneCamera) {
   EXPECT_THAT(refused(NpyOfDoubles({3, 4}, std::vector<double>(12)), "g.npy"), HasSubstr("3 x 4"));
   EXPECT_THAT(refused(NpyOfDoubles({1, 21, 3, 2}, std::vector<double>(126)), "h.npy"), HasSubstr("cameras first"));
   EXPECT_THAT(refused(NpzOf({{"a", NpyOfDoubles({3}, {1, 2, 3})}}), "i.npz"), HasSubstr("its arrays: a 3"));
+
+  // Scores are what is called so, whatever else has their shape; more frames than slots for people are people.
+  const std::string xy = NpyOfDoubles({2, 3, 2}, PixelsOf(4, false)), score = NpyOfDoubles({2, 3}, {.1, .2, .3, .4, .5, .6});
+  const std::string speed = NpyOfDoubles({2, 3}, std::vector<double>(6, 0.9));
+  EXPECT_EQ(write("j.NPZ", NpzOf({{"keypoints", xy}, {"scores", score}, {"speed", speed}}))
+                .track.frames.at(1)
+                .at(0)
+                .keypoints[2]
+                .score,
+            0.6);
+  EXPECT_THAT(refused(NpzOf({{"keypoints", xy}, {"conf", score}, {"scores", speed}}), "k.npz"), HasSubstr("conf, scores"));
+  EXPECT_EQ(write("l.npy", NpyOfDoubles({22, 21, 3, 2}, std::vector<double>(22 * 21 * 6, 5))).individuals.size(), 21u);
+  const std::string of_two = NpyOfDoubles({2, 4, 3, 2}, std::vector<double>(48, 5));
+  EXPECT_THAT(refused(NpzOf({{"points", of_two}, {"cameras", NpyOfTexts({"left", "right"})}}), "m.npz"),
+              HasSubstr("cameras first"));
+  for (const std::vector<size_t>& empty : {std::vector<size_t>{1000000000000, 0, 2}, {0, 1000000000000, 2}})
+    EXPECT_THAT(refused(NpyOfDoubles(empty, {}), "n.npy"), HasSubstr("holds no joints"));
 }
 
 TEST_F(WideCsv, ArraysOfAllCameras) {
@@ -199,6 +216,10 @@ TEST_F(WideCsv, ArraysOfAllCameras) {
   ASSERT_EQ(cameras.size(), 2u);
   EXPECT_EQ(cameras[1].track.camera, "right");
   EXPECT_EQ(cameras[1].track.frames.at(1).at(0).keypoints[2].x_px, 212);
+  EXPECT_THAT(testing::MessageOf<FormatError>([&] {
+                write("d.npz", NpzOf({{"points", points}, {"cameras", NpyOfTexts({"left", "left"})}}));
+              }),
+              HasSubstr("names a camera twice: left, left"));
   EXPECT_THAT(testing::MessageOf<FormatError>([&] { write("b.npy", points); }),
               HasSubstr("the names of 0 cameras instead of 2"));
   EXPECT_THAT(testing::MessageOf<FormatError>([&] { write("c.npy", NpyOfDoubles({2, 3, 2}, second)); }), HasSubstr("'pose2d'"));
