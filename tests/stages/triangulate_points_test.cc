@@ -208,9 +208,11 @@ TEST(TriangulatePoints, CamerasAreWarnedOfOnce) {
   take.sides.cameras = {{"a", 100, 4, 0, {}, "a: 4 of 100"}, {"b", 100, 5, 0, {}, "b: 5 of 100"}, {"c", 100, 50, 0, {}, ""}};
   std::vector<std::string> said;
   for (const Notice& notice : CameraNotices(take)) said.push_back(notice.code + " " + notice.text);
-  EXPECT_THAT(said, ::testing::ElementsAre("TRI-CAMERA-OFF a is off", "TRI-CAMERA-SCALED b is scaled",
-                                           "TRI-CAMERA-LEFTOUT c: 51 of 100 of its detections that were looked at fit no point of the other cameras",
-                                           "TRI-SIDES-SWAPPED b: 5 of 100"));
+  EXPECT_THAT(said,
+              ::testing::ElementsAre(
+                  "TRI-CAMERA-OFF a is off", "TRI-CAMERA-SCALED b is scaled",
+                  "TRI-CAMERA-LEFTOUT c: 51 of 100 of its detections that were looked at fit no point of the other cameras",
+                  "TRI-SIDES-SWAPPED b: 5 of 100"));
 }
 
 TEST(TriangulatePoints, MostCamerasOffAreOneWarning) {
