@@ -99,11 +99,10 @@ PointArrays ReadPoints(const std::string& path) {
   }
   if (!HoldsPixels(arrays.points))
     throw FormatError(path, "", "is an array of " + AxesText(arrays.points) + "; 2D joints of a camera are " + kOneCamera);
-  for (const int64_t size : arrays.points.shape) {
-    if (size < 1 || size > std::numeric_limits<int>::max())
-      throw FormatError(path, "",
-                        "is an array of " + AxesText(arrays.points) + (size < 1 ? ": it holds no joints" : ": it is too long"));
-  }
+  const auto [least, most] = std::minmax_element(arrays.points.shape.begin(), arrays.points.shape.end());
+  if (*least < 1 || *most > std::numeric_limits<int>::max())
+    throw FormatError(path, "",
+                      "is an array of " + AxesText(arrays.points) + (*least < 1 ? ": it holds no joints" : ": it is too long"));
   const size_t count = static_cast<size_t>(arrays.points.shape[arrays.points.shape.size() - 2]);
   if (!arrays.joints.empty() && arrays.joints.size() != count)
     throw FormatError(path, "joint_names",

@@ -42,7 +42,7 @@ const Layout kLayouts[] = {
      {"\"K\"", "\"poses\"", "\"fps\""}},
     {"DSO's lens (write fx fy cx cy and its terms as OpenCV's camera_matrix and distortion_coefficients; below 1 they are "
      "shares of the width and height)",
-     {"\ncrop"}},
+     {"\ncrop\n"}},
     {"OpenSfM's reconstruction.json", {"\"shots\"", "\"rotation\""}},
     {"MVHumanNet's camera_intrinsics.json (lenses without poses)", {"\"intrinsics\"", "\"dist\""}},
     {"a session or result of mvstudio, no calibration", {"\"exit_code\"", "\"metrics\""}},

@@ -102,6 +102,8 @@ TEST(DetectFormat, UnknownFilesAreCalledThatWithTheirLayout) {
   EXPECT_THAT(said("{\"2201\": {\"distCoeff\": [], \"imgSize\": []}}"), HasSubstr("AvatarReX"));
   EXPECT_THAT(said("{\"w2c\": [], \"k\": [], \"cam_id\": []}"), HasSubstr("Dynamic 3D Gaussians"));
   EXPECT_THAT(said("{\"asset\": {}, \"nodes\": [], \"cameras\": []}"), HasSubstr("glTF"));
+  EXPECT_THAT(said("0.5 0.6 0.5 0.5 0.9\n1280 1024\ncrop\n640 480\n"), HasSubstr("DSO"));
+  EXPECT_THAT(said("engine: pytorch\ncrop: false\n"), Not(HasSubstr("DSO")));
   EXPECT_THAT(said(std::string("PK\x03\x04zip")), HasSubstr(".npz"));
   EXPECT_THAT(said("{\"hello\": 1}"),
               ::testing::AllOf(HasSubstr("not a calibration that is known here"), HasSubstr("panoptic")));

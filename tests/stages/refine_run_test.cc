@@ -6,6 +6,7 @@
 
 #include "core/disk/files.h"
 #include "core/error.h"
+#include "geometry/rig/rig_covariance.h"
 #include "geometry/rig/rig_io.h"
 #include "stages/refine/describe.h"
 #include "stages/refine/run.h"
@@ -72,16 +73,17 @@ TEST(RefineStage, ARotatedCameraIsRotatedBack) {
 
 TEST(RefineStage, CamerasWithoutPointsLeaveTheOthersCorrelated) {
   const TempDir folder;
-  RefineOptions options = MarkersToFit(folder);
+  RefineOptions options = MarkersToFit(folder, 40);
   geometry::Rig five = geometry::ReadRig(options.pose.calib);
+  for (geometry::RigCamera& camera : five.cameras)
+    camera.cam_from_world.rotation = geometry::RotationExp({kRotatedRad, 0, 0}) * camera.cam_from_world.rotation;
   five.cameras.insert(five.cameras.begin(), triangulate::MakeRing(7).cameras[5]);
   geometry::WriteRig(five, options.pose.calib);
   const geometry::Rig written = geometry::ReadRig(RunRefine(options).path);
   ASSERT_EQ(written.cameras.size(), 5u);
   ASSERT_TRUE(geometry::HasJointCovariance(written));
-  const Eigen::Index pose = written.cameras[0].camera.params.size() + 6 + written.cameras[1].camera.params.size();
-  const Eigen::Index next = pose + 6 + written.cameras[2].camera.params.size();
-  EXPECT_GT(written.joint_covariance->block(pose, next, 6, 6).norm(), 0);
+  const geometry::StatedCovariance stated = geometry::StatedCovarianceOf(written);
+  EXPECT_GT(stated.joint.block(stated.PoseRow(2), stated.PoseRow(3), 6, 6).norm(), 0);
   EXPECT_EQ(written.joint_covariance->leftCols(written.cameras[0].camera.params.size() + 6).norm(), 0) << "nothing is stated";
 }
 

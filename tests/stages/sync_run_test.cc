@@ -100,7 +100,7 @@ TEST(SyncStage, CorrelatedErrorsOfTheRigAreNoErrorsOfTheClocks) {
     moved.block<3, 3>(stated.PoseRow(c), 0) = moved.block<3, 3>(stated.PoseRow(c) + 3, 3) = rotation;
     stated.lens_known[c] = stated.pose_known[c] = true;
   }
-  stated.joint = 1e-4 * moved * moved.transpose() + 1e-12 * Eigen::MatrixXd::Identity(moved.rows(), moved.rows());
+  stated.joint = 1e-3 * moved * moved.transpose() + 1e-12 * Eigen::MatrixXd::Identity(moved.rows(), moved.rows());
   for (const bool correlated : {true, false}) {
     stated.correlated = correlated;
     geometry::StoreCovariance(stated, &rig);
