@@ -1,3 +1,5 @@
+#include <filesystem>
+
 #include "cli/program/commands.h"
 #include "cli/program/interrupt.h"
 #include "cli/program/options.h"
@@ -53,7 +55,8 @@ void RegisterResume(CLI::App& avatar, Registry& registry) {
   AddOptions(sub, *ranks);
   sub->get_option("--ranks")->description("processes on this machine, as in `avatar train`; 0: as many as before");
   registry.Add(sub, "avatar resume", [options, ranks](CommandContext& context) {
-    context.camera_names = stages::StudioNames(avatar::ReadRunConfig(options->run + "/" + avatar::kRunConfigFile).dataset);
+    const std::string config = options->run + "/" + avatar::kRunConfigFile;
+    if (std::filesystem::exists(config)) context.camera_names = stages::StudioNames(avatar::ReadRunConfig(config).dataset);
     options->ranks = RanksOf(*ranks, context.argv, context.run, options->run);
     return UnlessCut(*ranks, [&] { return Describe(stages::RunAvatarResume(*options, context.run)); });
   });
