@@ -36,11 +36,21 @@ std::string TrialText(const BudgetReport& report, const SettingTrial& trial) {
          (trial.short_of.empty() ? "" : "; " + trial.short_of);
 }
 
+/// Whether another setting was foretold a smaller error, by less than the trial can tell.
+bool IsTied(const BudgetReport& report) {
+  return std::any_of(report.trials.begin(), report.trials.end(), [&](const SettingTrial& trial) {
+    return trial.IsTried() && trial.error < report.Chosen().error && !(trial.predicted_s > report.asked.BudgetSeconds());
+  });
+}
+
 std::string ReasonOf(const BudgetReport& report) {
   const SettingTrial& chosen = report.Chosen();
   const std::string what = chosen.Name() + ": ";
   if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
-    return what + "the best of what was tried within the budget; none reaches " + report.asked.target;
+    return what +
+           (IsTied(report) ? "no other that was tried within the budget is shown to be better"
+                           : "the best of what was tried within the budget") +
+           "; none reaches " + report.asked.target;
   if (!report.asked.target.empty()) return what + "the cheapest of what was tried that reaches " + report.asked.target;
   const bool all =
       std::none_of(report.trials.begin(), report.trials.end(), [](const SettingTrial& trial) { return !trial.IsTried(); });
@@ -126,8 +136,8 @@ std::vector<Notice> WarningsOf(const BudgetReport& report) {
   if (target && !(report.actual_error <= target->value)) {
     if (report.choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
       return {{"BUD-TARGET",
-               "option 'target' " + report.asked.target + " was out of reach: the best setting was predicted " + predicted +
-                   " and came out at " + came,
+               "option 'target' " + report.asked.target + " was out of reach: " + predicted +
+                   " was predicted, and it came out at " + came,
                report.asked.budget.empty() ? better : "give more time, or " + report.better_data}};
     return {
         {"BUD-TARGET",
@@ -167,8 +177,8 @@ void Choose(double elapsed_s, BudgetReport* report) {
   Log(LogLevel::kInfo,
       "budget: " + ReasonOf(*report) + "; predicted " + TimeText(chosen) + ", " + BudgetErrorText(*report, chosen.error));
   if (report->choice.outcome == SettingChoice::Outcome::kBestWithinBudget)
-    Log(LogLevel::kWarning,
-        "option 'target' " + report->asked.target + " is out of reach: the best is " + BudgetErrorText(*report, chosen.error));
+    Log(LogLevel::kWarning, "option 'target' " + report->asked.target + " is out of reach: " +
+                                (IsTied(*report) ? "foretold is " : "the best is ") + BudgetErrorText(*report, chosen.error));
 }
 
 CommandResult Describe(const BudgetReport& report) {

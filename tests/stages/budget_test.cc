@@ -170,6 +170,22 @@ TEST(Budget, WhatNoSettingKeepsIsRefusedWithItsTime) {
       << "2 + 0.5 + 0.05 * 100";
 }
 
+/// Of two that a trial cannot tell apart, the cheaper one is taken and is not called the best.
+TEST(Budget, ATargetOutOfReachIsSaidOfWhatIsTaken) {
+  BudgetReport report;
+  report.asked.target = "1px", report.trials.resize(2);
+  for (SettingTrial& trial : report.trials) trial.size = 100, trial.parts = {{"", kInfinity, {{10, 1}, {20, 1.5}}}};
+  report.trials[1].size = 200, report.trials[0].error = 2, report.trials[0].error_sigma = 0.5;
+  for (const auto& [error, words] : {std::pair(1.9, "no other that was tried"), std::pair(2.1, "the best of what was tried")}) {
+    report.trials[1].error = error, report.trials[1].error_sigma = 0.5;
+    Choose(2, &report);
+    report.actual_error = 2, report.actual_s = 10;
+    EXPECT_EQ(report.choice.index, 0);
+    EXPECT_THAT(Describe(report).text, HasSubstr(words));
+    EXPECT_THAT(Describe(report).warnings.at(0).text, HasSubstr("was out of reach: 2"));
+  }
+}
+
 TEST(Budget, SecondsAreNoSurerThanTheStageSays) {
   BudgetReport report;
   SettingTrial& trial = report.trials.emplace_back();
