@@ -215,7 +215,7 @@ TEST_F(SlurmJobs, AfterKillsOneRetryDoesTheRest) {
 TEST_F(SlurmJobs, PartsSurviveKillsADrainAForgedMarkerAndAFullDisk) {
   MakeSessions();
   ASSERT_EQ(
-      RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "verify", "--task-seconds", "0.1", "--write", "slurm"}).exit,
+      RunCli({"plan", Path("s"), "--out", Path("plan"), "--to", "verify", "--task-seconds", "0.02", "--write", "slurm"}).exit,
       0);
   constexpr int kBeforeMasks = 3 + 3 + 1 + 3, kTasks = kBeforeMasks + 1 + (3 + 3 + 1) + (3 + 1);
   constexpr int kSamples = 4;  // the first task of samples; 1 to 3 are stages
