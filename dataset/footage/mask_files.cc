@@ -20,18 +20,12 @@ namespace {
 
 using MaskPaths = std::vector<std::string>;
 
-std::string MaskExtension(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(), [](unsigned char c) { return std::tolower(c); });
-  return extension;
-}
-
 /// PNG and JPEG; others where there are none of these, since they may be something else beside the masks.
 MaskPaths MasksIn(const std::string& folder) {
   static const std::set<std::string> kUsual = {".png", ".jpg", ".jpeg"}, kOthers = {".tif", ".tiff", ".bmp", ".webp", ".pgm"};
   MaskPaths masks, others;
   for (const std::string& path : FilesIn(folder)) {
-    const std::string extension = MaskExtension(path);
+    const std::string extension = PlainWord(fs::path(path).extension().string());
     if (kUsual.count(extension) > 0) masks.push_back(path);
     if (kOthers.count(extension) > 0) others.push_back(path);
   }

@@ -39,7 +39,7 @@ std::string TrialText(const BudgetReport& report, const SettingTrial& trial) {
 /// Whether another setting was foretold a smaller error, by less than the trial can tell.
 bool IsTied(const BudgetReport& report) {
   return std::any_of(report.trials.begin(), report.trials.end(), [&](const SettingTrial& trial) {
-    return trial.IsTried() && trial.error < report.Chosen().error && !(trial.predicted_s > report.asked.BudgetSeconds());
+    return trial.IsTried() && trial.error < report.Chosen().error && trial.predicted_s <= report.asked.BudgetSeconds();
   });
 }
 

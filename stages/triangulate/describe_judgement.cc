@@ -12,8 +12,8 @@ void WarnOfUnfit(const triangulate::CameraDiagnosis& camera, std::vector<Notice>
   constexpr int kFewest = 20;
   if (camera.num_detections < kFewest || 2 * camera.num_rejected <= camera.num_detections) return;
   notices->push_back({"TRI-CAMERA-LEFTOUT",
-                      Format("%s: %d of %d of its detections that were looked at fit no point of the other cameras", camera.name.c_str(),
-                             camera.num_rejected, camera.num_detections),
+                      Format("%s: %d of %d of its detections that were looked at fit no point of the other cameras",
+                             camera.name.c_str(), camera.num_rejected, camera.num_detections),
                       "look at its keypoints; check its timing (`mvstudio sync`) and that it did not move; option "
                       "'without-camera' " +
                           camera.name + " goes on without it"});

@@ -107,8 +107,8 @@ void TriangulateChunks(const RunContext& run, TriangulateReport* report) {
 }
 
 /// What images are drawn of: the beginning, and what is kept of the rest.
-triangulate::TakeResult DrawnPoints(TriangulateReport* report) {
-  triangulate::TakeResult drawn = std::move(report->beginning);
+const triangulate::TakeResult& DrawnPoints(TriangulateReport* report) {
+  triangulate::TakeResult& drawn = report->beginning;
   if (drawn.points.empty()) return report->take;
   const int last = drawn.points.back().frame;
   for (size_t i = 0; i < report->take.points.size(); ++i) {

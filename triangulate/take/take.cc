@@ -36,7 +36,7 @@ std::vector<CameraDiagnosis> Diagnose(const PreparedRig& rig, const TakeResult& 
   return DiagnoseCameras(rig, diagnosed);
 }
 
-/// Every so-manieth point of the take, as HoldOut takes them of a problem.
+/// At most about `max_points` points at equal steps through the take, as HoldOut takes them of a problem.
 std::vector<size_t> EveryPoint(size_t count, int max_points) {
   std::vector<size_t> points;
   const size_t stride = std::max<size_t>(1, count / static_cast<size_t>(std::max(max_points, 1)));
